@@ -13,7 +13,7 @@ from typing import Any
 
 from perfplast_fenicsx.cli.terminal import Terminal, next_level, remaining
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.run_lock import ENDED, INTERRUPTED, is_held
+from perfplast_fenicsx.io.results.result_files import ENDED, INTERRUPTED, is_held
 from perfplast_fenicsx.outcome_words import MeshEstimate, PathBracket
 
 PERIOD = 0.5

@@ -10,21 +10,24 @@ from perfplast_fenicsx.cli.signals import Interrupts
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
-from perfplast_fenicsx.io.results.proven_directions import write_proven
+from perfplast_fenicsx.io.results.proof_file import write_proven
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.io.results.result_writer import ResultWriter
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds, Round
-from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
-from perfplast_fenicsx.limit_analysis.body.designed import designed
+from perfplast_fenicsx.limit_analysis.body.body_bounds import (
+    NOT_SOUGHT,
+    BodyBounds,
+    Effort,
+    designed,
+    next_steps,
+)
 from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope, Proven, Proving
-from perfplast_fenicsx.limit_analysis.body.next_step import Effort, next_steps
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
-from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Direction, ShakedownLoad
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.outcome_words import Row, force_rows
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport

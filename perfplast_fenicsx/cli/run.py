@@ -25,13 +25,10 @@ from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.load_table import meaning
 from perfplast_fenicsx.io.case.schema import at
 from perfplast_fenicsx.io.case.units_table import odd_magnitudes
-from perfplast_fenicsx.io.results.checkpoint_header import check_case
-from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
-from perfplast_fenicsx.io.results.fingerprint import with_contents
-from perfplast_fenicsx.io.results.proven_directions import read_proven
-from perfplast_fenicsx.io.results.result_files import KNOWN
+from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved, check_case, with_contents
+from perfplast_fenicsx.io.results.proof_file import read_proven
+from perfplast_fenicsx.io.results.result_files import INTERRUPTED, KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.io.results.run_lock import INTERRUPTED
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import (

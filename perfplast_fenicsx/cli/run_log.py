@@ -28,8 +28,8 @@ from perfplast_fenicsx.cli.parser import LOG_LEVELS
 from perfplast_fenicsx.errors import InputError, code_of_record, raise_together, visible
 from perfplast_fenicsx.extensions import extensions
 from perfplast_fenicsx.io.case.case import Case
+from perfplast_fenicsx.io.results.result_files import BEGUN, ENDED, hold
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.io.results.run_lock import BEGUN, ENDED, hold
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep

@@ -22,7 +22,7 @@ from perfplast_fenicsx.io.case.case_reader import case_of, read_case
 from perfplast_fenicsx.io.case.variations import Variation, grid, read_variation, varied
 from perfplast_fenicsx.io.results.combination_table import TABLE, as_cells, write_table
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.body.next_step import clock
+from perfplast_fenicsx.limit_analysis.body.body_bounds import clock
 from perfplast_fenicsx.outcome_words import percent
 from perfplast_fenicsx.report.report_file import Reporting, report_on
 from perfplast_fenicsx.rounding import rounded_down, rounded_up

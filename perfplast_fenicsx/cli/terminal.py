@@ -17,9 +17,11 @@ from perfplast_fenicsx.errors import visible
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import Round
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_words import sentence
-from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
+from perfplast_fenicsx.limit_analysis.body.body_bounds import (
+    BodyBounds,
+    sentence,
+    standing_in_words,
+)
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import USUAL
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod

@@ -18,7 +18,7 @@ from perfplast_fenicsx.cli.json_answer import OPTION
 from perfplast_fenicsx.cli.parser import SOLVED
 from perfplast_fenicsx.environment import environment_with_package
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.run_lock import ENDED, is_held
+from perfplast_fenicsx.io.results.result_files import ENDED, is_held
 
 Answer = dict[str, Any]
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from perfplast_fenicsx.controls.control import Given, OfBody, Run, of_other_loads
-from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.least_load import (
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import (
+    adaptive_bounds,
     check_turns,
     least_load,
     zero_is_outside,
 )
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import check_bounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance

@@ -25,10 +25,9 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
-from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Direction, ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores, ignored
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed

@@ -7,17 +7,15 @@ from typing import Any, ClassVar
 from perfplast_fenicsx.controls.control import Given, OfBody, Run
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.shakedown.diagram import (
-    check_directions,
-    shakedown_diagram,
-)
 from perfplast_fenicsx.limit_analysis.shakedown.elastic_stresses import (
     LoadDomain,
     check_elastic,
     check_names,
 )
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import (
+    check_directions,
     check_shakedown,
+    shakedown_diagram,
     shakedown_load,
 )
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance

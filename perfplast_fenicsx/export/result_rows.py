@@ -5,8 +5,7 @@ Rows are dicts; all rows of a table have the same keys.
 
 from collections.abc import Iterator, Sequence
 
-from perfplast_fenicsx.io.results.limit_rows import limit_rows
-from perfplast_fenicsx.io.results.summary import Summary
+from perfplast_fenicsx.io.results.summary import Summary, limit_rows
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.tables import Row
 
@@ -35,7 +34,7 @@ def bound_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows of :func:`~limit_rows.limit_rows`.
+        Rows of :func:`~summary.limit_rows`.
 
     Raises:
         InputError: If a file cannot be read.

@@ -1,19 +1,27 @@
-"""Compute the limit load ζ_lim where ζ(α) levels off, with both sides and the collapse mechanism.
+"""Compute the limit load where the loading path levels off, with both sides and the mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
 Haslinger, Sysala, COMPLAS XII, 2013). So every ζ(α) reached is a static side of the discrete limit
 load. Where the curve is nearly flat, its increments are nearly a mechanism. The mechanism gives a
 kinematic side, and the direction of the next leap, until both sides meet. No side bounds the body.
+
+Bracket the load at which a loading path with Coulomb's friction loses equilibrium.
+No limit theorem holds, so only levels of the path itself bound this load. They are the largest
+load that a level carries, and the least load for which a level ends with the verdict that there is
+no equilibrium. Works grow until ζ(α) has levelled off, as any work has a solution if bodies slide.
+Then loads just beyond are tried, from the state that carries most, until one is refused. The result
+holds for the path from the assembled bodies, for the mesh, and for the rounds of
+:mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry other loads.
 """
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError, nearest
-from perfplast_fenicsx.limit_analysis.coulomb_search import check_resolution, coulomb_limit
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import drucker_bounds, interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import (
     TOLERANCE,
     LimitLoad,
@@ -21,21 +29,268 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_load import (
     method_for,
     resisted,
 )
-from perfplast_fenicsx.limit_analysis.path.limit_judge import Judge, Search, collapse_mechanism
+from perfplast_fenicsx.limit_analysis.path.limit_judge import (
+    Judge,
+    Points,
+    Search,
+    collapse_mechanism,
+)
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
     check_loads,
     check_tolerance,
 )
-from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 from perfplast_fenicsx.solvers.load_stepping import Reached, work_path
-from perfplast_fenicsx.solvers.newton import WorkNewton
+from perfplast_fenicsx.solvers.newton import Newton, WorkNewton
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
+from perfplast_fenicsx.solvers.verdicts import SLIDES
 
 log = logging.getLogger(__name__)
+
+
+SHARES = (0.5, 0.25, 0.75)
+"""Position of the next load between one that is carried and one that is refused. The middle comes
+first, then both sides of it if the level there has neither converged nor been refused.
+"""
+
+
+OnLevel = Callable[[Level, Search], None]
+"""Called on every rank after each level that carries its load, with the present bracket."""
+
+
+def check_resolution(rtol: float, solver: WorkNewton) -> None:
+    """Refuse a tolerance that does not distinguish sliding from rest.
+
+    Args:
+        rtol: Relative difference of both loads at which the search ends.
+        solver: Solver of the path.
+
+    Raises:
+        InputError: With the smallest tolerance that is allowed.
+    """
+    finest = 10 * max(SLIDES, solver.options.tolerance)
+    if rtol < finest:
+        raise InputError(
+            f"limit_tolerance = {rtol:g} is too small to distinguish bodies that slide from bodies"
+            f" at rest with Coulomb's friction; give {finest:g} or more."
+        )
+
+
+def coulomb_limit(
+    problem: Problem,
+    rtol: float,
+    solver: WorkNewton,
+    monitor: Callable[[Any], None] | None = None,
+    on_level: OnLevel | None = None,
+    search: Search | None = None,
+    reached: Reached | None = None,
+) -> LimitLoad:
+    """Compute both loads, and Drucker's pair if the limit load has it. Collective.
+
+    Args:
+        problem: The bodies and their loads, with Coulomb's friction in some places.
+        rtol: Largest relative difference of both loads.
+        solver: ALG3 or ALG4; its linear solvers serve for given loads too.
+        monitor: Called on every rank after each iteration.
+        on_level: Called on every rank after each level that carries its load, and after the level
+            of the permanent loads.
+        search: Search of an earlier run, to continue.
+        reached: Last state of that run.
+
+    Raises:
+        InputError: If the tolerance is too fine to distinguish a sliding body from one at rest.
+    """
+    check_resolution(rtol, solver)
+    direct = method_for(problem) is LimitMethod.INTERIOR_POINT and not problem.loads.has_dead()
+    drucker = drucker_bounds(problem) if direct else None
+    search = search or Search()
+    path = _Path(solver, rtol, search, monitor, on_level)
+    path.follow(reached)
+    if path.last is not None and not search.ended:
+        path.bracket()
+    return LimitLoad(
+        method=LimitMethod.PATH,
+        lower=max(search.lower, 0.0),
+        estimate=search.lower if search.levelled_off else None,
+        residual=None,
+        upper=search.upper,
+        alpha=(search.rest or 0.0) + (search.points[-1][0] if search.points else 0.0),
+        levelled_off=search.levelled_off,
+        reason=search.reason,
+        iterations=len(search.points) + (search.rest is not None) + path.refused,
+        linear_solves=search.linear_solves,
+        factorisations=None,
+        mechanism=collapse_mechanism(problem, path.before, path.last),
+        levels=path.levels,
+        theorem=False,
+        drucker=drucker,
+    )
+
+
+@dataclass
+class _Path:
+    """The state of a search.
+
+    Attributes:
+        solver: Solver of given works.
+        rtol: Relative difference of both loads at which the search ends.
+        search: Results so far, for a restart.
+        monitor: Called after each iteration.
+        on_level: Called after each level that carries its load.
+        levels: The levels that carry their loads.
+        before: State of the last level but one with more work than all earlier ones.
+        last: State of the last such level.
+        most: State that carries the largest load.
+        refused: Number of loads that were tried and not carried.
+    """
+
+    solver: WorkNewton
+    rtol: float
+    search: Search
+    monitor: Callable[[Any], None] | None
+    on_level: OnLevel | None
+    levels: list[Level] = field(default_factory=list)
+    before: State | None = None
+    last: State | None = None
+    most: State | None = None
+    refused: int = 0
+
+    def __post_init__(self) -> None:
+        self._solved = self.search.linear_solves - self.solver.linear.solves
+
+    def follow(self, reached: Reached | None) -> None:
+        """Follow given works until ζ has levelled off, or no further level is solved.
+
+        Collective.
+        """
+        search = self.search
+        if reached is not None:
+            self.before, self.last = reached.before, reached.last
+            self.most = reached.last
+        if search.ended or has_levelled(search.points, self.rtol):
+            return
+        # Number of levels of given work after which ζ counts as not levelling off.
+        most_works = 40
+        # Largest ratio of ζ to the first one; the search ends there if nothing slips or yields.
+        farthest = 1e12
+        for level in work_path(self.solver, self.monitor, reached):
+            self._count()
+            if not level.report.converged:
+                search.reason = f"no further work could be solved: {level.report.reason}"
+                if self.last is None:
+                    search.ended = True
+                    search.reason = f"the constant loads alone: {level.report.reason}"
+                    self._tell(level)
+                return
+            self.before, self.last = self.last, level.state
+            if self.before is None:
+                search.rest = level.state.alpha
+            else:
+                search.points.append((level.state.alpha - (search.rest or 0.0), level.state.zeta))
+            if self.most is None or level.state.zeta >= self.most.zeta:
+                self.most = level.state
+            self._carried(level)
+            if has_levelled(search.points, self.rtol):
+                return
+            far = search.points and abs(level.state.zeta) > farthest * abs(search.points[0][1])
+            if far or len(search.points) >= most_works:
+                search.ended = True
+                search.reason = (
+                    f"ζ does not level off: it has reached {level.state.zeta:.6g} and still rises;"
+                    " the bodies may carry any multiple of the loads"
+                )
+                return
+
+    def bracket(self) -> None:
+        """Try loads beyond the largest that is carried, until one is refused. Collective."""
+        search, rtol = self.search, self.rtol
+        direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
+        # ζ below this counts as zero, because the given loads have a realistic size.
+        least_load = 1e-8
+        low = search.lower if search.lower > least_load else 0.0
+        # Relative increase of the next load, if ζ has not levelled off.
+        wider = 0.1
+        step = rtol if has_levelled(search.points, rtol) else wider
+        why, open_end, unknown = "", search.reason, 0
+        # Number of loads after which the search ends with the present bracket.
+        most_loads = 40
+        for _ in range(most_loads):
+            width = None if search.upper is None else search.upper - low
+            if low > 0 and width is not None and width <= rtol * low * (1 + ROUNDING):
+                search.levelled_off = True
+                break
+            zeta = trial(low, search.upper, step, unknown)
+            if unknown == len(SHARES) or zeta < least_load:
+                break
+            level = direct.solve(zeta, self.most, self.monitor)
+            self._count()
+            told = f"at ζ = {zeta:.6g}: {level.report.reason}"
+            if level.report.converged:
+                low, self.most, unknown = zeta, level.state, 0
+                if self.last is not None and level.state.alpha > self.last.alpha:
+                    self.before, self.last = self.last, level.state
+                search.points.append((level.state.alpha - (search.rest or 0.0), zeta))
+                self._carried(level)
+            elif level.refuted:
+                log.info("refused %s", told)
+                search.upper, why, unknown = zeta, told, 0
+                self.refused += 1
+            else:
+                log.info("neither solved nor refused %s", told)
+                open_end, unknown = f"neither a solution nor a verdict {told}", unknown + 1
+                self.refused += 1
+            step *= 2
+        search.ended = True
+        search.reason = why
+        if low == 0 and search.upper is not None and not unknown:
+            search.reason = f"nothing is carried down to ζ = {least_load:g}; {why}"
+        elif not search.levelled_off:
+            search.reason = f"this is the bracket so far; {open_end or 'too many loads were tried'}"
+
+    def _count(self) -> None:
+        self.search.linear_solves = self._solved + self.solver.linear.solves
+
+    def _carried(self, level: Level) -> None:
+        self.levels.append(level)
+        self._tell(level)
+
+    def _tell(self, level: Level) -> None:
+        if self.on_level is not None:
+            self.on_level(level, self.search)
+
+
+def has_levelled(points: Points, rtol: float) -> bool:
+    """Return whether the last level exceeds the largest ζ before it by no more than the tolerance.
+
+    Args:
+        points: Pairs (α, ζ) of levels; the work grows by a factor from level to level.
+        rtol: Relative tolerance.
+    """
+    if len(points) < 2:
+        return False
+    before, zeta = max(zeta for _, zeta in points[:-1]), points[-1][1]
+    return zeta - before <= rtol * abs(zeta)
+
+
+def trial(low: float, refused: float | None, step: float, unknown: int) -> float:
+    """Return the load to be tried next.
+
+    Args:
+        low: Largest load that is carried; 0 if none is.
+        refused: Least load that is refused; None if none is.
+        step: Relative increase over ``low``, if no load is refused.
+        unknown: Number of loads since the last change of either that gave no verdict.
+    """
+    if low == 0:
+        return (1.0 if refused is None else refused / 10) / 10**unknown
+    if refused is None:
+        return low * (1 + step)
+    return low + SHARES[min(unknown, len(SHARES) - 1)] * (refused - low)
 
 
 def limit_load(
@@ -54,7 +309,7 @@ def limit_load(
     The interior point method (:func:`discrete_limit.interior_point`) finds both bounds in 10 to 20
     factorisations. A loading by work also gives the curve, and continues until ζ(α) has levelled
     off. With Coulomb's friction no limit theorem holds; the result is then the load at which the
-    path loses equilibrium (:func:`coulomb_search.coulomb_limit`).
+    path loses equilibrium (:func:`limit_search.coulomb_limit`).
 
     Args:
         problem: The bodies and their loads.

@@ -1,4 +1,4 @@
-"""Draw the pictures of a result folder (:mod:`perfplast_fenicsx.io.results.figures`).
+"""Draw the pictures of a result folder (:mod:`perfplast_fenicsx.io.results.result_files`).
 
 Modules that need matplotlib or VTK are imported on use. So the loading curve is drawn without VTK,
 and a message names a missing package.
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.figures import Drawing, figures
+from perfplast_fenicsx.io.results.result_files import Drawing, figures
 from perfplast_fenicsx.outcome_words import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
@@ -20,7 +20,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
-    """Draw the :func:`~perfplast_fenicsx.io.results.figures.figures` of a run.
+    """Draw the :func:`~perfplast_fenicsx.io.results.result_files.figures` of a run.
 
     Args:
         folder: The results of the run, which may still be running.

@@ -22,6 +22,7 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.scene import NamedScene, Scene, read_scene
 from perfplast_fenicsx.io.case.schema import convert
 from perfplast_fenicsx.io.results.result_files import (
+    BEGUN,
     BESIDE,
     BODY,
     CELL_DATA,
@@ -29,6 +30,7 @@ from perfplast_fenicsx.io.results.result_files import (
     EARLIER,
     FIELD_DATA,
     FLOW,
+    INTERRUPTED,
     MECHANISM,
     MESH,
     NAMED,
@@ -39,7 +41,6 @@ from perfplast_fenicsx.io.results.result_files import (
     SURFACE_TAGS,
     SURFACES,
 )
-from perfplast_fenicsx.io.results.run_lock import BEGUN, INTERRUPTED
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.pictures.boundary_surface import Skin, Surface, make_skin
 from perfplast_fenicsx.problem.judged.report import LevelReport

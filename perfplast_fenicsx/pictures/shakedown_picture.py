@@ -16,7 +16,7 @@ def save_shakedown(
     """Draw the edge of the region of shakedown, and the failures beyond it.
 
     Args:
-        rows: Rows of :class:`~perfplast_fenicsx.limit_analysis.shakedown.diagram.Direction`.
+        rows: Rows of :class:`~perfplast_fenicsx.limit_analysis.shakedown.shakedown_load.Direction`.
         names: Names of the two varying loads.
         title: Heading.
         path: The PNG file.

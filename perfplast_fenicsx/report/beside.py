@@ -8,7 +8,7 @@ from string import Template
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.figures import figures
+from perfplast_fenicsx.io.results.result_files import figures
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.report.case_words import MODELS, CaseWords
 from perfplast_fenicsx.report.frame import asset, framed

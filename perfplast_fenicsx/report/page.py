@@ -7,8 +7,7 @@ from string import Template
 
 from perfplast_fenicsx.io.results.claims import Proofs
 from perfplast_fenicsx.io.results.combination_table import as_cells, read_table
-from perfplast_fenicsx.io.results.figures import FIGURES, figures
-from perfplast_fenicsx.io.results.result_files import FALLS, LEAST, PROOF, STANDS
+from perfplast_fenicsx.io.results.result_files import FALLS, FIGURES, LEAST, PROOF, STANDS, figures
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.outcome_words import force_rows, percent
 from perfplast_fenicsx.pictures.result_reader import ResultReader

@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from perfplast_fenicsx.io.results.run_lock import ENDED, hold
+from perfplast_fenicsx.io.results.result_files import ENDED, hold
 
 PATIENCE = 600.0
 """Longest time for the reader (s)."""

@@ -15,7 +15,7 @@ from perfplast_fenicsx.cli.follow import Follower
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.cli.terminal import Terminal, next_level, remaining
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results.run_lock import hold, is_held
+from perfplast_fenicsx.io.results.result_files import hold, is_held
 from tests.cli import growing_folder
 from tests.models import STEEL, punch_case, write_case
 

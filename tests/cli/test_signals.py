@@ -23,8 +23,8 @@ import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
-from perfplast_fenicsx.io.results import run_lock
-from perfplast_fenicsx.io.results.checkpoint_header import NEWEST
+from perfplast_fenicsx.io.results import result_files
+from perfplast_fenicsx.io.results.checkpoints import NEWEST
 from tests.cli.paused_run import LEVEL
 from tests.functional.test_restart import fields_of, path_of, same_path, solved_by
 
@@ -155,7 +155,7 @@ def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     assert status != SOLVED
     assert len(path_of(folder)) < LEVELS
     *_, told, last = (folder / "run.log").read_text().splitlines()
-    if run_lock.ENDED in last:  # an mpirun that is interrupted kills its ranks soon, or at once
+    if result_files.ENDED in last:  # an mpirun that is interrupted kills its ranks soon, or at once
         assert f"--restart {folder}" in told
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])

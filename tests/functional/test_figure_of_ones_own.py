@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results import figures as registry
-from perfplast_fenicsx.io.results.figures import FIGURES, Figure, figures
+from perfplast_fenicsx.io.results import result_files as registry
+from perfplast_fenicsx.io.results.result_files import FIGURES, Figure, figures
 from tests.installed_package import ROOT, install, perfplast
 from tests.models import steel_blocks_case
 
 pytestmark = pytest.mark.serial
 
 OWN = """
-from perfplast_fenicsx.io.results.figures import Figure
+from perfplast_fenicsx.io.results.result_files import Figure
 
 STEPS = Figure("steps.png", "Newton steps <of each level>", "own_figure:steps")
 

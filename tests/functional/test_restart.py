@@ -20,7 +20,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli import recorder
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.io.results import checkpoints
-from perfplast_fenicsx.io.results.checkpoint_header import BEFORE, NEWEST, SCHEMA
+from perfplast_fenicsx.io.results.checkpoints import BEFORE, NEWEST, SCHEMA
 from perfplast_fenicsx.limit_analysis import InteriorStep
 from perfplast_fenicsx.problem.judged.state import Level
 from tests.models import PUNCH_LIMIT, case_text, punch_case, write_case

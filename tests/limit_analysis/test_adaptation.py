@@ -38,8 +38,7 @@ from perfplast_fenicsx.limit_analysis import (
 )
 from perfplast_fenicsx.limit_analysis.body import adaptive_meshes
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, refined
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, DesignFactor, Scope
 from tests.limit_analysis.test_interior_point import COMM, RIGID, SOIL, K, footing, made
 from tests.models import two_blocks_problem
 

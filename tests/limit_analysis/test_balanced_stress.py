@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.limit_analysis.conic.conic_program import RESERVES, Start
-from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
+from perfplast_fenicsx.limit_analysis.stress.static_bound import BalancedStress
 
 pytestmark = pytest.mark.serial
 

@@ -12,8 +12,7 @@ from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import Pressure, Problem, Support, Tie, VonMises, stacked_blocks
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import BodyStiffness
-from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointCoordinates, PointStrains
 from tests.materials.energy_cap import Foam
 from tests.models import STEEL, Read, two_blocks_problem
 from tests.solvers.linear.systems import corner_problem, quadratic_problem

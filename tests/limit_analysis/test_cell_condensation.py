@@ -15,7 +15,7 @@ from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     cell_layout,
     ring_layout,
 )
-from perfplast_fenicsx.limit_analysis.stress.cell_condensation import CellCondensation
+from perfplast_fenicsx.limit_analysis.stress.condensed_stiffness import CellCondensation
 
 pytestmark = pytest.mark.serial
 

@@ -25,7 +25,7 @@ from perfplast_fenicsx import (
     limit_load,
     read_gmsh,
 )
-from perfplast_fenicsx.limit_analysis import LimitLoad, coulomb_search
+from perfplast_fenicsx.limit_analysis import LimitLoad, limit_search
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.judged.state import State
@@ -203,7 +203,7 @@ class Silent(Newton):
 
 @pytest.mark.serial
 def test_without_a_verdict_the_bracket_stays_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coulomb_search, "Newton", Silent)
+    monkeypatch.setattr(limit_search, "Newton", Silent)
     found = limit_load(block(MPI.COMM_SELF, (1.0, 0.0), (0.0, -1.0), 0.3), 1e-3)
     assert found.lower == pytest.approx(0.3, rel=1e-6)
     assert found.upper is None

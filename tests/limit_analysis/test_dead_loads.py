@@ -150,7 +150,7 @@ def parting_blocks() -> Problem:
 def meets_the_load_that_lifts(found: LimitLoad) -> bool:
     """Whether bounds are 100 but for RTOL of what bounds that nothing dissipates are measured by.
 
-    That is a thousandth of the load (:func:`bound.measure_of`).
+    That is a thousandth of the load (:func:`load_factor.measure_of`).
     """
     assert found.upper is not None
     near = 1e-3 * RTOL * 100

@@ -7,7 +7,7 @@ import pytest
 from dolfinx import fem
 
 from perfplast_fenicsx import Problem, limit_bounds
-from perfplast_fenicsx.limit_analysis.body.directions_of_change import directions_of_change
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import directions_of_change
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from tests.models import two_blocks_problem
 

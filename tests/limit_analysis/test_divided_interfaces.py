@@ -25,8 +25,8 @@ from perfplast_fenicsx import (
     read_gmsh,
 )
 from perfplast_fenicsx.io.results.proof_file import write_proof
+from perfplast_fenicsx.limit_analysis.body.bound_problems import with_divided_interfaces
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
-from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_divided_interfaces
 from perfplast_fenicsx.mesh.divided_surfaces import surface_ends
 from perfplast_fenicsx.proof import check
 from tests.contact.blocks_apart import blocks_apart

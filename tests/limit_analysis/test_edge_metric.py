@@ -9,7 +9,7 @@ import pytest
 from demos.verification.bounded_bodies import PLATENS
 from meshes.platens import write_platens
 from perfplast_fenicsx import Problem, limit_bounds
-from perfplast_fenicsx.limit_analysis.body.edge_metric import edge_metric
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import edge_metric
 from perfplast_fenicsx.mesh.straight_geometry import corners
 from tests.models import Read
 

@@ -9,7 +9,7 @@ import pytest
 
 from perfplast_fenicsx.limit_analysis.body import safety_factor
 from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Scope
 
 ROOT = 1.56
 STEEP = 100.0

@@ -25,7 +25,7 @@ from perfplast_fenicsx import (
     limit_load,
 )
 from perfplast_fenicsx.limit_analysis import DruckerBounds, drucker_bounds
-from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
+from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_stress
 from perfplast_fenicsx.rounding import rounded_up
 from tests.checks import assert_refused, assert_solved
 from tests.contact.blocks_apart import blocks_apart

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.limit_analysis import interior_point, strict_upper_bound
-from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
+from perfplast_fenicsx.limit_analysis.velocity.strict_work import gap_shares
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, blocks
 
 

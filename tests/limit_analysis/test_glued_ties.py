@@ -8,9 +8,9 @@ import pytest
 
 from perfplast_fenicsx import Pressure, Problem, ResultFolder, Support, Tie, VonMises
 from perfplast_fenicsx.io.results.proof_file import write_proof
+from perfplast_fenicsx.limit_analysis.body.bound_problems import with_glued_ties
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
-from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_glued_ties
 from perfplast_fenicsx.proof import check
 from tests.contact.blocks_apart import blocks_apart
 from tests.models import touching_blocks

@@ -15,7 +15,7 @@ from perfplast_fenicsx import (
     VonMises,
     limit_bounds,
 )
-from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import held_bodies
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import held_bodies
 from tests.limit_analysis.test_static_bound import rectangle
 
 CLAY, SAND = VonMises(1e4, 0.3, 1.0), MohrCoulomb(1e4, 0.3, 1.0, 20.0)

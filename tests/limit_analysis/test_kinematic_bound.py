@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     VonMises,
     stacked_blocks,
 )
-from perfplast_fenicsx.limit_analysis.path import kinematic_bound, viscous_flow
+from perfplast_fenicsx.limit_analysis.path import limit_judge, viscous_flow
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.solvers.linear import factorisation
 from tests.models import stack_problem
@@ -38,10 +38,10 @@ def blocks(lower: Material, upper: Material, degree: int = 1) -> Problem:
     )
 
 
-def bound(problem: Problem) -> kinematic_bound.MechanismBound:
+def bound(problem: Problem) -> limit_judge.MechanismBound:
     """From the elastic displacement."""
     state = Newton(problem).solve(1.0).state
-    return kinematic_bound.dissipation_bound(problem, state.u, state)
+    return limit_judge.dissipation_bound(problem, state.u, state)
 
 
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.serial)])
@@ -142,7 +142,7 @@ def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: fl
     monkeypatch.setattr(viscous_flow.FactorisedFlow, "exact", exact)
     monkeypatch.setattr(viscous_flow, "own_prefix", prefix)
     monkeypatch.setattr(viscous_flow, "create_stiffness", stiffness)
-    kinematic_bound.dissipation_bound(problem, state.u, state)
+    limit_judge.dissipation_bound(problem, state.u, state)
     assert made
     assert all(matrix.handle == 0 for matrix in made)
     assert prefixes
@@ -155,7 +155,7 @@ def test_a_velocity_near_a_mechanism_gives_a_bound(bend: float) -> None:
     problem = stack_problem(2)
     v = fem.Function(problem.V)
     v.interpolate(lambda x: np.array([x[0], x[1], -2 * x[2] + bend * np.sin(9 * x[0]) * x[2]]))
-    found = kinematic_bound.dissipation_bound(problem, v, Newton(problem).solve(100.0).state)
+    found = limit_judge.dissipation_bound(problem, v, Newton(problem).solve(100.0).state)
     assert found.value is not None
     assert found.mechanism is not None
     assert problem.loads.alpha(found.mechanism.x.petsc_vec) == pytest.approx(1)

@@ -16,7 +16,7 @@ from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.discrete import body_cones, discrete_limit
 from perfplast_fenicsx.limit_analysis.facets import bound_body, contact_facets
 from perfplast_fenicsx.limit_analysis.stress import static_form
-from perfplast_fenicsx.limit_analysis.velocity import mechanism_rates
+from perfplast_fenicsx.limit_analysis.velocity import cell_dissipation
 from perfplast_fenicsx.problem.once import once_a_problem
 from tests.limit_analysis.test_body_bounds import quadratic_blocks
 from tests.limit_analysis.test_interior_point import COMM, footing
@@ -29,7 +29,7 @@ FACTS: dict[str, tuple[ModuleType, str]] = {
     "facets in contact": (contact_facets, "geometry_dofmap"),
     "equilibrium": (static_form, "bound_body"),
     "strains of the program": (discrete_limit, "PointStrains"),
-    "strains of the mechanism": (mechanism_rates, "PointStrains"),
+    "strains of the mechanism": (cell_dissipation, "PointStrains"),
 }
 """By fact, a function that is called whenever it is made."""
 

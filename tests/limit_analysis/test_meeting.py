@@ -7,7 +7,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import InputError
-from perfplast_fenicsx.limit_analysis.body.meeting import Meeting
+from perfplast_fenicsx.limit_analysis.body.halves import Meeting
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 

@@ -8,12 +8,11 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import Problem, Traction, two_blocks
-from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT
-from perfplast_fenicsx.limit_analysis.body.next_step import Effort, clock, next_steps
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, Effort, clock, next_steps
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import _largest, interior_point
 from perfplast_fenicsx.limit_analysis.facets.bound_body import UNMATCHED
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED
-from perfplast_fenicsx.limit_analysis.statements.bound import NO_MECHANISM, Bound, Scope
+from perfplast_fenicsx.limit_analysis.statements.load_factor import NO_MECHANISM, Bound, Scope
 from tests.models import two_blocks_problem
 
 COMM = MPI.COMM_WORLD

@@ -29,7 +29,7 @@ from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
-from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import strong_bodies, weak_bodies
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import strong_bodies, weak_bodies
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof import check
 from tests.models import Read

@@ -19,7 +19,7 @@ from perfplast_fenicsx import (
     limit_bounds,
     stacked_blocks,
 )
-from perfplast_fenicsx.limit_analysis.body.one_bound import lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from tests.models import Read
 

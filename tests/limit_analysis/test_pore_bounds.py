@@ -22,8 +22,8 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
+from perfplast_fenicsx.limit_analysis.body.bound_problems import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
-from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_linear_tractions import SQUARE, cube

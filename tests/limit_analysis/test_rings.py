@@ -31,7 +31,7 @@ from perfplast_fenicsx.arrays import matrices
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io import OutputFields
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
-from perfplast_fenicsx.limit_analysis.discrete.ring_strains import nodes_of_cells
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import nodes_of_cells
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca

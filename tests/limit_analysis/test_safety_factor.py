@@ -34,12 +34,11 @@ from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body import factor_roots
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
-from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, lower_bound, upper_bound
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import NOT_ASKED, lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.body.safety_factor import times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import Weakening, weakened
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question, Scope
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.proof.checker import check

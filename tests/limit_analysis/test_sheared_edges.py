@@ -5,7 +5,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import Pressure, Problem, Support, Traction, VonMises, limit_bounds
-from perfplast_fenicsx.limit_analysis.body.sheared_edges import with_sheared_edges_divided
+from perfplast_fenicsx.limit_analysis.body.singular_points import with_sheared_edges_divided
 from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
 from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh
 from perfplast_fenicsx.problem.declared.loads import Load

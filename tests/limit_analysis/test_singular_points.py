@@ -12,13 +12,13 @@ from meshes.strip_footing import DEPTH, WIDTH, write_strip_footing
 from meshes.tube_polygon import write_tube_polygon
 from perfplast_fenicsx import Contact, Pressure, Support, TaggedMesh
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
-from perfplast_fenicsx.limit_analysis.body.marking import largest_shares
-from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import largest_shares
 from perfplast_fenicsx.limit_analysis.body.singular_points import (
     angles_at_corners,
+    singular_edges,
     singular_points,
+    wide_corners,
 )
-from perfplast_fenicsx.limit_analysis.body.wide_corners import wide_corners
 from perfplast_fenicsx.mesh.bisection import edges_of_simplex
 from perfplast_fenicsx.mesh.refinement import spread
 from perfplast_fenicsx.mesh.sample_meshes import Box, Surface, structured_mesh

@@ -22,8 +22,8 @@ from perfplast_fenicsx import (
     VonMises,
 )
 from perfplast_fenicsx.arrays import Floats, Longs
-from perfplast_fenicsx.io.results.given_table import given_table
 from perfplast_fenicsx.io.results.proof_file import write_proof
+from perfplast_fenicsx.io.results.result_folder import given_table
 from perfplast_fenicsx.limit_analysis import BodyBounds, limit_bounds
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import Side, profiles_of_cells

@@ -34,7 +34,7 @@ from perfplast_fenicsx.limit_analysis.facets.entering import (
     entering_between_nodes,
 )
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import composite_vertex_rule
-from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import keep_apart, let_rest
+from perfplast_fenicsx.limit_analysis.velocity.strict_work import keep_apart, let_rest
 from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made

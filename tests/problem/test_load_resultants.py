@@ -25,7 +25,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.limit_analysis.body.limit_forces import LimitForces, limit_forces
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.limit_analysis.statements.bound import Scope
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Scope
 from perfplast_fenicsx.materials import Material
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.judged.resultants import load_resultants

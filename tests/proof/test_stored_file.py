@@ -11,7 +11,7 @@ import pytest
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.export.vtu_writer import vtu_of
-from perfplast_fenicsx.io.results.parallel_hdf5 import read_rows
+from perfplast_fenicsx.io.results.vtkhdf import read_rows
 from perfplast_fenicsx.models.inp_keywords import read_keywords
 from perfplast_fenicsx.models.med_file import read_med
 from perfplast_fenicsx.models.number_text import text_of

@@ -14,7 +14,7 @@ import pytest
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.claims import check_claims, direction_file
-from perfplast_fenicsx.io.results.proven_directions import read_proven, write_proven
+from perfplast_fenicsx.io.results.proof_file import read_proven, write_proven
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.interaction import Proven
 from perfplast_fenicsx.proof.verdict import Checked

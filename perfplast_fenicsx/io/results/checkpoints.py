@@ -5,34 +5,38 @@
 by chosen steps: the previous state and the progress of the limit load search. It also contains the
 internal variables of the laws, each under its name. The algorithms need no other data from previous
 levels: ALG2 begins each level with σ = Σ(ε(u)) and a new penalty.
+
+Check whether the case and the mesh are the same.
+A restart uses this check before it continues.
+
+Define the header of a checkpoint, and list the checkpoints of a folder.
+A checkpoint contains the hashes of its case and its mesh. Its header has its own hash, so that
+damage is detected.
 """
 
+import copy
 import dataclasses
+import hashlib
+import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
+from perfplast_fenicsx.compat import entity_nodes, geometry_dofmap
 from perfplast_fenicsx.errors import InputError, raise_together
-from perfplast_fenicsx.io.case.schema import Table
-from perfplast_fenicsx.io.results.checkpoint_header import (
-    SCHEMA,
-    Header,
-    damaged,
-    generations,
-    header_of,
-    nothing_left,
-    packed,
-    read_header,
-)
-from perfplast_fenicsx.io.results.fingerprint import case_hash, mesh_hash
-from perfplast_fenicsx.io.results.parallel_hdf5 import checksum, read_rows, write_arrays
+from perfplast_fenicsx.io.case.schema import Table, shown
 from perfplast_fenicsx.io.results.result_files import BEFORE, NEWEST
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.vtkhdf import checksum, read_rows, set_checksum, write_arrays
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.mesh.global_ordering import (
     Block,
@@ -40,22 +44,256 @@ from perfplast_fenicsx.mesh.global_ordering import (
     block,
     cell_ordering,
     node_ordering,
+    with_ghosts,
 )
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.spaces import space_at_points
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.solvers.load_stepping import Reached
+from perfplast_fenicsx.spatial_fields import PointValues, varying
+
+log = logging.getLogger(__name__)
+
+
+NOTHING = object()
+
+CONTENT = "content"
+"""Key of the hash of a file's content, next to its name in ``file``."""
+
+
+def case_hash(table: Table) -> str:
+    """Return the SHA-256 of the data of a case file, independent of layout and comments."""
+    text = json.dumps(table, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
+    """Return a case with the hash of each data file next to its name.
+
+    Args:
+        table: Content of the case file.
+        materials: Its materials, by the names of the bodies.
+    """
+    found = copy.deepcopy(table)
+    for body, material in materials.items():
+        for key, field in varying(material).items():
+            if isinstance(field, PointValues):
+                found["material"][body][key][CONTENT] = field.net.digest
+    return found
+
+
+def first_difference(now: Table, then: Table) -> str | None:
+    """Return in words where a case differs from an earlier one; None if it does not.
+
+    Additional load levels at the end are not a difference.
+    """
+    entries, earlier = dict(_entries(now)), dict(_entries(then))
+    levels = ("loading.values",)  # lists to which a restart may append
+    for key in (*entries, *earlier):
+        new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
+        if key.endswith(f".{CONTENT}") and new != old:
+            file = entries[key.removesuffix(CONTENT) + "file"]
+            return f"the content of '{file}' differs from that"
+        if new is NOTHING:
+            return f"{key} is not given, but was {shown(old)}"
+        if old is NOTHING:
+            return f"{key} = {shown(new)}, but was not given"
+        if new != old and not (key in levels and _goes_on(new, old)):
+            return _changed(key, new, old)
+    return None
+
+
+def _goes_on(new: object, old: object) -> bool:
+    """Return whether a list is an earlier list with more entries at its end."""
+    both = isinstance(new, list) and isinstance(old, list)
+    return both and len(new) > len(old) and new[: len(old)] == old  # type: ignore[arg-type,index]
+
+
+def _changed(key: str, new: object, old: object) -> str:
+    """Return a text on the changed value; for lists on the first changed entry."""
+    if not (isinstance(new, list) and isinstance(old, list)):
+        return f"{key} = {shown(new)}, but was {shown(old)}"
+    pairs = enumerate(zip_longest(new, old, fillvalue=NOTHING), start=1)
+    number, (now, then) = next((n, both) for n, both in pairs if both[0] != both[1])
+    if now is NOTHING:
+        return f"{key} has {len(new)} entries, but had {len(old)}"
+    if then is NOTHING:
+        return (
+            f"{key} has {len(new)} entries, but had {len(old)}; the first additional one "
+            f"is {shown(now)}"
+        )
+    return f"{key}: entry {number} is {shown(now)}, but was {shown(then)}"
+
+
+def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:
+    """Return a hash of points, cells and tags, the same on any number of ranks. Collective."""
+    mesh = tagged_mesh.mesh
+    comm, tdim, dofs = mesh.comm, mesh.topology.dim, geometry_dofmap(mesh)
+    index_map = mesh.geometry.index_map()
+    owned = mesh.topology.index_map(tdim).size_local
+    nodes = node_ordering(mesh, dofs, index_map)
+    number = with_ghosts(index_map, nodes.numbers())
+    body = np.zeros(len(dofs), dtype=np.int64)
+    body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
+    x = mesh.geometry.x[: index_map.size_local]
+
+    tags = tagged_mesh.facet_tags
+    ours = tags.indices < mesh.topology.index_map(tdim - 1).size_local
+    corners = number[entity_nodes(mesh, tdim - 1, tags.indices[ours])[:, :tdim]]
+    facets = np.column_stack([np.sort(corners, axis=1), tags.values[ours]]).astype(np.int64)
+    names = sorted(tagged_mesh.volumes.items()), sorted(tagged_mesh.surfaces.items())
+    sums = [
+        checksum(comm, block(nodes, x)),
+        checksum(comm, block(cells, number[dofs[:owned]])),
+        checksum(comm, block(cells, body[:owned])),
+        set_checksum(comm, facets),
+    ]
+    return hashlib.sha256(json.dumps([sums, names]).encode()).hexdigest()
+
+
+def _entries(table: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield values of nested tables by names such as ``material.upper.young``, ``load[2].on``."""
+    if isinstance(table, dict):
+        for key, value in table.items():
+            yield from _entries(value, f"{place}.{key}" if place else key)
+    elif isinstance(table, list) and table and all(isinstance(item, dict) for item in table):
+        for number, item in enumerate(table, start=1):
+            yield from _entries(item, f"{place}[{number}]" if len(table) > 1 else place)
+    else:
+        yield place, table
+
+
+SCHEMA = 2
+"""Version of the content of a checkpoint."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The data of a checkpoint besides its fields; its attributes are the keys of its JSON.
+
+    Attributes:
+        schema: :data:`SCHEMA`.
+        version: Version of the program.
+        case: Content of the case file.
+        case_hash: Hash of the case.
+        mesh_hash: Hash of the mesh.
+        reports: Reports of the levels so far.
+        search: State of the search for a limit load.
+        timings: Wall time by activity (s).
+        checksums: Checksums of the arrays.
+    """
+
+    schema: int
+    version: str
+    case: Table
+    case_hash: str
+    mesh_hash: str
+    reports: list[dict[str, Any]]
+    search: dict[str, Any] | None
+    timings: dict[str, float]
+    checksums: dict[str, int]
+
+
+def read_header(folder: ResultFolder) -> Header:
+    """Return the header of the newest checkpoint that has one. Collective.
+
+    Raises:
+        InputError: If no checkpoint has a header, or if it is from another version of this format.
+    """
+    faults = []
+    for path in generations(folder):
+        try:
+            header = header_of(folder.comm, path)
+        except InputError as error:
+            faults.append(str(error))
+            continue
+        if header.schema != SCHEMA:
+            raise InputError(
+                f"the checkpoint '{path}' has schema {header.schema}, but this version of"
+                f" perfplast reads {SCHEMA}; continue with perfplast {header.version}, or start"
+                " again with -o."
+            )
+        return header
+    raise nothing_left(folder, faults)
+
+
+def check_case(folder: ResultFolder, table: Table, name: str) -> None:
+    """Refuse a checkpoint of another case. Collective.
+
+    Args:
+        folder: Its folder.
+        table: Content of the case file.
+        name: Name of the case, which messages use.
+
+    Raises:
+        InputError: With the first difference.
+    """
+    difference = first_difference(table, read_header(folder).case)
+    if difference is not None:
+        raise InputError(
+            f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; restore its"
+            " value to continue, or start again with -o."
+        )
+
+
+def packed(header: Header, rank: int) -> Block:
+    """Return the header as bytes after a hash of them; complete on rank 0, empty elsewhere."""
+    text = json.dumps(dataclasses.asdict(header)).encode()
+    data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
+    return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
+
+
+def header_of(comm: MPI.Intracomm, path: Path) -> Header:
+    """Return the header of a checkpoint. Collective.
+
+    Raises:
+        InputError: If it cannot be read.
+    """
+    text, fault = b"", None
+    if comm.rank == 0:
+        try:
+            with stored_file(path) as file:
+                data = bytes(np.asarray(file["header"]))
+            digest, text = data[:32], data[32:]
+            if hashlib.sha256(text).digest() != digest:
+                fault = damaged(path, "its header has changed since it was written")
+        except FileNotFoundError:
+            fault = f"'{path}' is missing"
+        except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:
+            fault = damaged(path, error)
+    raise_together(comm, fault)
+    table = json.loads(comm.bcast(text))
+    if table["schema"] != SCHEMA:
+        known = {field.name: table.get(field.name) for field in dataclasses.fields(Header)}
+        return Header(**known)
+    return Header(**table)
+
+
+def generations(folder: ResultFolder) -> list[Path]:
+    """Return the possible checkpoints of a folder, the newest first."""
+    return [folder.file(NEWEST), folder.file(BEFORE)]
+
+
+def damaged(path: Path, reason: object) -> str:
+    """Return a sentence on a checkpoint that is damaged."""
+    return f"the checkpoint '{path}' is damaged ({' '.join(str(reason).split())})"
+
+
+def nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
+    """Return the error if no checkpoint of a folder can be used."""
+    return InputError(f"{', and '.join(faults)}; start again with -o {folder.path} --force.")
+
 
 HISTORY = "history"
 """Group of the internal variables, arrays of numbers at the points of each cell."""
 
 BEFORE_LAST = "_before"
 """Suffix of the names of arrays and groups of the level before the last."""
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)

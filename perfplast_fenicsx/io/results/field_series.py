@@ -1,4 +1,4 @@
-"""Write the fields of all levels: a VTKHDF file for each, and a list for ParaView's time series.
+"""Write the fields of all levels: VTKHDF files of cells and of points, and a list for ParaView.
 
 Each file is renamed when it is complete; then the list is replaced as a whole. So a crash does not
 damage existing levels, and a restart continues them.
@@ -6,34 +6,162 @@ damage existing levels, and a restart continues them.
 ParaView opens ``fields.vtkhdf.series``; PyVista shows a level by one line::
 
     pyvista.HDFReader("results/fields/level_0001.vtkhdf").read().plot(scalars="yield_ratio")
+
+Write fields at the quadrature points, as VTKHDF files of single points.
+At these points the stress is that of the solver, not a cell mean. Points are in the order of the
+input's cells, and within a cell in that of the quadrature rule, whatever the number of ranks.
 """
 
 import json
 import logging
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
+import h5py
+import numpy as np
+import numpy.typing as npt
+import ufl
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.atomic_files import replace
-from perfplast_fenicsx.io.results.point_writer import PointWriter
+from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.io.results.result_files import (
+    BODY,
+    CONNECTIVITY,
     FIELDS,
     MECHANISM,
     MECHANISM_POINTS,
     MESH,
+    OFFSETS,
+    POINT_DATA,
     POINT_SERIES,
+    POINTS,
     SERIES,
+    TYPES,
     level_file,
     point_file,
 )
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.io.results.vtkhdf import FieldWriter
+from perfplast_fenicsx.io.results.vtkhdf import (
+    FieldWriter,
+    add_counts,
+    add_facts,
+    make_grid,
+    write_arrays,
+)
+from perfplast_fenicsx.mesh.global_ordering import Block, cell_ordering
+from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.seepage.flow import SteadyFlow
 
 log = logging.getLogger(__name__)
+
+
+def write_flow(flow: SteadyFlow, path: Path) -> None:
+    """Write a flow at the vertices of its cells. Not collective.
+
+    Args:
+        flow: The seepage flow.
+        path: The file, which is replaced if it exists.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    dim = flow.points.shape[1]
+    cells, corners = flow.cells.shape
+    core = h5py.File(os.fspath(path), "w", driver="core", backing_store=False)
+    with core as file:
+        make_grid(file)
+        add_counts(file, (len(flow.points), cells, cells * corners))
+        file[POINTS] = np.pad(flow.points, ((0, 0), (0, 3 - dim)))
+        file[CONNECTIVITY] = flow.cells.ravel()
+        file[OFFSETS] = corners * np.arange(cells + 1)
+        vtk_type = {2: 5, 3: 10}[dim]
+        file[TYPES] = np.full(cells, vtk_type, dtype=np.uint8)
+        fields: dict[str, Floats] = {
+            "pressure": flow.pressures,
+            "head": flow.heads,
+            "saturation": flow.saturation,
+            "outflow": flow.outflow,
+        }
+        for name, values in fields.items():
+            file[f"{POINT_DATA}/{name}"] = values
+        add_facts(file, {"upwards": "xyz"[flow.axis]})
+        file.flush()
+        content = file.id.get_file_image()
+    replace(path, content)
+
+
+class PointWriter:
+    """Writes fields at the points where the laws of a problem are evaluated."""
+
+    def __init__(self, folder: ResultFolder, problem: Problem) -> None:
+        """Compute the points and their volumes. Collective.
+
+        Args:
+            folder: Result folder, which provides the ranks and the message for system errors.
+            problem: Problem with the points.
+        """
+        mesh = problem.tagged_mesh.mesh
+        self._folder, self._cells = folder, cell_ordering(mesh)
+        self._owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        tags = problem.tagged_mesh.cell_tags
+        x = fem.Expression(ufl.SpatialCoordinate(mesh), interpolation_points(problem.Q.element))
+        points = np.asarray(x.eval(mesh, problem.cells))
+        self._count = problem.Q.dofmap.list.shape[1]
+        points = points.reshape(len(problem.cells), self._count, mesh.geometry.dim)
+        in_space = np.zeros((*points.shape[:2], 3))
+        in_space[..., : mesh.geometry.dim] = points
+        weight = fem.Function(problem.Q)
+        volumes = fem.assemble_vector(fem.form(ufl.TestFunction(problem.Q) * problem.dx))
+        weight.x.array[:] = volumes.array
+        body = np.zeros(len(problem.cells), dtype=np.int32)
+        body[tags.indices] = tags.values
+        self._fixed: dict[str, npt.NDArray[Any]] = {
+            POINTS: in_space,
+            f"{POINT_DATA}/volume": by_cell(weight),
+            BODY: np.repeat(body[:, None], self._count, axis=1),
+        }
+
+    def write(
+        self, path: Path, fields: Mapping[str, Floats], facts: Mapping[str, float | int | str]
+    ) -> None:
+        """Write fields. Collective.
+
+        Args:
+            path: The file, which is replaced if it exists.
+            fields: Values by name, shape (num_cells, points of a cell, ...), including ghosts.
+            facts: Further facts by name.
+
+        Raises:
+            InputError: If the file cannot be written; an existing file remains complete.
+        """
+        cells, count = self._cells, self._count
+        arrays = {f"{POINT_DATA}/{name}": array for name, array in fields.items()} | self._fixed
+        first, total = count * cells.first, count * cells.total
+        blocks: dict[str, Block] = {}
+        for name, array in arrays.items():
+            rows = cells.to_blocks(np.ascontiguousarray(array[: self._owned]))
+            width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)  # VTK stores tensors as rows
+            blocks[name] = Block(rows.reshape(-1, *width), first, total)
+        number = np.arange(first, first + count * cells.count)
+        last = self._folder.comm.rank == self._folder.comm.size - 1
+        blocks[CONNECTIVITY] = Block(number, first, total)
+        blocks[OFFSETS] = Block(np.arange(first, first + len(number) + last), first, total + 1)
+        vertex = 1  # VTK's number for a cell that is a point
+        blocks[TYPES] = Block(np.full(len(number), vertex, dtype=np.uint8), first, total)
+
+        def describe(file: h5py.File) -> None:
+            make_grid(file)
+            add_counts(file, (total, total, total))
+            add_facts(file, facts)
+
+        write_arrays(self._folder, path, blocks, describe=describe)
 
 
 class FieldSeries:

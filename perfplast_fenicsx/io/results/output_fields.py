@@ -1,4 +1,4 @@
-"""Compute output fields: stress tensor, plastic zone, contact pressure of a level."""
+"""Compute output fields: stress, plastic zone, contact pressure, slip, and those of bounds."""
 
 import basix.ufl
 import numpy as np
@@ -7,12 +7,97 @@ from dolfinx import fem, la
 
 from perfplast_fenicsx.arrays import Floats, matrices
 from perfplast_fenicsx.compat import evaluate, interpolation_matrix, interpolation_points
-from perfplast_fenicsx.io.results.friction_fields import FrictionFields
+from perfplast_fenicsx.contact.rows.constraints import entries_of, matrix_of_entries
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
+from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
 from perfplast_fenicsx.materials.mandel import tensor
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression
 from perfplast_fenicsx.problem.assembled.spaces import by_cell
-from perfplast_fenicsx.problem.judged.state import Level
+from perfplast_fenicsx.problem.judged.certificate import friction_forces
+from perfplast_fenicsx.problem.judged.state import Level, slipped
 from perfplast_fenicsx.problem.problem import Problem
+
+
+class FrictionFields:
+    """Fields that are linear on surfaces with friction and zero elsewhere.
+
+    Attributes:
+        fields: ``slip`` (length), u_a − u_b along the surface since the beginning, on both
+            surfaces; and ``friction_stress``, the friction on each surface, with opposite signs.
+    """
+
+    def __init__(self, problem: Problem, vertices: fem.FunctionSpace) -> None:
+        """Create the map from values at places of friction to vertices. Collective.
+
+        Args:
+            problem: The bodies.
+            vertices: Space of linear functions.
+        """
+        self._problem = problem
+        gdim = problem.bodies.gdim
+        mesh = vertices.mesh
+        space = fem.functionspace(mesh, ("P", 1, (gdim,)))
+        names = ("slip", "friction_stress")
+        self.fields = {name: fem.Function(space, name=name) for name in names}
+        self._nodes = fem.functionspace(mesh, ("P", problem.degree))
+        self._to_nodes = interpolation_matrix(vertices, self._nodes)
+        shares = problem.constraints.shares
+        row, column, value = entries_of(shares)
+        rows, columns = shares.getSizes()
+        positive = (row, column, np.maximum(value, 0.0))
+        self._shares = matrix_of_entries(problem.comm, rows, columns, [positive])
+
+    def update(self, level: Level, areas: Floats) -> None:
+        """Update the fields from a level. Collective.
+
+        Args:
+            level: The level.
+            areas: ∫ψ of each owned vertex over the contact surfaces.
+        """
+        problem, friction = self._problem, self._problem.friction
+        y = problem.create_vector()
+        forces = friction_forces(problem, level.stress, level.state.zeta)
+        slip = np.einsum("ni,nij->nj", slipped(problem, level.state), friction.direction)
+        on_nodes = problem.sliding.B.createVecLeft()
+        on_nodes.array[:] = -forces[friction.index >= 0]
+        problem.sliding.B.multTranspose(on_nodes, y)
+        pulls = y.array_r.reshape(-1, slip.shape[1])
+        weight = self._at_vertices(friction.area)
+        weight = np.where(weight > 0, weight, 1.0)
+        for axis in range(slip.shape[1]):
+            mean = self._at_vertices(friction.area * slip[:, axis]) / weight
+            self._set("slip", axis, mean)
+            self._set("friction_stress", axis, self._gathered(pulls[:, axis]) / areas)
+        for function in self.fields.values():
+            function.x.scatter_forward()
+        for vector in (y, on_nodes):
+            vector.destroy()
+
+    def _set(self, name: str, axis: int, values: Floats) -> None:
+        array = self.fields[name].x.array.reshape(-1, self._problem.bodies.gdim)
+        array[: len(values), axis] = values
+
+    def _at_vertices(self, of_places: Floats) -> Floats:
+        """Return values at places distributed to nodes and then to vertices. Collective."""
+        on_rows, on_nodes = self._shares.createVecLeft(), self._shares.createVecRight()
+        on_rows.array[self._problem.friction.pair] = of_places
+        self._shares.multTranspose(on_rows, on_nodes)
+        values = self._gathered(on_nodes.array_r)
+        for vector in (on_rows, on_nodes):
+            vector.destroy()
+        return values
+
+    def _gathered(self, of_nodes: Floats) -> Floats:
+        """Return Σ_k f_k ψ_j(x_k) for each owned vertex j. Collective."""
+        on_vertices, on_nodes = self._to_nodes.createVecs()
+        on_nodes.array[:] = of_nodes
+        self._to_nodes.multTranspose(on_nodes, on_vertices)
+        values: Floats = on_vertices.array.copy()
+        for vector in (on_vertices, on_nodes):
+            vector.destroy()
+        return values
 
 
 class OutputFields:
@@ -26,7 +111,7 @@ class OutputFields:
             positive where bodies push each other, at an edge of two contact faces the mean of
             both). Internal variables of the laws by their names, the mean of each cell: numbers, or
             Mandel vectors as tensors (3×3). With friction, also the fields of
-            :class:`friction_fields.FrictionFields`.
+            :class:`output_fields.FrictionFields`.
         at_points: ``stress`` (3×3), ``yield_ratio`` and, for levels, ``plastic`` (1 or 0) at the
             quadrature points, shape (num_cells, points of a cell, ...), of the last update.
         resultants: Force of each contact on its primary surface, followed by that of each obstacle
@@ -175,3 +260,66 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
     mean = fem.Function(cells, name="dissipation")
     mean.x.array[:] = by_cell(at_points).mean(axis=1)
     return mean
+
+
+def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
+    """Return piecewise constant functions by name. Collective.
+
+    Returns:
+        ``lower_bound_stress`` is the mean stress of each cell (3×3), if there is a lower bound.
+        ``gap_share`` is the contribution of each given cell to the gap, repeated in its parts after
+        a split. For rigid blocks, ``contact_pressure`` is the pressure of the forces on joints.
+    """
+    fields = dict[str, fem.Function]()
+    if body.joints is not None:
+        fields |= _of_joints(body.problem, body.joints)
+    tagged_mesh = body.problem.tagged_mesh
+    if body.stress is not None:
+        means = body.stress.mean(axis=1)
+        if tagged_mesh.axisymmetric:  # coefficients of rσ
+            vertices, points = corners(tagged_mesh.mesh)
+            means /= points[vertices][..., 0].mean(axis=1)[:, None]
+        fields["lower_bound_stress"] = _tensors(body, means)
+    if body.shares is not None:
+        scalars = fem.functionspace(tagged_mesh.mesh, ("DG", 0))
+        shares = fem.Function(scalars, name="gap_share")
+        total = body.problem.comm.allreduce(float(body.shares.sum()))
+        of_cells = body.shares
+        if isinstance(tagged_mesh, AlfeldSplit):
+            of_cells = of_cells[tagged_mesh.parents]
+        cells = scalars.dofmap.list[: len(of_cells), 0]
+        shares.x.array[cells] = of_cells / (total if total > 0 else 1.0)
+        shares.x.scatter_forward()
+        fields["gap_share"] = shares
+    return fields
+
+
+def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
+    """Return the pressure of forces at vertices, divided by their tributary areas. Collective."""
+    mesh, body = problem.tagged_mesh.mesh, bound_body(problem)
+    space = fem.functionspace(mesh, ("Lagrange", 1))
+    pressure, areas = fem.Function(space, name="contact_pressure"), fem.Function(space)
+    chosen = np.flatnonzero(np.isin(body.geometry.exterior, body.facets.in_contact))
+    outer = body.geometry.exterior[chosen]
+    d = body.vertices.shape[2]
+    around = np.array([[j for j in range(d + 1) if j != i] for i in range(d + 1)])
+    nodes = space.dofmap.list[body.geometry.cell[outer][:, None], around[body.geometry.side[outer]]]
+    shares = np.broadcast_to(body.geometry.areas(outer)[:, None] / d, nodes.shape)
+    pushes = -np.einsum("fvi,fi->fv", joints.best.forces[chosen], body.geometry.normals(outer))
+    for field, values in ((pressure, pushes), (areas, shares)):
+        np.add.at(field.x.array, nodes, values)
+        field.x.scatter_reverse(la.InsertMode.add)
+        field.x.scatter_forward()
+    pressure.x.array[:] /= np.where(areas.x.array > 0, areas.x.array, 1.0)
+    return {"contact_pressure": pressure}
+
+
+def _tensors(body: BodyBounds, mandel: Floats) -> fem.Function:
+    """Return Mandel vectors of the cells as 3×3 tensors."""
+    mesh = body.problem.tagged_mesh.mesh
+    space = fem.functionspace(mesh, basix.ufl.element("DG", mesh.basix_cell(), 0, shape=(3, 3)))
+    function = fem.Function(space, name="lower_bound_stress")
+    values = function.x.array.reshape(-1, 9)
+    values[space.dofmap.list[: len(mandel), 0]] = matrices(mandel).reshape(-1, 9)
+    function.x.scatter_forward()
+    return function

@@ -9,19 +9,20 @@ import errno
 import os
 import resource
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
+
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.errors import on_all_ranks, raise_together
-from perfplast_fenicsx.io.results.figures import figures
-from perfplast_fenicsx.io.results.given_table import given_table
-from perfplast_fenicsx.io.results.limit_rows import limit_rows
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     DIRECTIONS,
@@ -40,13 +41,61 @@ from perfplast_fenicsx.io.results.result_files import (
     PROOF,
     SERIES,
     STANDS,
+    figures,
 )
-from perfplast_fenicsx.io.results.summary import Summary, to_json
+from perfplast_fenicsx.io.results.summary import Summary, limit_rows, to_json
+from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
+from perfplast_fenicsx.limit_analysis.body.limit_forces import limit_forces
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
+from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh.tagged_mesh import element_size
+from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.declared.initial import Bolt, InitialStress, Temperature
+from perfplast_fenicsx.problem.declared.loads import LOADS
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import LevelReport
+from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.spatial_fields import SpatialField
 from perfplast_fenicsx.tables import csv_table
+from perfplast_fenicsx.units import Units
+
+KINDS: tuple[Mapping[str, type[Any]], ...] = (
+    MATERIALS,
+    LOADS,
+    OBSTACLES,
+    {"temperature": Temperature, "initial_stress": InitialStress, "bolt": Bolt},
+)
+"""Classes of objects of several kinds, by their names in case files."""
+
+
+def given_table(given: Given) -> dict[str, Any]:
+    """Return the input as JSON data.
+
+    Returns:
+        The keys are the fields of :class:`control.Given`. A dataclass becomes a table of its fields
+        with its ``kind``: its name in case files, or the name of its class.
+    """
+    return {field.name: _told(getattr(given, field.name)) for field in dataclasses.fields(given)}
+
+
+def _told(value: Any) -> Any:
+    if isinstance(value, SpatialField):
+        return f"{value}"
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = [field.name for field in dataclasses.fields(value)]
+        fields = {name: _told(getattr(value, name)) for name in names}
+        known = (name for kinds in KINDS for name, kind in kinds.items() if kind is type(value))
+        return {"kind": next(known, type(value).__name__)} | fields
+    if isinstance(value, Mapping):
+        return {str(key): _told(entry) for key, entry in value.items()}
+    if isinstance(value, str | bool | int | float) or value is None:
+        return value
+    if isinstance(value, Sequence):
+        return [_told(entry) for entry in value]
+    return _told(value.tolist()) if hasattr(value, "tolist") else repr(value)
+
 
 DATA = ("summary.json", "path.csv", "run.log", "scene.json", SERIES)
 """Files that are listed before the pictures of :func:`figures`."""
@@ -301,3 +350,48 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
 def peak_memory() -> float:
     """Return the largest resident size of this process so far (MiB)."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+class ResultantTables:
+    """Tables of the forces of loads and supports."""
+
+    def __init__(self, units: Units, whole: bool) -> None:
+        """Store the units.
+
+        Args:
+            units: Units of the case; without a system, moments have the unit force × length of the
+                case.
+            whole: See :meth:`units.Units.table`.
+        """
+        self._scale = units.moment_scale(whole)
+
+    def loads(self, problem: Problem) -> list[dict[str, Any]]:
+        """Return a table for each load at ζ = 1. Collective."""
+        found, rounding = load_resultants(problem), self._rounding(problem)
+        return [
+            asdict(load) | {"moment": self._told(load.moment, rounding * _largest([load.force]))}
+            for load in found
+        ]
+
+    def at_limit(
+        self, problem: Problem, limit: LimitLoad, body: BodyBounds | None
+    ) -> dict[str, Any] | None:
+        """Return the table of loads and supports at the limit. Collective."""
+        found = limit_forces(problem, limit, body)
+        if found is None:
+            return None
+        least = self._rounding(problem) * _largest(found.reactions.values())
+        moments = {name: self._told(moment, least) for name, moment in found.moments.items()}
+        return asdict(found) | {"moments": moments}
+
+    def _rounding(self, problem: Problem) -> float:
+        """Return the moment of a unit force that counts as zero. Collective."""
+        mine = float(np.abs(problem.tagged_mesh.mesh.geometry.x).max(initial=0.0))
+        return ROUNDING * problem.comm.allreduce(mine, MPI.MAX)
+
+    def _told(self, moment: Sequence[float], least: float) -> list[float]:
+        return [self._scale * number if abs(number) > least else 0.0 for number in moment]
+
+
+def _largest(forces: Iterable[Sequence[float]]) -> float:
+    return max((abs(number) for force in forces for number in force), default=0.0)

@@ -9,26 +9,29 @@ import numpy as np
 
 from perfplast_fenicsx._version import __version__
 from perfplast_fenicsx.io.case.scene import Scene, write_scene
-from perfplast_fenicsx.io.results.bound_fields import bound_fields
 from perfplast_fenicsx.io.results.checkpoints import Saved
 from perfplast_fenicsx.io.results.claims import direction_file
-from perfplast_fenicsx.io.results.field_series import FieldSeries
-from perfplast_fenicsx.io.results.flow_file import write_flow
-from perfplast_fenicsx.io.results.output_fields import OutputFields, dissipation
+from perfplast_fenicsx.io.results.field_series import FieldSeries, write_flow
+from perfplast_fenicsx.io.results.output_fields import OutputFields, bound_fields, dissipation
 from perfplast_fenicsx.io.results.proof_file import judge
 from perfplast_fenicsx.io.results.result_files import FALLS, FLOW, LEAST, PROOF, STANDS
-from perfplast_fenicsx.io.results.result_folder import ResultFolder, Results
-from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
+from perfplast_fenicsx.io.results.result_folder import ResultantTables, ResultFolder, Results
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
-from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastLoad
+from perfplast_fenicsx.limit_analysis.body.body_bounds import (
+    BodyBounds,
+    LeastLoad,
+    standing_in_words,
+)
 from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
-from perfplast_fenicsx.limit_analysis.body.standing_words import standing_in_words
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.shakedown.diagram import Direction
-from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import ShakedownLoad
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor, Question
+from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Direction, ShakedownLoad
+from perfplast_fenicsx.limit_analysis.statements.load_factor import (
+    Bound,
+    DesignFactor,
+    Question,
+    Scope,
+)
 from perfplast_fenicsx.outcome_words import MeshEstimate, PathBracket
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.state import Level

@@ -1,4 +1,4 @@
-"""Define ``summary.json``: data and results of a run."""
+"""Define ``summary.json``, and rows of ``path.csv`` without levels."""
 
 import json
 import math
@@ -16,7 +16,7 @@ class Summary:
         element_size: Mean of the longest edges of the cells (length).
         model: The ``kind`` of the model, the ``axes`` of the components of ``reactions``, and the
             reference of ``forces`` and works: per unit of depth, or the full turn.
-        given: Materials, supports, loads and other input (:func:`given_table.given_table`).
+        given: Materials, supports, loads and other input (:func:`result_folder.given_table`).
         seepage: Discharges of water by surface, and iterations of SNES-VI, with seepage.
         loads: Force and moment of each load at ζ = 1 (:class:`resultants.LoadResultant`).
         case: The case ``file`` and its ``text``; empty for a Python program.
@@ -71,3 +71,57 @@ def to_json(value: Any) -> str:
         return item
 
     return json.dumps(finite(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def limit_rows(summary: Summary) -> list[dict[str, Any]]:
+    """Return the rows, all with the same columns; unknown values are empty.
+
+    Args:
+        summary: Summary with a ``limit`` that was computed without levels.
+
+    Returns:
+        A row for each mesh, with its number ``mesh`` (1 to n) and its ``cells``; ``estimate``,
+        ``static`` and ``kinematic`` of its limit load, for the last mesh only; ``body_lower`` and
+        ``body_upper``, the best bounds of the bodies so far; ``seconds`` since the start of the
+        first. For a factor of safety: each ``factor`` with strict bounds, ``lower`` and ``upper``,
+        of how many times the loads are carried; then the points of its curve, each ``factor`` with
+        the ``work`` of the loads, the largest ``displacement``, and the cost. For an envelope: each
+        ``angle`` (degrees), with three numbers also ``elevation``, with the distance ``carried`` up
+        to which all is carried, and ``not carried from``. For a shakedown diagram: each ``angle``
+        with the factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
+    """
+    limit = summary.limit or {}
+    if envelope := limit.get("envelope"):
+        return [dict(row) for row in envelope["rows"]]
+    if diagram := (limit.get("shakedown") or {}).get("diagram"):
+        return [dict(row) for row in diagram]
+    if strength := limit.get("strength"):
+        points = (strength.get("path") or {}).get("points", [])
+        rows = [dict(row) for row in (*strength["curve"], *points)]
+        keys = dict.fromkeys(key for row in rows for key in row)
+        return [dict.fromkeys(keys) | row for row in rows]
+    body = limit.get("body") or {}
+    lower = upper = None
+    rows = []
+    for one in body.get("meshes", []):
+        lower = max((a for a in (lower, one["lower"]) if a is not None), default=None)
+        upper = min((a for a in (upper, one["upper"]) if a is not None), default=None)
+        rows.append(_row(one["number"], one["cells"], lower, upper, one["seconds"]))
+    if not rows:
+        rows = [_row(1, summary.mesh["cells"], None, None, summary.timings.get("solve"))]
+    rows[-1] |= {
+        "estimate": limit["estimate"],
+        "static": limit["lower"],
+        "kinematic": limit["upper"],
+        "body_lower": body.get("lower"),
+        "body_upper": body.get("upper"),
+    }
+    return rows
+
+
+def _row(
+    mesh: int, cells: int, lower: float | None, upper: float | None, seconds: float | None
+) -> dict[str, Any]:
+    sides = dict.fromkeys(("estimate", "static", "kinematic"))
+    bounds = {"body_lower": lower, "body_upper": upper, "seconds": seconds}
+    return {"mesh": mesh, "cells": cells} | sides | bounds

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound
-from perfplast_fenicsx.limit_analysis.statements.load_factor import DesignFactor
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, DesignFactor
 from perfplast_fenicsx.mesh.refinement import check_refinable
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 

@@ -19,8 +19,7 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointP
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Question, Standing
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question, Scope, Standing
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)

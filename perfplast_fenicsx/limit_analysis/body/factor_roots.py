@@ -5,13 +5,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.one_bound import lower_bound, upper_bound
-from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
+from perfplast_fenicsx.limit_analysis.body.bound_problems import weaker_and_stronger
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import weakened
-from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound
+from perfplast_fenicsx.limit_analysis.facets.entering import with_strict_contact
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound
 from perfplast_fenicsx.problem.problem import Problem
 
 MOST_SEARCHES = 10

@@ -1,27 +1,250 @@
-"""Choose the next mesh of bounds: where it is finer, and how many cells it has."""
+"""Choose the next mesh of bounds: where it is finer, and how many cells it has.
+
+Compute the directions in which velocity and stress of bounds in space change, cell by cell.
+A mesh should be fine across slip bands, which the velocity shows, and across the thickness of
+bending parts, which the stress shows. Along them it may be coarse.
+
+Define the length of edges of a plane mesh by the change of the solution along them.
+In slip layers the velocity changes only across the layers. Where principal stresses rotate about a
+point, they change only around the point. Cells that are long in the other direction are equally
+good. Of two edges of equal length, the metric makes the one with the larger change longer.
+"""
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import la
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.directions_of_change import directions_of_change
-from perfplast_fenicsx.limit_analysis.body.edge_metric import edge_metric
-from perfplast_fenicsx.limit_analysis.body.marking import largest_shares, to_refine
-from perfplast_fenicsx.limit_analysis.body.singular_edges import singular_edges
-from perfplast_fenicsx.limit_analysis.body.singular_points import singular_points
-from perfplast_fenicsx.limit_analysis.body.wide_corners import wide_corners
+from perfplast_fenicsx.limit_analysis.body.bound_problems import of_parents
+from perfplast_fenicsx.limit_analysis.body.singular_points import (
+    singular_edges,
+    singular_points,
+    wide_corners,
+)
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import varying_of
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine, spread
+from perfplast_fenicsx.mesh.straight_geometry import corners
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import fetch_rows
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.spatial_fields import PointValues
+
+
+def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
+    """Return the cells with the largest contributions that together have a given part of the sum.
+
+    Collective.
+
+    The marking of W. Dörfler, doi:10.1137/0733054.
+
+    Args:
+        comm: The ranks.
+        shares: Contributions of the owned cells; negative ones count as zero.
+        part: Part of the sum over all cells, between 0 and 1.
+    """
+    shares = np.maximum(shares, 0.0)
+    wanted = part * comm.allreduce(float(shares.sum()))
+    low, high = 0.0, comm.allreduce(float(shares.max(initial=0.0)), MPI.MAX)
+    halvings = 60  # steps from the largest contribution to the least marked one
+    for _ in range(halvings):
+        middle = (low + high) / 2
+        enough = comm.allreduce(float(shares[shares >= middle].sum())) >= wanted
+        low, high = (middle, high) if enough else (low, middle)
+    marked: npt.NDArray[np.bool_] = (shares >= low) & (shares > 0)
+    return marked
+
+
+def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
+    """Return owned cells with a part of the gap or of the multipliers' dissipation. Collective.
+
+    In the plane the marked cells have the given part of the sum of both, each normalised by its
+    total, with half weight for the dissipation.
+
+    Args:
+        problem: The bodies with their loads.
+        found: Bounds on the mesh of the problem.
+        part: Part of these sums, between 0 and 1; 1 marks all cells.
+    """
+    dissipation = None if found.static is None else found.static.dissipation
+    topology = problem.tagged_mesh.mesh.topology
+    cells = topology.index_map(topology.dim)
+    marked = np.full(cells.size_local, part >= 1.0)
+    if dissipation is not None and part < 1.0:
+        # If very few cells limit the stress, they cause the whole gap, and the indicators elsewhere
+        # belong to a small stress. Then only these cells are refined, unless the bounds are already
+        # close and more stress there would not help.
+        most, few, near = 0.9, 0.005, 0.1
+        here = largest_shares(problem.comm, dissipation, most)
+        if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:
+            marked |= here
+            gap = found.lower.apart(found.upper)
+            if gap is None or gap > near:
+                return marked
+            dissipation = np.where(here, 0.0, dissipation)
+    every = [it for it in (found.shares, dissipation) if it is not None]
+    if topology.dim == 2 and len(every) == 2:
+        # A mechanism dissipates most next to singular points, which soon contribute little to the
+        # gap.
+        every = [_in_all(problem.comm, every[0]) + _in_all(problem.comm, every[1]) / 2]
+    for shares in every:
+        marked |= largest_shares(problem.comm, shares, part)
+    return marked
+
+
+def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
+    """Return contributions relative to their sum, with negative ones as zero. Collective."""
+    shares = np.maximum(shares, 0.0)
+    whole = comm.allreduce(float(shares.sum()))
+    return shares / whole if whole > 0 else shares
+
+
+def directions_of_change(found: BodyBounds) -> Floats:
+    """Return gradients of the velocity and of the stress deviator, scaled to the norms 1 and 1/2.
+
+    Collective.
+
+    The gradients are those of fields that are linear in each cell. Their values at its corners are
+    the velocity, and the mean stress of the surrounding cells. Without a stress only the velocity
+    counts.
+
+    Args:
+        found: Bounds with a mechanism, which is zero if none was found.
+
+    Returns:
+        ∂f_j/∂x_i in row i, for the owned cells before the split, shape (num_cells, 3, 3 or 9); zero
+        where nothing changes.
+    """
+    tagged_mesh, space = found.problem.tagged_mesh, found.mechanism.function_space
+    cells, points = corners(tagged_mesh.mesh)
+    places = points[cells]
+    at_vertices = space.dofmap.list[: len(cells), : cells.shape[1]]  # independent of the degree
+    velocity = found.mechanism.x.array.reshape(-1, space.dofmap.index_map_bs)[at_vertices]
+    changes = [_gradients(tagged_mesh, places, velocity)]
+    if found.stress is not None:
+        deviator = found.stress.copy()
+        deviator[..., :3] -= deviator[..., :3].mean(axis=2, keepdims=True)
+        around = _around_vertices(tagged_mesh, cells, places, deviator)
+        changes.append(_gradients(tagged_mesh, places, around))
+    weights = 1.0, 0.5  # a larger norm for the stress worsens punches more than it improves plates
+    sized = [_in_their_size(found.problem.comm, it) for it in changes]
+    return np.concatenate([w * it for w, it in zip(weights, sized, strict=False)], axis=2)
+
+
+def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Floats:
+    """Return gradients in cells before the split, from values at corners of the parts."""
+    matrices, changes = places[:, 1:] - places[:, :1], values[:, 1:] - values[:, :1]
+    gradients = np.asarray(np.linalg.solve(matrices, changes), dtype=np.float64)
+    if not isinstance(tagged_mesh, AlfeldSplit):
+        return gradients
+    # The parts of a cell have equal volumes, so that their mean is the gradient from the cell's own
+    # corners.
+    flat = gradients.reshape(len(gradients), -1) / places.shape[1]
+    sums = np.stack([of_parents(column, tagged_mesh) for column in flat.T], axis=1)
+    return sums.reshape(-1, *gradients.shape[1:])
+
+
+def _around_vertices(
+    tagged_mesh: TaggedMesh, cells: Ints, places: Floats, values: Floats
+) -> Floats:
+    """Return means over all cells around each corner, weighted by their volumes. Collective.
+
+    Args:
+        tagged_mesh: The mesh.
+        cells: Vertices of the owned cells, shape (num_cells, 4).
+        places: Coordinates of these vertices, shape (num_cells, 4, 3).
+        values: Values at corners of cells, shape (num_cells, 4, m), as in the result.
+    """
+    vertices = tagged_mesh.mesh.topology.index_map(0)
+    volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1]))
+    weighted = np.concatenate([values, np.ones_like(values[..., :1])], axis=2)
+    weighted *= volumes[:, None, None]
+    width = weighted.shape[2]
+    sums = la.vector(vertices, width, dtype=np.float64)
+    table = sums.array.reshape(-1, width)
+    np.add.at(table, cells.ravel(), weighted.reshape(-1, width))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    means: Floats = (table[:, :-1] / table[:, -1:])[cells]
+    return means
+
+
+def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
+    """Return each gradient divided by its norm, except for rounding errors. Collective."""
+    sizes = np.linalg.norm(gradients, axis=(1, 2), keepdims=True)
+    least = 1e-4 * comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
+    return np.divide(
+        gradients, sizes + least, out=np.zeros_like(gradients), where=sizes + least > 0
+    )
+
+
+def edge_metric(found: BodyBounds) -> Floats | None:
+    """Return a matrix M for each owned cell; the squared length of an edge e is e·M e. Collective.
+
+    M = GᵀG + 3 SᵀS with the gradients G of the mechanism in the middle of the cell, and S of the
+    in-plane stress deviator. Each is scaled so that its largest squared singular value is 1. An
+    edge along which neither changes is short.
+
+    Args:
+        found: Bounds on the mesh, of quadratic velocities on triangles.
+
+    Returns:
+        Matrices, shape (num_cells, 2, 2); None without both bounds, and in axisymmetry.
+    """
+    tagged_mesh = found.problem.tagged_mesh
+    plane = tagged_mesh.mesh.topology.dim == 2 and not tagged_mesh.axisymmetric
+    if not plane or found.stress is None or found.shares is None or found.problem.degree != 2:
+        return None
+    vertices, points = corners(tagged_mesh.mesh)
+    x = points[vertices]
+    inverse = np.linalg.inv(x[:, 1:] - x[:, :1])  # maps x − x₀ to coordinates of the cell
+    slopes = np.concatenate([-inverse.sum(axis=2)[:, None], inverse.transpose(0, 2, 1)], axis=1)
+
+    space = found.mechanism.function_space
+    u = found.mechanism.x.array.reshape(-1, 2)[space.dofmap.list[: len(x)]]
+    a, b = np.array([(1, 2), (0, 2), (0, 1)]).T  # ends of the edges, whose nodes come last
+    in_middle = np.concatenate([slopes / 3, (slopes[:, a] + slopes[:, b]) * 4 / 3], axis=1)
+    of_velocity = np.einsum("cni,cnj->cij", u, in_middle)
+
+    deviator = np.stack(
+        [(found.stress[..., 0] - found.stress[..., 1]) / np.sqrt(2), found.stress[..., 3]], axis=2
+    )
+    of_stress = np.einsum("cni,cnj->cij", deviator, slopes)
+    more = 3.0  # weight of the stress: a fan with slip layers also needs directions
+    comm, apart = tagged_mesh.mesh.comm, np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+    sizes = apart.max(axis=1)
+    of_mechanism = _stretches(comm, of_velocity * sizes[:, None, None], u)
+    return of_mechanism + more * _stretches(comm, of_stress * sizes[:, None, None], deviator)
+
+
+def _stretches(comm: MPI.Intracomm, changes: Floats, values: Floats) -> Floats:
+    """Return GᵀG of gradients G, scaled to the larger eigenvalue 1 and a bounded smaller one.
+
+    Collective.
+
+    Args:
+        comm: The ranks.
+        changes: G times the size of the cell, shape (n, 2, 2).
+        values: Values whose change is measured, shape (n, k, 2). If they change only by rounding
+            errors, both eigenvalues are 1.
+    """
+    longest = 8.0  # largest ratio of length to width of cells
+    nothing = 1e-4  # relative to the largest value
+    largest = comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+    squares, axes = np.linalg.eigh(np.einsum("cki,ckj->cij", changes, changes))
+    small, large = np.sqrt(np.maximum(squares, 0.0)).T
+    ratio = np.divide(small, large, out=np.ones_like(small), where=large > nothing * largest)
+    stretched = np.column_stack([np.maximum(ratio, 1 / longest), np.ones_like(ratio)])
+    stretches: Floats = np.einsum("cik,ck,cjk->cij", axes, stretched**2, axes)
+    return stretches
 
 
 def finer_mesh(
@@ -118,8 +341,8 @@ def refined(
         problem: The bodies with their loads.
         marked: Marks of the owned cells.
         found: Bounds on the mesh. In the plane, cells become long where mechanism or stress changes
-            in one direction (:mod:`edge_metric`). In space, edges along which velocity and stress
-            change are cut (:mod:`directions_of_change`). Cells at singular edges with the largest
+            in one direction (:mod:`finer_meshes`). In space, edges along which velocity and stress
+            change are cut (:mod:`finer_meshes`). Cells at singular edges with the largest
             loss of the lower bound become fans instead of being refined, since more directions
             reduce this loss.
         cells: Largest number of cells of the mesh. In the plane, fans of long cells are created at

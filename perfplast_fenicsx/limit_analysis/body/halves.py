@@ -10,27 +10,166 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
-from perfplast_fenicsx.limit_analysis.body.copied_results import Copied
-from perfplast_fenicsx.limit_analysis.body.flow_problem import (
+from mpi4py import MPI
+
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.errors import InputError, raise_together
+from perfplast_fenicsx.limit_analysis.body.bound_problems import (
     FlowProblem,
+    by_cells,
     flow_problem,
     is_straight,
+    of_parts,
 )
-from perfplast_fenicsx.limit_analysis.body.meeting import Meeting
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep, StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
-from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
+from perfplast_fenicsx.limit_analysis.facets.entering import with_strict_contact
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
-from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
-from perfplast_fenicsx.limit_analysis.stress.static_bound import form_that_fits
-from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound
+from perfplast_fenicsx.limit_analysis.stress.static_bound import (
+    StaticBound,
+    bound_by_stress,
+    form_that_fits,
+)
 from perfplast_fenicsx.machine_memory import spare_memory
-from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, whole_mesh
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.mesh.whole_mesh import WholeMesh, to_owners, whole_mesh
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 
 log = logging.getLogger(__name__)
+
+
+class Meeting:
+    """All ranks synchronise after each step of any rank; ranks that have finished wait."""
+
+    def __init__(self, comm: MPI.Intracomm, monitor: Callable[[InteriorStep], None] | None) -> None:
+        """Begin the synchronisation of these ranks.
+
+        Args:
+            comm: The ranks.
+            monitor: Called on every rank after each step of any.
+        """
+        self._comm, self._monitor = comm, monitor
+        self.monitor = None if monitor is None else self._tell
+        """Called after each step of this rank; other ranks receive the step when they synchronise.
+        """
+
+    def after(self, work: Callable[[], None]) -> bool:
+        """Do this rank's work, which must not be collective, and wait for that of all ranks.
+
+        Collective.
+
+        Returns:
+            Whether the work is done; False if the work of any rank does not fit into memory.
+
+        Raises:
+            InputError: On all ranks, from the work of any rank.
+            StopSearch: On all ranks, from the monitor, whether they work or wait.
+        """
+        fault, fits = None, True
+        try:
+            work()
+        except TooLarge:
+            fits = False
+        except InputError as error:
+            fault = str(error)
+        while self._meet(None):
+            pass
+        raise_together(self._comm, fault)
+        return self._comm.allreduce(fits, MPI.LAND)
+
+    def _tell(self, step: InteriorStep) -> None:
+        """Report a step of this rank, and receive those of others."""
+        self._meet(step)
+
+    def _meet(self, step: InteriorStep | None) -> bool:
+        """Report a step, or None at the end of the work; return whether any rank still works."""
+        told = [it for it in self._comm.allgather(step) if it is not None]
+        if self._monitor is not None:
+            for it in told:
+                self._monitor(it)
+        return bool(told)
+
+
+@dataclass(frozen=True)
+class Copied:
+    """A mesh that ranks share, and this rank's copy of the mesh."""
+
+    shared: TaggedMesh
+    copy: WholeMesh
+
+    def limit(
+        self, root: int, flow: FlowProblem, own: FlowProblem | None, found: LimitLoad | None
+    ) -> LimitLoad | None:
+        """Return a limit load with its mechanism and its stress, but without forces of pairs.
+
+        Collective.
+
+        Args:
+            root: The rank with the result.
+            flow: The flow problem on the shared mesh.
+            own: The flow problem on the copy; ``found`` exists only on the root.
+            found: The result on the root; ignored on other ranks.
+
+        Returns:
+            The same result on every rank; None if nothing was found.
+        """
+        told, rows = None, dict[str, npt.NDArray]()
+        if self._comm.rank == root and own is not None and found is not None:
+            fields = {"mechanism": found.mechanism, "stress": found.stress}
+            rows = {name: _rows(it, own) for name, it in fields.items() if it is not None}
+            told = vars(found) | dict.fromkeys((*fields, "contact_forces"))
+        told = self._comm.bcast(told, root)
+        if told is None:
+            return None
+        rows = to_owners(self.shared, self.copy, root, rows)
+        problem = flow.problem
+        spaces = {"mechanism": problem.V, "stress": problem.S}
+        fields = {name: _function(flow, spaces[name], name, it) for name, it in rows.items()}
+        return LimitLoad(**(told | fields))
+
+    def stress(self, root: int, found: StaticBound | None) -> StaticBound:
+        """Return a lower bound with its stress. The rank with the result.
+
+        Args:
+            root: The rank that has found it.
+            found: The result on the root; ignored on other ranks.
+        """
+        told, rows = dict[str, Any](), dict[str, npt.NDArray]()
+        if self._comm.rank == root and found is not None:
+            rows = {"stress": found.stress, "dissipation": found.dissipation}
+            told = vars(found) | dict.fromkeys(rows)
+        told = self._comm.bcast(told, root)
+        return StaticBound(**(told | to_owners(self.shared, self.copy, root, rows)))
+
+    @property
+    def _comm(self) -> MPI.Intracomm:
+        return self.shared.mesh.comm
+
+
+def _rows(function: fem.Function, own: FlowProblem) -> Floats:
+    """Return values at the nodes or points of each cell or part, shape (num_cells, ...)."""
+    dofmap = function.function_space.dofmap
+    values: Floats = function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list]
+    return values if own.split is None else by_cells(values, own.split)
+
+
+def _function(
+    flow: FlowProblem, space: fem.FunctionSpace, name: str, rows: npt.NDArray
+) -> fem.Function:
+    """Return a function with the given values. Collective."""
+    function, dofmap = fem.Function(space, name=name), space.dofmap
+    values = rows if flow.split is None else of_parts(rows, flow.split)
+    function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list[: len(values)]] = values
+    function.x.scatter_forward()
+    return function
+
 
 Steps = Callable[[InteriorStep], None] | None
 

@@ -1,4 +1,4 @@
-"""Compute both bounds of the limit load of the body that a mesh fills, on one mesh."""
+"""Compute both bounds, or one, of the limit load of the body that a mesh fills, on one mesh."""
 
 import logging
 from collections.abc import Callable
@@ -7,66 +7,72 @@ from dataclasses import replace
 
 import numpy as np
 
-from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.block_bounds import (
     are_blocks,
     block_bounds,
     check_blocks,
 )
-from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_words import taken_as
-from perfplast_fenicsx.limit_analysis.body.flow_problem import (
+from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds, taken_as
+from perfplast_fenicsx.limit_analysis.body.bound_problems import (
     FlowProblem,
     flow_problem,
     is_straight,
+    of_displacements,
+    of_parents,
+    on_parts,
+    split_of,
+    weaker_and_stronger,
 )
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once, pays
-from perfplast_fenicsx.limit_analysis.body.parts_of_cells import of_parents, on_parts
-from perfplast_fenicsx.limit_analysis.body.proven_bounds import proven
-from perfplast_fenicsx.limit_analysis.body.radenkovic_pair import weaker_and_stronger
-from perfplast_fenicsx.limit_analysis.body.ring_results import of_displacements
+from perfplast_fenicsx.limit_analysis.body.proof_arrays import proven
+from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
     body_cones,
     check_cones_are_provable,
 )
-from perfplast_fenicsx.limit_analysis.discrete.cohesion import check_cohesion
-from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, resisted
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import forces_of_pairs
-from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import (
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
     NOTICED,
+    check_cohesion,
+    check_profiles,
     held_bodies,
     strong_bodies,
 )
-from perfplast_fenicsx.limit_analysis.discrete.strength_fields import check_profiles
-from perfplast_fenicsx.limit_analysis.facets.associated_slip import with_strict_contact
+from perfplast_fenicsx.limit_analysis.facets.entering import with_strict_contact
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
-from perfplast_fenicsx.limit_analysis.statements.bound import (
-    CONFINED,
-    NO_MECHANISM,
-    Bound,
-    Scope,
-)
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_flat_guides,
     check_loads,
     check_tolerance,
 )
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
-from perfplast_fenicsx.limit_analysis.stress.standing_stress import bound_by_stress
+from perfplast_fenicsx.limit_analysis.statements.load_factor import (
+    CONFINED,
+    NO_MECHANISM,
+    Bound,
+    Question,
+    Scope,
+)
 from perfplast_fenicsx.limit_analysis.stress.static_bound import (
+    bound_by_stress,
     check_straight,
     form_that_fits,
+    strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.velocity.gap_shares import gap_shares
-from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
+from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     MechanismRates,
     mechanism_rates,
 )
-from perfplast_fenicsx.limit_analysis.velocity.resting_bodies import keep_apart, let_rest
-from perfplast_fenicsx.limit_analysis.velocity.strict_work import strict_upper_bound
+from perfplast_fenicsx.limit_analysis.velocity.strict_work import (
+    gap_shares,
+    keep_apart,
+    let_rest,
+    strict_upper_bound,
+)
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
@@ -296,3 +302,75 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
         question=question,
     )
     return bounds, rates
+
+
+Steps = Callable[[InteriorStep], None]
+"""Called on every rank after each step of the interior point method."""
+
+
+NOT_ASKED = "it was not requested"
+"""Why the other bound is missing."""
+
+
+def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:
+    """Return an upper bound and its mechanism, without a lower one. Collective.
+
+    Args:
+        problem: See :func:`limit_bounds.limit_bounds`.
+        rtol: Relative distance to the best upper bound on its mesh.
+        steps: Called after each step.
+
+    Raises:
+        InputError: As :func:`limit_bounds.limit_bounds`.
+    """
+    problem = admitted(problem, rtol)
+    _, above = weaker_and_stronger(problem)
+    bounds = with_displacements(above, mechanism_bound(above, rtol, steps)[0])
+    return proven(replace(bounds, lower=_other("lower"), taken=taken_as(problem)))
+
+
+def lower_bound(
+    problem: Problem, beside: BodyBounds, rtol: float = 1e-4, steps: Steps | None = None
+) -> BodyBounds:
+    """Return a lower bound and its stress, without an upper one. Collective.
+
+    Args:
+        problem: See :func:`limit_bounds.limit_bounds`.
+        beside: Bounds for the same loads, with nearly the same strengths. Its mechanism measures
+            the residuals of the stress, and remains the reported one; its question is used.
+        rtol: Relative distance to the best lower bound on its mesh.
+        steps: Called after each step.
+
+    Raises:
+        InputError: As :func:`limit_bounds.limit_bounds`.
+    """
+    problem = admitted(problem, rtol)
+    below, _ = weaker_and_stronger(problem)
+    static = strict_lower_bound(below, rtol, steps, beside.question)
+    on, stress = below, static.stress if static.bound.value is not None else None
+    split = split_of(problem)
+    if split is not None:
+        on = below.on(split)
+        stress = stress if stress is None else on_parts(stress, split)
+    elif problem.bodies.gdim == 3:  # without a split, parts of cells are not cells of any mesh
+        stress = None
+    found = replace(
+        beside,
+        problem=on,
+        lower=static.bound,
+        upper=_other("upper"),
+        static=static,
+        stress=stress,
+        shares=None,
+        certificates={} if static.certificate is None else vars(static.certificate),
+        steps=len(static.steps),
+        factorisations=static.factorisations,
+        weaker=None,
+        taken=taken_as(problem),
+    )
+    return proven(found)
+
+
+def _other(kind: str) -> Bound:
+    """Return a placeholder for the bound that is not computed."""
+    return Bound(None, kind, Scope.MESH, (NOT_ASKED,))

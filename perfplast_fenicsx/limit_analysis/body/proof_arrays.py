@@ -1,24 +1,31 @@
-"""Write proofs of bounds as plain arrays: a stress, forces or a velocity, each with its bodies.
+"""Write proofs of bounds as plain arrays, and call strict what the checker proves.
 
 :class:`proof.body.Body` lists the arrays, and :mod:`proof.checker` checks them.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, matrices
+from perfplast_fenicsx.arrays import Floats, Longs, matrices
 from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
-from perfplast_fenicsx.limit_analysis.body.proof_cones import cones_on_file, table_of
-from perfplast_fenicsx.limit_analysis.body.proof_loads import Places, loads_on_file
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
+    Side,
+    profiles_of_cells,
+    steepness_of_cells,
+)
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import is_divided
-from perfplast_fenicsx.limit_analysis.facets.bound_body import bound_body
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, FacetLoads, bound_body
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import collapses_by_loads
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question, Scope
 from perfplast_fenicsx.mesh.global_ordering import (
     Block,
     Ordering,
@@ -30,6 +37,142 @@ from perfplast_fenicsx.mesh.global_ordering import (
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.proof.checker import check_halves
+from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.verdict import Checked
+
+
+def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str, Block]:
+    """Return the cones of the bodies, the cone of each cell, and its factor if it varies.
+
+    Collective. If the friction angle varies, each cell has its own cone.
+
+    Args:
+        problem: The bodies.
+        of_cells: Order of the cells in the file.
+        side: Side on which linear functions bound the profiles of strengths that vary.
+    """
+    found = body_cones(problem)
+    tagged_mesh = problem.tagged_mesh
+    d = tagged_mesh.mesh.topology.dim
+    m = 4 if tagged_mesh.axisymmetric else d * (d + 1) // 2
+    numbers = np.full(len(found.cones), -1)
+    rows: list[tuple[Any, ...]] = []
+    for number, cone in enumerate(found.cones):
+        if (principal := cone.principal) is not None:
+            cut = principal.tension if np.isfinite(principal.tension) else np.nan
+            rows.append((principal.bound, np.zeros(m), np.zeros((m, m)), principal.sine, cut))
+        elif (plain := cone.plain) is not None:
+            matrix = np.pad(plain.matrix, ((0, m - len(plain.matrix)), (0, 0)))
+            rows.append((plain.bound, plain.slope, matrix, np.nan, np.nan))
+        else:
+            continue
+        numbers[number] = len(rows) - 1
+    columns = zip(*rows, strict=True) if rows else ((),) * 5
+    bounds, slopes, forms, sines, cuts = map(np.array, columns)
+    of_each = numbers[found.of_cells]
+    if (steepness := steepness_of_cells(problem, side)) is not None:
+        of_each, kinds, steep = _unlike(problem, of_each, steepness)
+        bounds, slopes, forms, sines, cuts = (
+            it[kinds] for it in (bounds, slopes, forms, sines, cuts)
+        )
+        slopes *= steep[:, None]
+    profile = profiles_of_cells(problem, side)
+    varies = {} if profile is None else {"cell_strength": block(of_cells, profile)}
+    return {
+        **varies,
+        "cone": block(of_cells, of_each),
+        "cone_bound": table_of(problem, bounds, (), np.float64),
+        "cone_slope": table_of(problem, slopes, (m,), np.float64),
+        "cone_matrix": table_of(problem, forms, (m, m), np.float64),
+        "cone_sine": table_of(problem, sines, (), np.float64),
+        "cone_tension": table_of(problem, cuts, (), np.float64),
+    }
+
+
+def _unlike(problem: Problem, kinds: Longs, steepness: Floats) -> tuple[Longs, Longs, Floats]:
+    """Return a number for each pair of a kind of cone and a factor of its slope. Collective.
+
+    Args:
+        problem: Problem with the ranks.
+        kinds: Kind of each cell of this rank, -1 of elastic ones, shape (num_cells,).
+        steepness: Factor of each.
+
+    Returns:
+        The number of each cell, -1 of elastic ones; kind and factor of each number, the same on all
+        ranks.
+    """
+    plastic = kinds >= 0
+    own = np.column_stack([kinds, steepness])[plastic]
+    every = np.unique(np.concatenate(problem.comm.allgather(np.unique(own, axis=0))), axis=0)
+    found = np.full(len(kinds), -1)
+    _, numbers = np.unique(np.concatenate([every, own]), axis=0, return_inverse=True)
+    found[plastic] = numbers.ravel()[len(every) :]
+    return found, every[:, 0].astype(np.int64), every[:, 1]
+
+
+def table_of(
+    problem: Problem, rows: Sequence | npt.NDArray, shape: tuple[int, ...], kind: npt.DTypeLike
+) -> Block:
+    """Return rows that every rank has as an array on rank 0.
+
+    Args:
+        problem: Problem with the ranks.
+        rows: The rows, the same on all ranks.
+        shape: Shape of a row.
+        kind: Type of its numbers.
+    """
+    values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
+    return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Positions of a rank's rows in the file.
+
+    Attributes:
+        of_cells: Order of the owned cells.
+        of_facets: Order of the outer facets.
+    """
+
+    of_cells: Ordering
+    of_facets: Ordering
+
+
+def loads_on_file(
+    problem: Problem, body: BoundBody, question: Question, places: Places
+) -> dict[str, Block]:
+    """Return the arrays of all loads. Collective.
+
+    Args:
+        problem: The bodies.
+        body: The bodies as bound data.
+        question: The loads that λ multiplies.
+        places: Positions of their cells and facets.
+    """
+    d, outer = body.vertices.shape[2], body.geometry.exterior
+    found: dict[str, Block] = {}
+    for prefix, loads in _kinds(problem, body, question).items():
+        pushes = body.geometry.at_corners(outer, loads.tractions[outer])
+        found[f"{prefix}body_force"] = block(places.of_cells, loads.forces)
+        found[f"{prefix}traction"] = block(places.of_facets, pushes)
+        if loads.wet:
+            found[f"{prefix}pore_pressure"] = block(places.of_cells, loads.pores)
+        if body.rigid.names:
+            forces, moments = list(loads.rigid_forces), list(loads.rigid_moments)
+            found[f"{prefix}rigid_force"] = table_of(problem, forces, (d,), np.float64)
+            found[f"{prefix}rigid_moment"] = table_of(problem, moments, (2 * d - 3,), np.float64)
+    return found
+
+
+def _kinds(problem: Problem, body: BoundBody, question: Question) -> dict[str, FacetLoads]:
+    """Return the loads of each kind that the file format supports."""
+    if question is Question.STANDS:
+        return {"": body.dead, "any_": body.live}
+    if any(load.constant for load in problem.given.loads):
+        return {"": body.live, "constant_": body.dead}
+    return {"": body.live}
+
 
 Blocks = dict[str, Block]
 """Arrays by name."""
@@ -340,3 +483,104 @@ def _kept(problem: Problem, of_cells: Ordering) -> Block:
             cells = tagged_mesh.cells(name)
             flags[cells[cells < len(flags)]] = 1
     return block(of_cells, flags)
+
+
+Ask = Callable[[LowerProof | None, VelocityProof | None], Mapping[str, Checked]]
+"""Asks the checker. Collective; rank 0 has the answer."""
+
+
+def proven(bounds: BodyBounds) -> BodyBounds:
+    """Return bounds that are strict where the checker proves them. Collective.
+
+    Args:
+        bounds: As the program found them.
+    """
+    comm = bounds.problem.comm
+
+    def ask(lower: LowerProof | None, upper: VelocityProof | None) -> dict[str, Checked]:
+        blocks, numbers = half_arrays(lower, upper)
+        halves = {}
+        for kind, half in blocks.items():
+            whole = {name: comm.gather(rows.values, root=0) for name, rows in half.items()}
+            halves[kind] = {name: np.concatenate(of) for name, of in whole.items() if of}
+            halves[kind] |= {name: np.asarray(of) for name, of in numbers[kind].items()}
+        return check_halves(halves) if comm.rank == 0 else {}
+
+    low, high = proven_part(bounds, bounds, ask)
+    if bounds.weaker is not None and not (low.lower.strict and high.upper.strict):
+        # The water of a slope that has an upper and a lower substitute is not one statement. A
+        # factor of safety has a file of each.
+        lower, upper = (
+            replace(of, value=None, of=Scope.MESH) for of in (bounds.lower, bounds.upper)
+        )
+        low, high = replace(bounds, upper=upper), replace(bounds, lower=lower)
+        low = proven_part(low, low, ask)[0]
+        high = proven_part(high, high, ask)[1]
+    return replace(bounds, lower=low.lower, upper=high.upper)
+
+
+def proven_part(
+    low: BodyBounds, high: BodyBounds, ask: Ask, divisor: float | None = None
+) -> tuple[BodyBounds, BodyBounds]:
+    """Return bounds that are strict where a checker proves them. Collective.
+
+    A bound that it proves to be worse has the value that it proves. Others that it refuses are
+    bounds of the mesh.
+
+    Args:
+        low: With the lower bound.
+        high: With the upper bound.
+        ask: Asks the checker.
+        divisor: F that divides the strengths of the bodies; None without such a factor.
+    """
+    comm, claimed = low.problem.comm, (low.lower.value, high.upper.value)
+    while (halves := proofs(low, high, divisor)) != (None, None):
+        refused, reached = comm.bcast(_answered(ask, *halves))
+        both = (low.lower, high.upper)
+        worse = {
+            bound.kind: bound.proven(reached[bound.kind])
+            for bound, before in zip(both, claimed, strict=True)
+            if bound.kind in refused
+            and reached.get(bound.kind) not in (None, before)
+            and bound.value == before
+        }
+        lower, upper = (_judged(bound, worse, refused) for bound in both)
+        low = low if lower is low.lower else replace(low, lower=lower)
+        high = high if upper is high.upper else replace(high, upper=upper)
+        if not refused:
+            break
+    return low, high
+
+
+def _judged(bound: Bound, worse: Mapping[str, Bound], refused: Mapping[str, str]) -> Bound:
+    """Return a bound after the checker has answered.
+
+    Args:
+        bound: A bound.
+        worse: Those that the checker proves with a worse value, which it has to see again.
+        refused: Why it refuses others, by kind.
+    """
+    if bound.kind in worse:
+        return worse[bound.kind]
+    if not bound.can_be_strict:
+        return bound
+    if not refused:
+        return bound.proven() if bound.doubts else bound
+    return bound if worse or bound.kind not in refused else bound.refused(refused[bound.kind])
+
+
+def _answered(
+    ask: Ask, lower: LowerProof | None, upper: VelocityProof | None
+) -> tuple[dict[str, str], dict[str, float | None]]:
+    """Return why the checker refuses halves, by kind, and the bounds that they prove."""
+    try:
+        found = ask(lower, upper)
+    except ProofError as error:
+        why = f"the proof checker refuses it: {error}"
+        return dict.fromkeys(("lower", "upper"), why), {}
+    refused = {
+        kind: f"the proof checker refuses it: {'; '.join(half.faults)}"
+        for kind, half in found.items()
+        if half.faults
+    }
+    return refused, {kind: half.reached for kind, half in found.items()}

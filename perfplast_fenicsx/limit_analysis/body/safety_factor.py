@@ -16,24 +16,26 @@ from typing import Any
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import nearness
-from perfplast_fenicsx.limit_analysis.body.bare_cells import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
-from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_words import sentences, taken_as
+from perfplast_fenicsx.limit_analysis.body.body_bounds import (
+    NOT_SOUGHT,
+    BodyBounds,
+    sentences,
+    taken_as,
+)
+from perfplast_fenicsx.limit_analysis.body.bound_problems import with_matching_facets
 from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots, next_factor
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh
-from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
-from perfplast_fenicsx.limit_analysis.body.one_bound import NOT_ASKED, upper_bound
+from perfplast_fenicsx.limit_analysis.body.limit_bounds import NOT_ASKED, limit_bounds, upper_bound
+from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     check_stands,
     kept_strengths,
     weakened,
 )
-from perfplast_fenicsx.limit_analysis.facets.glued_ties import with_matching_facets
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.statements.load_factor import StrengthPath
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, StrengthPath
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.outcome_words import factor_words
 from perfplast_fenicsx.problem.problem import Problem

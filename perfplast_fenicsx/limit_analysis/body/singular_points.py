@@ -1,12 +1,31 @@
-"""Find boundary points of a plane mesh at which the stress depends only on the direction.
+"""Find points, edges and cells where a mesh has to be finer whatever the gap is.
 
 There every cell has one stress, so that the angles of the cells limit the lower bound, whatever the
 mesh elsewhere.
+
+Find edges of a mesh in space around which the stress depends only on the direction.
+In the plane across such an edge the stress is as at a singular point (:mod:`singular_points`).
+Bisection adds no new directions, at any cell size. Fans of cells around the edge add directions.
+
+Find cells of the plane that are too wide where loads, supports or contacts end.
+At such points principal stresses rotate (:mod:`singular_points`). A lower bound needs directions
+out to the same distance, that is long and thin cells. Next to a side with known traction the stress
+is uniform at first. Long cells improve nothing there and worsen the mechanism.
+
+Refine edges in space at which a shear traction ends and too few cells carry it.
+Stresses are symmetric: for one stress at an edge, the traction on either side has the same
+component along the normal of the other side. If the given tractions violate this, as a shear next
+to a free side does, the stress changes from one side to the other, in as many steps as there are
+cells. One or two cells carry a small part of the body's load. Finer meshes by bisection carry no
+more, since they keep these cells.
 """
 
+import logging
 from collections.abc import Hashable
 from dataclasses import replace
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +33,19 @@ from dolfinx import la
 from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
+from perfplast_fenicsx.limit_analysis.body.bound_problems import with_matching_facets
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, bound_body
+from perfplast_fenicsx.limit_analysis.facets.lone_corners import bare_vertices, with_divided_corners
+from perfplast_fenicsx.mesh.bisection import edges_of_simplex
+from perfplast_fenicsx.mesh.refinement import fan, fan_around
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.problem import Problem
+
+log = logging.getLogger(__name__)
 
 
 def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: bool = True) -> Ints:
@@ -132,3 +161,286 @@ def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
     for tag, held in acting.items():
         kinds[tagged_mesh.facet_tags.find(tag)] = known.index(frozenset(held))
     return kinds
+
+
+def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.NDArray[np.bool_]:
+    """Return which edges of each owned cell need more cells around them. Collective.
+
+    Args:
+        tagged_mesh: Mesh of tetrahedra.
+        given: Its loads, supports and contacts.
+        valence: Required number of cells around an edge whose sides allow a rotation by a right
+            angle, see :func:`singular_points.singular_points`.
+
+    Returns:
+        Flags in DOLFINx's order of edges, shape (num_cells, 6).
+    """
+    topology = tagged_mesh.mesh.topology
+    topology.create_entities(1)
+    topology.create_connectivity(3, 1)
+    topology.create_connectivity(2, 1)
+    topology.create_connectivity(2, 3)
+    cells, points = corners(tagged_mesh.mesh)
+    of_cell = topology.connectivity(3, 1).array.reshape(-1, 6)[: len(cells)]
+    outer = exterior_facet_indices(topology)
+    sides = topology.connectivity(2, 1).array.reshape(-1, 3)[outer]
+    kind = np.repeat(kinds_of_facets(tagged_mesh, given)[outer], 3).astype(np.float64)
+
+    edges = topology.index_map(1)
+    sums = la.vector(edges, 5, dtype=np.float64)
+    table = sums.array.reshape(edges.size_local + edges.num_ghosts, 5)
+    angle = angles_at_edges(points[cells]).ravel()
+    np.add.at(table[:, :2], of_cell.ravel(), np.column_stack([angle, np.ones(angle.size)]))
+    np.add.at(table[:, 2:], sides.ravel(), np.column_stack([np.ones(kind.size), kind, kind**2]))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    angles, around, facets, kinds, squares = table.T
+    wanted = valence * turns(angles, facets, kinds, squares)
+    wanting: npt.NDArray[np.bool_] = ((facets > 0) & (around < wanted))[of_cell]
+    return wanting
+
+
+def angles_at_edges(x: Floats) -> Floats:
+    """Return angles between the two faces at each edge.
+
+    Args:
+        x: Corners of tetrahedra, shape (num_cells, 4, 3).
+
+    Returns:
+        Angles, shape (num_cells, 6).
+    """
+    ends = edges_of_simplex(3)
+    others = ends[::-1]  # edge k is opposite edge 5 - k
+    along = x[:, ends[:, 1]] - x[:, ends[:, 0]]
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    one, other = (
+        away - np.einsum("cei,cei->ce", away, along)[..., None] * along
+        for away in (x[:, others[:, k]] - x[:, ends[:, 0]] for k in (0, 1))
+    )
+    across = np.linalg.norm(np.cross(one, other), axis=-1)
+    angles: Floats = np.arctan2(across, np.einsum("cei,cei->ce", one, other))
+    return angles
+
+
+Flags = npt.NDArray[np.bool_]
+
+
+def wide_corners(
+    tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
+) -> tuple[Flags, Flags]:
+    """Return which corners of owned cells at such points are too wide, and all such corners.
+
+    Collective.
+
+    Args:
+        tagged_mesh: Mesh of triangles.
+        given: Its loads, supports and contacts.
+        gap: Gap of the bounds on this mesh, relative. The gap due to an angle is proportional to
+            its square. Angles are therefore halved once the bounds are close, and again for each
+            quarter of the gap.
+
+    Returns:
+        Both of shape (num_cells, 3).
+    """
+    widest = np.deg2rad(7.5)  # for a rotation by a right angle; wider for smaller rotations
+    near_enough = 0.004  # gap at which angles are halved: they cause a third of it
+    if gap is not None and 0 < gap < near_enough:
+        widest /= 2.0 ** np.ceil(np.log(near_enough / gap) / np.log(4.0))
+    near = np.deg2rad(42.0)  # from a side: without friction the stress is uniform within 45°
+    topology = tagged_mesh.mesh.topology
+    vertices, points = corners(tagged_mesh.mesh)
+    vertices = vertices[: topology.index_map(2).size_local]
+    x = points[vertices]
+    turn, _, at_ends = turns_at_vertices(tagged_mesh, given)
+    turn = (turn * at_ends)[vertices]
+    wide = angles_at_corners(x) * turn > widest
+    return wide & (_from_sides(tagged_mesh, points, vertices) > near), turn > 0
+
+
+def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floats:
+    """Return the larger angle of both edges of a corner from the nearer side. Collective.
+
+    Args:
+        tagged_mesh: Mesh of triangles.
+        points: Points of the local vertices.
+        vertices: Vertices of the owned cells, shape (num_cells, 3).
+
+    Returns:
+        Angles, shape (num_cells, 3); meaningless where no two sides meet.
+    """
+    topology = tagged_mesh.mesh.topology
+    outer = exterior_facet_indices(topology)
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
+    along = _directions(points[ends[:, 1]] - points[ends[:, 0]])
+    # The sum of both directions as complex numbers and the sum of their squares determine them.
+    sums = la.vector(topology.index_map(0), 4, dtype=np.float64)
+    table = sums.array.reshape(-1, 2, 2)
+    for end, direction in ((0, along), (1, -along)):
+        powers = np.stack([direction, direction**2], axis=1)
+        np.add.at(table, ends[:, end], np.stack([powers.real, powers.imag], axis=2))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    whole, squares = (table[:, k, 0] + 1j * table[:, k, 1] for k in (0, 1))
+    root = np.sqrt(2 * squares - whole**2)
+    sides = np.stack([whole + root, whole - root], axis=1)[vertices]
+
+    x = points[vertices]
+    edges = np.stack([_directions(np.roll(x, -k, axis=1) - x) for k in (1, 2)], axis=2)
+    angles = np.abs(np.angle(edges[..., None] * np.conj(sides[:, :, None])))
+    away: Floats = angles.min(axis=3).max(axis=2)
+    return away
+
+
+def _directions(vectors: Floats) -> npt.NDArray[np.complex128]:
+    """Return plane vectors as complex numbers of modulus 1."""
+    numbers = vectors[..., 0] + 1j * vectors[..., 1]
+    directions: npt.NDArray[np.complex128] = numbers / np.abs(numbers)
+    return directions
+
+
+def with_sheared_edges_divided(problem: Problem) -> Problem:
+    """Return the problem with fans around such edges; unchanged without such edges. Collective.
+
+    Args:
+        problem: The bodies with their loads. The function returns them unchanged in the plane, on
+            curved cells, and if tractions on facets are not known.
+    """
+    if problem.bodies.gdim == 2 or has_curved_cells(problem.tagged_mesh.mesh):
+        return problem
+    most = 3  # bisections, which make eight cells of one
+    for _ in range(most):
+        body = bound_body(problem)
+        if body.prevents is not None or not problem.as_declared:
+            break
+        edges = sheared_edges(problem, body)
+        count = problem.comm.allreduce(int(edges.any(axis=1).sum()))
+        if count == 0:
+            break
+        log.info("%d cells at edges where a shear traction ends are divided", count)
+        pairs = opposite_vertices(problem.tagged_mesh, problem.given.contacts)
+        problem = problem.on(fan_around(problem.tagged_mesh, edges, pairs).tagged_mesh)
+    return problem
+
+
+def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
+    """Return edges of owned cells at which shears differ and too few cells meet. Collective.
+
+    Returns:
+        In DOLFINx's order of edges, shape (num_cells, 6).
+    """
+    topology = problem.tagged_mesh.mesh.topology
+    topology.create_entities(1)
+    topology.create_connectivity(3, 1)
+    topology.create_connectivity(2, 1)
+    topology.create_connectivity(1, 0)
+    cells, points = corners(problem.tagged_mesh.mesh)
+    of_cell = topology.connectivity(3, 1).array.reshape(-1, 6)[: len(cells)]
+    facets = body.geometry.exterior
+    of_facet = topology.connectivity(2, 1).array.reshape(-1, 3)[facets]
+    normals = body.geometry.normals(facets)
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[of_facet]
+    numbers = topology.index_map(0).local_to_global(np.arange(len(points), dtype=np.int32))
+    sides = _sides(ends, points, numbers, body.geometry.corners(facets), normals)
+    known = _told(body)[facets]
+    pushes = [loads.tractions[facets].mean(axis=1) for loads in (body.live, body.dead)]
+
+    edges = topology.index_map(1)
+    sums = la.vector(edges, 14, dtype=np.float64)
+    table = sums.array.reshape(edges.size_local + edges.num_ghosts, 14)
+    angle = angles_at_edges(points[cells]).ravel()
+    np.add.at(table[:, :2], of_cell.ravel(), np.column_stack([angle, np.ones(angle.size)]))
+    of_facets = [known[:, None], normals]
+    for push in pushes:
+        of_facets += [push, np.einsum("fi,fi->f", push, normals)[:, None]]
+    rows: Floats = np.repeat(np.hstack(of_facets).astype(np.float64)[:, None], 3, axis=1)
+    rows[:, :, 4:] *= sides[:, :, None]
+    np.add.at(table[:, 2:], of_facet.ravel(), rows.reshape(-1, 12))
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    wrong = np.zeros(len(table), dtype=bool)
+    noticed = 0.05  # relative to the largest traction; a smaller difference has little effect
+    for k, push in enumerate(pushes):
+        # (t − s)·(m + n) − (t·m − s·n) = t·n − s·m
+        at = 6 + 4 * k
+        across = np.einsum("ei,ei->e", table[:, at : at + 3], table[:, 3:6]) - table[:, at + 3]
+        largest = problem.comm.allreduce(np.abs(push).max(initial=0.0), MPI.MAX)
+        wrong |= np.abs(across) > noticed * largest
+    right = np.pi / 2
+    valence = 2  # required number of cells in each right angle of the body
+    rounding = 1e-6  # cells, by their angles
+    straight = 1.8  # right angles from which there is no corner
+    few = table[:, 1] < valence * table[:, 0] / right - rounding
+    few &= table[:, 0] < straight * right
+    found: npt.NDArray[np.bool_] = (wrong & few & (table[:, 2] > 1.5))[of_cell]
+    return found
+
+
+def _sides(ends: Longs, points: Floats, numbers: Longs, facets: Floats, normals: Floats) -> Floats:
+    """Return 1 or −1 for each edge of a facet, with opposite signs on its two sides.
+
+    Args:
+        ends: Vertices of the edges, shape (num_facets, 3, 2).
+        points: Coordinates of all vertices.
+        numbers: Numbers of all vertices, the same on all ranks.
+        facets: Vertices of the facets, shape (num_facets, 3, 3).
+        normals: Normals of the facets.
+    """
+    turned = np.diff(numbers[ends], axis=2) < 0
+    along = np.where(turned, -1.0, 1.0) * np.diff(points[ends], axis=2)[:, :, 0]
+    inwards = facets.mean(axis=1)[:, None] - points[ends].mean(axis=2)
+    sides = np.sign(np.einsum("fei,fei->fe", np.cross(normals[:, None], along), inwards))
+    return np.asarray(sides, dtype=np.float64)
+
+
+def _told(body: BoundBody) -> npt.NDArray[np.bool_]:
+    """Return on which facets all components of the traction are given, shape (num_facets,)."""
+    told = ~np.asarray(body.facets.held.any(axis=1), dtype=np.bool_)
+    told[body.facets.in_contact] = False
+    told[body.facets.rubbing] = False
+    told[body.rigid.surface >= 0] = False
+    return told
+
+
+def with_room_for_stress(problem: Problem) -> Problem:
+    """Return the problem with all cells divided in which the stress is over-constrained.
+
+    Collective.
+
+    Args:
+        problem: The bodies with their loads.
+    """
+    problem = with_sheared_edges_divided(with_divided_corners(with_matching_facets(problem)))
+    return with_divided_bare_cells(problem)
+
+
+def with_divided_bare_cells(problem: Problem) -> Problem:
+    """Return the plane problem with all unconfined cells divided; unchanged without such cells.
+
+    Collective.
+
+    A cell is divided together with all others at the vertex opposite an inner edge.
+
+    Args:
+        problem: The bodies with their loads. The function returns them unchanged if tractions on
+            facets are not known or cells are curved.
+    """
+    tagged_mesh, cones = problem.tagged_mesh, body_cones(problem)
+    if problem.bodies.gdim == 3 or tagged_mesh.axisymmetric or not cones.loose:
+        return problem
+    if has_curved_cells(tagged_mesh.mesh):
+        return problem
+    body = bound_body(problem)
+    if body.prevents is not None or not problem.as_declared:
+        return problem
+    topology, loose = tagged_mesh.mesh.topology, cones.at_cells()[0] == 0
+    outside = np.isin(body.numbers.facets, exterior_facet_indices(topology))
+    bare = bare_vertices(problem, body, loose).all(axis=1) & ~outside.all(axis=1)
+    here = np.flatnonzero(bare)
+    count = problem.comm.allreduce(len(here))
+    if count == 0:
+        return problem
+    log.info("%d cells without cohesion and confinement are divided", count)
+    vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
+    points = np.unique(vertices[here, np.argmin(outside[here], axis=1)])
+    pairs = opposite_vertices(tagged_mesh, problem.given.contacts)
+    return problem.on(fan(tagged_mesh, points, pairs).tagged_mesh)

@@ -26,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
 )
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
-from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
+from perfplast_fenicsx.limit_analysis.statements.load_factor import measure_of
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 AT_REST = 1e-4
@@ -300,7 +300,7 @@ class InteriorIteration:
         return float(self.balance().dot(self.velocity))
 
     def size(self) -> float:
-        """Return the size that differences of bounds are relative to (:func:`bound.measure_of`).
+        """Return the size that differences of bounds refer to (:func:`load_factor.measure_of`).
 
         Collective.
         """

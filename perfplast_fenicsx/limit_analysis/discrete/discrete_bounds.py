@@ -17,7 +17,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.cone import PROXIMAL, Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, rebalance
-from perfplast_fenicsx.limit_analysis.statements.bound import measure_of
+from perfplast_fenicsx.limit_analysis.statements.load_factor import measure_of
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 

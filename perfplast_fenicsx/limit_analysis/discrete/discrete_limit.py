@@ -56,8 +56,7 @@ from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
     SlipPlaces,
 )
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
-from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointCoordinates, PointStrains
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,

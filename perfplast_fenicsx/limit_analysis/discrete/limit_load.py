@@ -63,7 +63,7 @@ class LimitLoad(NotebookResult):
         verdict: Verdict of the interior point method; None for a path.
         steps: Steps of the interior point method; empty for a path.
         theorem: Whether limit theorems hold. With Coulomb's friction they do not
-            (:mod:`coulomb_search`). ``lower`` is then the largest load that levels of this path
+            (:mod:`limit_search`). ``lower`` is then the largest load that levels of this path
             carry, and ``estimate`` the same if the search has ended. ``upper`` is the least load
             without equilibrium. Neither bounds anything else.
         drucker: Drucker's two bounds with Coulomb's friction; None if not sought.

@@ -1,10 +1,28 @@
-"""Evaluate strain rates of velocities at the quadrature points, and the forces of stresses there.
+"""Evaluate strain rates at quadrature points in their cones' coordinates, and forces of stresses.
 
 Both are in the coordinates of the points' cones (:mod:`standard_cones`). If all cones are about the
 hydrostatic axis, these are trace and deviator of Mandel vectors. In plane strain they contain the
 in-plane components. The out-of-plane stress is in no equation, and takes its most favourable value.
+
+Transform stresses and strain rates to the coordinates of the points' cones.
+See :mod:`standard_cones`.
+
+Provide coordinates of stresses and strain rates at a problem's points, and their cones.
+If all cones are about the hydrostatic axis, the coordinates are trace and deviator of Mandel
+vectors. In plane strain these are in-plane vectors, kept with four components. Otherwise each point
+has the coordinates of its cone.
+
+Evaluate strain rates of v = ru in axisymmetry by Bernstein coefficients, for dilating ground.
+For the strain rates ε of u, r²ε is quadratic in a cell of the section
+(:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The admissible rates of a yield set
+are a convex cone. Bernstein's polynomials are not negative. So r²ε lies in the cone everywhere in
+the cell if its six coefficients q_i do. The power D is convex and of degree one, and ∫ D(ε) r ≤ Σ
+D(q_i) ∫ B_i/r. So the points of a cell are its coefficients. The rate of a point is q_i/ρ_i with
+the coefficient ρ_i of r, and its weight is ρ_i ∫ B_i/r. On the axis ρ_i = 0, and q_i is zero; such
+a point is treated as elastic.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -12,20 +30,264 @@ from petsc4py import PETSc
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from scipy import sparse
 
-from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.compat import create_vector, evaluate, interpolation_points
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
-from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
-from perfplast_fenicsx.limit_analysis.discrete.ring_strains import (
-    RingCoefficients,
-    has_coefficients,
+from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
+    profiles_at_points,
+    steepness_at_points,
 )
+from perfplast_fenicsx.mesh.kinematics import RingFlux
+from perfplast_fenicsx.mesh.ring_polynomials import (
+    coefficients_of_radius,
+    equal_parts,
+    of_parts,
+    ring_rates,
+    weights_of_rates,
+)
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.problem.assembled.spaces import assemble_force
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
 from perfplast_fenicsx.problem.problem import Problem
+
+
+class StressFrames:
+    """The relation x = F (p, s) at points, grouped by cones.
+
+    Attributes:
+        size: Number of components of s; missing components of a cone are zero.
+    """
+
+    def __init__(self, cones: BodyCones, of_points: Longs, size: int | None = None) -> None:
+        """Group the points by their cones.
+
+        Args:
+            cones: Cones of the bodies.
+            of_points: Index of the cone of each point.
+            size: Number of components of s; by default the largest of all cones.
+        """
+        frames = [cone.standard.frame for cone in cones.cones]
+        self.size = max(F.shape[1] - 1 for F in frames) if size is None else size
+        self.frames = [np.pad(F, ((0, 0), (0, self.size + 1 - F.shape[1]))) for F in frames]
+        self._cones, self._count = cones, len(of_points)
+        self.groups = [np.flatnonzero(of_points == i) for i in range(len(frames))]
+
+    def rates(self, e: Floats) -> tuple[Floats, Floats]:
+        """Return ε' of strain rates, shapes (count,) and (count, size).
+
+        Args:
+            e: Components in equations, shape (count, n).
+        """
+        found = np.zeros((self._count, self.size + 1))
+        for here, F in zip(self.groups, self.frames, strict=True):
+            found[here] = e[here] @ F
+        return found[:, 0].copy(), found[:, 1:].copy(order="F")
+
+    def stresses(self, pressure: Floats, deviator: Floats) -> Floats:
+        """Return the components in equations, shape (count, n)."""
+        both = np.column_stack([pressure, deviator])
+        found = np.zeros((self._count, len(self.frames[0])))
+        for here, F in zip(self.groups, self.frames, strict=True):
+            found[here] = both[here] @ F.T
+        return found
+
+    def whole(self, stress: Floats) -> Floats:
+        """Return Mandel vectors of stresses from :meth:`stresses`, shape (count, m)."""
+        found = np.zeros((self._count, 4 if stress.shape[1] == 3 else stress.shape[1]))
+        for here, cone in zip(self.groups, self._cones.cones, strict=True):
+            found[here] = cone.whole(stress[here])
+        return found
+
+
+class PointCoordinates:
+    """Coordinates (p, s) of stresses, and the conjugate rates; see :mod:`standard_cones`.
+
+    Attributes:
+        numbers: Index of the cone of each point of this rank, shape (count,).
+        radii: Yield radius γ (stress) of the points of this rank, ∞ in elastic bodies, shape
+            (count,).
+        profile: Factor by which γ varies in space, shape (count,); None if no strength varies.
+        slopes: Slope α, shape (count,).
+        tilts: Tilt t, shape (count, m); None where all are zero.
+        sets: Sets of the points without a second-order cone.
+        isotropic: Whether the coordinates are trace and deviator at all points.
+        dilates: Whether any cone has a slope.
+        normal: Number of normal stresses in equations, two in plane strain.
+        among: Indices of the Mandel components in equations.
+        frames: Frames of the cones.
+    """
+
+    def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
+        """Read the cones of the laws. Collective.
+
+        Args:
+            problem: The bodies and the points.
+            cones: Cones of the bodies; by default those of the stress components in equations.
+
+        Raises:
+            InputError: If the method does not support a body's yield set.
+        """
+        self._cones = cones = body_cones(problem) if cones is None else cones
+        self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal
+        self._size = problem.S.dofmap.index_map_bs
+        self.among = [0, 1, 3] if cones.normal == 2 else list(range(self._size))
+        points = problem.Q.dofmap.list[: len(cones.of_cells)]
+        self.numbers: Longs = np.zeros(problem.Q.dofmap.index_map.size_local, dtype=np.int64)
+        self.numbers[points] = cones.of_cells[:, None]
+        numbers = self.numbers
+        forms = [cone.standard for cone in cones.cones]
+        self.radii: Floats = np.array([form.radius for form in forms])[numbers]
+        self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
+        tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
+        self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
+        steepness = steepness_at_points(problem, numbers)
+        if steepness is not None:
+            self.slopes = self.slopes * steepness
+        self.profile = profiles_at_points(problem, numbers)
+        if self.profile is not None:
+            self.radii = self.radii * self.profile
+        self.sets = cones.sets_at(numbers, self.profile)
+        self.frames = StressFrames(cones, numbers, self._size)
+
+    def sets_of(self, copies: int) -> tuple[PointSets, ...]:
+        """Return the sets of the points, repeated ``copies`` times one after the other."""
+        profile = None if self.profile is None else np.tile(self.profile, copies)
+        return self._cones.sets_at(np.tile(self.numbers, copies), profile)
+
+    def rates(self, e: Floats) -> tuple[Floats, Floats]:
+        """Return ε' of strain rates, shapes (count,) and (count, m)."""
+        if not self.isotropic:
+            return self.frames.rates(e[:, self.among])
+        sums = e[:, :3].sum(axis=1)
+        e[:, : self.normal] -= sums[:, None] / self.normal
+        return sums, e
+
+    def working(self, pressure: Floats, deviator: Floats, out: Floats) -> None:
+        """Set ``out``, shape (count, m), to Mandel vectors that do the work of σ on strain rates.
+
+        Out-of-plane components that do no work are zero.
+        """
+        if self.isotropic:
+            out[:] = deviator
+            out[:, :3] += pressure[:, None]
+        else:
+            out[:] = 0.0
+            out[:, self.among] = self.frames.stresses(pressure, deviator)
+
+    def whole(self, pressure: Floats, deviator: Floats) -> Floats:
+        """Return σ as Mandel vectors, shape (count, m).
+
+        The out-of-plane stress takes its most favourable value.
+        """
+        stress = np.empty((len(pressure), self._size))
+        self.working(pressure, deviator, stress)
+        return self.frames.whole(stress[:, self.among])
+
+
+COUNT = 6
+"""Number of coefficients of a quadratic function in a triangle."""
+
+PARTS = 8
+"""Number of parts of a cell's edge for the integrals of B_i/r."""
+
+
+def has_coefficients(problem: Problem) -> bool:
+    """Return whether the points of a problem are Bernstein coefficients. Not collective."""
+    by_flux = isinstance(problem.kinematics, RingFlux)
+    return by_flux and problem.Q.dofmap.dof_layout.num_dofs == COUNT
+
+
+def nodes_of_cells(problem: Problem, count: int) -> tuple[Ints, Ints]:
+    """Return the nodes of cells: at the vertices, then on the edges opposite these vertices.
+
+    Args:
+        problem: A problem with quadratic elements on triangles.
+        count: Number of cells, counted from the first.
+
+    Returns:
+        Local numbers, shape (count, 6); their positions among the nodes of a cell, shape (6,).
+    """
+    layout = problem.V.dofmap.dof_layout
+    columns = [layout.entity_dofs(of, i)[0] for of in (0, 1) for i in range(3)]
+    return problem.V.dofmap.list[:count][:, columns], np.array(columns, dtype=np.int32)
+
+
+class RingCoefficients:
+    """Rates q_i/ρ_i of velocities v = ru; see :class:`point_strains.Rates` for the methods.
+
+    Attributes:
+        weights: Weights, shape (count,); a point on the axis has a sixth of its cell.
+        on_axis: Flags of the points on the axis, whose rates are zero, shape (count,).
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Compute the matrices of the cells. Not collective."""
+        self._problem, self._sums = problem, fem.Function(problem.V)
+        cells, places = corners(problem.tagged_mesh.mesh)
+        x = places[cells]
+        self._points = problem.Q.dofmap.list[: len(cells)]
+        self._nodes, self._columns = nodes_of_cells(problem, len(cells))
+        rho = coefficients_of_radius(x)
+        off = rho > 0
+        self._matrices = np.zeros((len(x), COUNT, 4, 2 * COUNT))
+        for unknown in range(2 * COUNT):
+            v = np.zeros((len(x), 2 * COUNT))
+            v[:, unknown] = 1.0
+            rates = ring_rates(x, v.reshape(-1, COUNT, 2))
+            self._matrices[..., unknown] = np.where(
+                off[..., None], rates / np.where(off, rho, 1.0)[..., None], 0.0
+            )
+        _, areas = gradients(x)
+        count = problem.Q.dofmap.index_map.size_local
+        self.weights: Floats = np.zeros(count)
+        whole = 2 * math.pi * np.where(off, rho * _over_radius(x, areas), areas[:, None] / COUNT)
+        self.weights[self._points] = whole
+        self.on_axis: PairFlags = np.zeros(count, dtype=np.bool_)
+        self.on_axis[self._points] = ~off
+
+    def of(self, v: fem.Function) -> Floats:
+        """See :meth:`point_strains.Rates.of`."""
+        values = v.x.array.reshape(-1, 2)[self._nodes].reshape(len(self._nodes), -1)
+        found = np.zeros((len(self.weights), 4), order="F")
+        found[self._points] = np.einsum("cpij,cj->cpi", self._matrices, values)
+        return found
+
+    def forces(self, stress: Floats, out: PETSc.Vec) -> None:
+        """See :meth:`point_strains.Rates.forces`."""
+        weighted = (self.weights[:, None] * stress)[self._points]
+        parts = np.einsum("cpij,cpi->cj", self._matrices, weighted, optimize=True)
+        sums = self._sums.x.array.reshape(-1, 2)
+        sums[:] = 0.0
+        np.add.at(sums, self._nodes, parts.reshape(-1, COUNT, 2))
+        self._sums.x.scatter_reverse(la.InsertMode.add)
+        sums[self._problem.fixed] = 0.0
+        out.array[:] = self._sums.x.array[: out.getLocalSize()]
+
+    def of_unknowns(self) -> Floats:
+        """See :meth:`point_strains.Rates.of_unknowns`."""
+        found = np.zeros_like(self._matrices).reshape(*self._matrices.shape[:3], COUNT, 2)
+        found[:, :, :, self._columns] = self._matrices.reshape(found.shape)
+        return found.reshape(self._matrices.shape)
+
+
+def _over_radius(x: Floats, areas: Floats) -> Floats:
+    """Return upper bounds of ∫ B_i/r in cells, shape (num_cells, 6).
+
+    Args:
+        x: Vertices of cells, shape (num_cells, 3, 2).
+        areas: Areas of the cells, shape (num_cells,).
+    """
+    parts = equal_parts(PARTS)
+    unit = np.eye(COUNT)[None]  # coefficients of each polynomial
+    found = np.zeros((len(x), COUNT))
+    for part in parts:
+        weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))
+        found += weights @ of_parts(unit, part[None])[0]
+    return found
 
 
 class Rates(Protocol):
@@ -109,7 +371,7 @@ class PointStrains:
     Attributes:
         rates: Rates of nodal velocities.
         coordinates: Coordinates of stresses and rates at the points.
-        profile: See :class:`point_coordinates.PointCoordinates`.
+        profile: See :class:`point_strains.PointCoordinates`.
     """
 
     def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
@@ -117,7 +379,7 @@ class PointStrains:
 
         Args:
             problem: The bodies and the points.
-            cones: See :class:`point_coordinates.PointCoordinates`.
+            cones: See :class:`point_strains.PointCoordinates`.
         """
         self._problem, self._u = problem, fem.Function(problem.V)
         self._force = problem.create_vector()

@@ -274,7 +274,7 @@ class InterfaceFacets:
         adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
         friction: Coefficient μ on host facets that separate as they slip, shape (num_facets,); 0 on
             others. In the plane their two components are the jumps a and b of
-            :mod:`associated_slip`.
+            :mod:`entering`.
         rubbing: Owned facets of both sides with shear tractions by such a resistance.
         oblique: Whether supports hold any surface obliquely to its normal, on this rank.
         matched: Whether all surfaces match facet by facet.

@@ -1,4 +1,4 @@
-"""Formulate cells with linear stress: their equilibrium, and the strain rates of its multipliers.
+"""Formulate cells with linear stress, and evaluate laws at their vertices.
 
 The stress of a cell is given at its vertices. Its multipliers are a velocity y of the cell, for
 div σ + b = 0, and velocities w of each facet's vertices, for the tractions there. A vertex v has a
@@ -27,6 +27,15 @@ are. Where a coefficient of r is zero, on the axis, that of S is zero too.
 The unknowns of a coefficient are σ = S/r, and each is a point of the cell. The multipliers of a
 cell are y_r for the six definitions of S_θ, y_z for its vertices, and the velocities of the facets,
 three each. NumPy only.
+
+Evaluate laws at the vertices of cells, for strict bounds of bodies that dilate.
+Strain rates of a quadratic velocity are linear in a straight cell, and the admissible rates of a
+yield set are a convex cone. So rates that are admissible at the vertices are admissible everywhere.
+Where a body dilates, tr ε ≥ α‖dev ε‖, it dissipates (γ/α) tr ε, which the mean of the vertices
+integrates exactly.
+
+In axisymmetry r²ε is quadratic. There the points are at vertices and edges, one for each of its
+Bernstein coefficients (:mod:`~perfplast_fenicsx.limit_analysis.discrete.point_strains`).
 """
 
 import itertools
@@ -34,11 +43,20 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+import basix
+import basix.ufl
 import numpy as np
+import ufl
+from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.materials.mandel import mandel_size
+from perfplast_fenicsx.mesh.kinematics import RingFlux
 from perfplast_fenicsx.mesh.ring_polynomials import COEFFICIENTS, EDGES, coefficients_of_radius
 from perfplast_fenicsx.mesh.straight_geometry import gradients
+from perfplast_fenicsx.problem.assembled.spaces import Spaces
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
 
 
 @dataclass(frozen=True)
@@ -250,3 +268,33 @@ def on_facets(values: Floats, radii: Floats) -> Floats:
 def _ends_at(vertex: int) -> list[tuple[int, int]]:
     """Return the facets at a vertex, and its index among the ends of each."""
     return [(f, EDGES[f].index(vertex)) for f in range(3) if f != vertex]
+
+
+def with_points_at_vertices(problem: Problem) -> Problem:
+    """Return the problem with the vertices of each cell as its points. Collective.
+
+    In axisymmetry the midpoints of edges are points, too. The new problem shares everything but the
+    spaces and laws at the points with the given one.
+
+    Args:
+        problem: Problem with quadratic elements on straight cells, in the plane, in space, or in
+            axisymmetry for v = ru (:mod:`ring_flux`), and laws without a history.
+    """
+    mesh = problem.tagged_mesh.mesh
+    cell, gdim = mesh.basix_cell(), mesh.geometry.dim
+    places: Floats = np.asarray(basix.geometry(cell), dtype=np.float64)
+    if isinstance(problem.kinematics, RingFlux):
+        places = np.concatenate([places, places[np.array(EDGES)].mean(axis=1)])
+    shares = np.full(len(places), basix.cell.volume(cell) / len(places))
+
+    def space(shape: tuple[int, ...]) -> fem.FunctionSpace:
+        element = basix.ufl.quadrature_element(
+            cell, value_shape=shape, points=places, weights=shares
+        )
+        return fem.functionspace(mesh, element)
+
+    # not a rule for Bernstein coefficients; no form is assembled with them
+    metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
+    spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)
+    return variant(problem, points=spaces)

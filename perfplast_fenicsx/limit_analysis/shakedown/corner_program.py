@@ -30,8 +30,7 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SingularStiffness
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness
-from perfplast_fenicsx.limit_analysis.discrete.point_coordinates import PointCoordinates
-from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointCoordinates, PointStrains
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 

@@ -31,7 +31,7 @@ from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import materials_of, whole_cones
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains, RatesAtPoints
-from perfplast_fenicsx.limit_analysis.facets.vertex_points import with_points_at_vertices
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import with_points_at_vertices
 from perfplast_fenicsx.limit_analysis.shakedown.corner_program import Frames
 from perfplast_fenicsx.materials.elastic import Rigid
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of

@@ -9,8 +9,8 @@ from scipy import sparse
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import own_strengths
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import StressFrames
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in, steepness_in
-from perfplast_fenicsx.limit_analysis.discrete.stress_frames import StressFrames
 from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelocities
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     cell_layout,

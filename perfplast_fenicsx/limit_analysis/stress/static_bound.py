@@ -5,43 +5,224 @@ and nowhere above yield. On contact it has neither friction nor tension. It is e
 holds at vertices, since yield sets are convex. The interior point method
 (:mod:`interior_iteration`) computes it, with the multipliers of equilibrium as velocities. In the
 end it is scaled into the yield set, so that its load is a bound, however far the method has come.
+
+Combine stresses in equilibrium with their loads by weighted means.
+With permanent loads, a stress that has left yield cannot be scaled down. But the mean of two
+stresses in equilibrium is in equilibrium with the mean of their load factors, and yield sets are
+convex. A share of a stress well inside brings back one that has left yield by little. This costs
+less than a new search.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
 
 import numpy as np
 
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, rebalance
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
     Verdict,
     next_start,
 )
-from perfplast_fenicsx.limit_analysis.discrete.strength_contrast import weak_bodies
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import weak_bodies
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import by_friction_alone
-from perfplast_fenicsx.limit_analysis.facets.bound_body import BENT, bound_body
+from perfplast_fenicsx.limit_analysis.facets.bound_body import BENT, BoundBody, bound_body
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import coefficients_of_radius
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_loads,
     check_tolerance,
 )
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
-from perfplast_fenicsx.limit_analysis.stress.balanced_stress import BalancedStress
-from perfplast_fenicsx.limit_analysis.stress.static_balance import StaticIteration
-from perfplast_fenicsx.limit_analysis.stress.static_certificate import certify_stress
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question, Scope
 from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm, static_form
-from perfplast_fenicsx.limit_analysis.stress.static_program import StaticProgram, static_program
-from perfplast_fenicsx.limit_analysis.stress.static_stress import StaticBound, no_stress
+from perfplast_fenicsx.limit_analysis.stress.static_program import (
+    StaticCertificate,
+    StaticProgram,
+    certify_stress,
+    static_program,
+)
 from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.declared.loads import BOUNDED
 from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.rounding import rounded_down
+
+
+@dataclass(frozen=True, eq=False)
+class BalancedStress:
+    """A stress at the points of a static program, in the user's units.
+
+    Attributes:
+        pressure: Mean stress in the coordinates of the cones, shape (count,).
+        deviator: Deviator in these coordinates, shape (count, m).
+        load: Load factor λ.
+        aside: Factor of the loads of any factor.
+    """
+
+    pressure: Floats
+    deviator: Floats
+    load: float
+    aside: float
+
+    def part(self, share: float) -> "BalancedStress":
+        """Return a share of the stress, in equilibrium with the same share of the loads."""
+        return BalancedStress(*(share * it for it in vars(self).values()))
+
+    def over(self, static: StaticProgram) -> float:
+        """Return the relative excess over yield; negative inside. Collective."""
+        scale = 1 / static.program.stress_unit
+        return static.program.overstress((scale * self.pressure, scale * self.deviator)) - 1
+
+    def with_some_of(
+        self, others: "Sequence[BalancedStress]", static: StaticProgram
+    ) -> "BalancedStress":
+        """Return the best mean within yield of this stress, which is, and another, which is not.
+
+        Collective.
+
+        Args:
+            others: Stresses that have left yield.
+            static: The conditions.
+
+        Returns:
+            The mean with the largest load; this stress if none has a larger one.
+        """
+        best, room = self, -self.over(static)
+        for other in others if room > 0 else ():
+            beyond = other.over(static)
+            rounding = 1e-3  # additional share of the stress inside
+            share = min(1.0, (1 + rounding) * beyond / (beyond + room))
+            mean = self.mean(other, share)
+            if mean.load > best.load and mean.over(static) <= 0:
+                best = mean
+        return best
+
+    def mean(self, other: "BalancedStress", share: float) -> "BalancedStress":
+        """Return the mean of this stress, with the given share, and another."""
+        rest = 1 - share
+        return BalancedStress(
+            share * self.pressure + rest * other.pressure,
+            share * self.deviator + rest * other.deviator,
+            share * self.load + rest * other.load,
+            share * self.aside + rest * other.aside,
+        )
+
+
+class StaticIteration(InteriorIteration):
+    """The iteration of a stress, with a measure of equilibrium by rows at its end.
+
+    During the iteration, unbalanced forces are relative to the loads. At the end they must be small
+    compared with the strengths. This differs if hydrostatic pressures are large, and where a weak
+    body touches a strong one.
+    """
+
+    def __init__(self, static: StaticProgram) -> None:
+        """Start as :class:`InteriorIteration`. Collective."""
+        super().__init__(static.program)
+        self._static = static
+        self._rows: Floats | None = None
+
+    def unbalanced(self) -> float:
+        """Return the largest unbalanced force, relative to loads or strengths. Collective."""
+        if self._rows is None:
+            return super().unbalanced()
+        mine = float((np.abs(self.balance().array_r) / self._rows).max(initial=0.0))
+        return float(self.program.comm.allreduce(mine, MPI.MAX)) * self.program.force_unit
+
+    def row_units(self) -> Floats | float:
+        """See :meth:`InteriorIteration.row_units`."""
+        return super().row_units() if self._rows is None else self._rows
+
+    def settle(self) -> None:
+        """Bring stress and loads into balance, row by row, as far as rounding permits.
+
+        Collective.
+        """
+        pressure, _ = self.program.whole(self.now.stress, self.now.load)
+        self._rows = self._static.forces_of_strengths(self.program.stress_unit * pressure)
+        left = self.unbalanced()
+        # Unbalanced forces, relative to strengths, that need no correction. The residuals of bounds
+        # that have met to 1e-7 are still large compared with the sum of these forces over some
+        # thousand rows.
+        rounding = 1e-14
+        most_corrections = 4  # with the same factors, as long as they halve the residual
+        for _ in range(most_corrections):
+            if left <= rounding:
+                return
+            before = left
+            self.equilibrate()
+            left = self.unbalanced()
+            if not left < before / 2:
+                break
+        # Unbalanced forces, relative to strengths, above which other factors than those of the last
+        # step correct them.
+        almost_balanced = 1e-13
+        if not left <= almost_balanced:
+            rebalance(self)
+
+
+@dataclass(frozen=True, eq=False)
+class StaticBound:
+    """A lower bound and the stress that proves it.
+
+    Attributes:
+        bound: The bound, and its scope.
+        verdict: Whether the best stress of the mesh was found.
+        reason: Reason in words.
+        stress: Stress σ at the bound, Mandel vectors in the user's units, linear between vertices,
+            shape (num_owned_cells, num_points, m). In the plane the points are the vertices in the
+            order of the mesh's geometry (that of its topology). In space they are the vertices of
+            four parts, one part after the other; in part a the barycentre replaces vertex a. In
+            axisymmetry these are Bernstein's coefficients of rσ, which is quadratic
+            (:mod:`stress_cells`).
+        aside: Factor of the loads of any factor, if there are any.
+        dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers, for each owned cell, with L =
+            1. If bodies keep their volume, the sum over all cells is the bound up to the tolerance.
+            Smaller cells help where it is large.
+        certificate: Residuals of the stress; None if there are none.
+        steps: Steps of the iteration.
+        factorisations: Number of factorisations of a stiffness.
+    """
+
+    bound: Bound
+    verdict: Verdict
+    reason: str
+    stress: Floats
+    aside: float
+    dissipation: Floats
+    certificate: StaticCertificate | None
+    steps: list[InteriorStep]
+    factorisations: int
+
+    def __repr__(self) -> str:
+        return f"StaticBound({self.bound!r}; {len(self.steps)} steps; {self.reason})"
+
+
+def no_stress(
+    body: BoundBody, verdict: Verdict, reason: str, bound: Bound | None = None
+) -> StaticBound:
+    """Return a result with zero stress, and without a bound unless one is given."""
+    count, _, tdim = body.vertices.shape
+    shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 16, 6)
+    return StaticBound(
+        bound=bound or Bound(None, "lower", Scope.MESH, (reason,)),
+        verdict=verdict,
+        reason=reason,
+        stress=np.zeros(shape),
+        aside=0.0,
+        dissipation=np.zeros(count),
+        certificate=None,
+        steps=[],
+        factorisations=0,
+    )
+
 
 CORNERS = (
     "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
@@ -291,3 +472,47 @@ def _result(
         factorisations=static.factorisations,
     )
     return bounded, told
+
+
+def bound_by_stress(
+    problem: Problem,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+    question: Question,
+    form: StaticForm | None,
+) -> StaticBound:
+    """Return a lower bound, or the cells with too few stresses if there is none. Collective.
+
+    With permanent loads, a mesh may have no stress in equilibrium within yield at any load factor,
+    although the body has one. The multiple of the permanent loads that it carries shows which cells
+    must be smaller.
+
+    Args:
+        problem: The bodies and their loads, as for :func:`static_bound.strict_lower_bound`.
+        rtol: Relative distance of the bound from the best one on this mesh.
+        monitor: Called on every rank after each step.
+        question: The loads whose factor is sought.
+        form: Form of the problem, if it has been made.
+    """
+    static = strict_lower_bound(problem, rtol, monitor, question, form)
+    doubted = static.bound.value is None or static.bound.doubts
+    if not doubted or question is Question.STANDS:
+        return static
+    if not problem.loads.has_dead() or static.verdict is not Verdict.STALLED:
+        return static
+    stands = strict_lower_bound(problem, rtol, monitor, Question.STANDS, form)
+    times = stands.bound.value
+    if times is None or stands.bound.doubts or times >= 1:
+        return static
+    why = (
+        f"stresses that are linear in the cells carry the constant loads {rounded_down(times)}"
+        " times at most, at any load factor; refine the mesh"
+    )
+    return replace(
+        static,
+        bound=replace(static.bound, value=None, of=Scope.MESH, why_not=(why,), doubts=()),
+        reason=why,
+        dissipation=stands.dissipation,
+        steps=static.steps + stands.steps,
+        factorisations=static.factorisations + stands.factorisations,
+    )

@@ -1,24 +1,124 @@
-"""Compute upper bounds of the dissipation of cells with linear strain rates.
+"""Compute upper bounds of the dissipation of cells and of slip.
 
 ‖·‖ is convex, so its integral is at most that of its linear interpolation on any subdivision of the
 cell (the composite vertex rule). The same holds for Σ|ε_i| of the principal values. A body that
 dilates dissipates (γ/α) tr ε, which is linear. A linear function that is nowhere below replaces a
 strength that varies; its product with a linear function is integrated exactly.
+
+Compute upper bounds of the dissipation of bodies of revolution, for quadratic v = ru.
+For the strain rates ε of u, r²ε is quadratic in the section,
+
+    (r ∂_r v_r − v_r, r ∂_z v_z, v_r, (r ∂_z v_r + r ∂_r v_z − v_z)/√2)   (rr, zz, θθ, √2 rz).
+
+With its Bernstein coefficients q_i on a part of a cell ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, as ‖·‖ is convex
+and B_i ≥ 0. There 1/r, convex too, is at most linear between its values at vertices. On a part with
+an edge on the axis, q is r times a linear function. On a part with a vertex there, 1/r is at most
+linear along the opposite edge, divided by the distance from that vertex. NumPy only, except for the
+cells' laws.
+
+Compute an upper bound of a mechanism's dissipation by slip, for any slip between nodes.
+The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`),
+whose polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the
+coefficients' norms with these weights. ∫c‖w_t‖ is at most c times the area times their plain mean.
+And w lies in the cone w_n ≥ μ‖w_t‖ of associated Coulomb friction if its coefficients do.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import permutations, product
+from itertools import combinations, permutations, product
+
+from mpi4py import MPI
 
 import numpy as np
+from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Ints, Longs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags, matrices
 from perfplast_fenicsx.compat import interpolation_points
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
-from perfplast_fenicsx.limit_analysis.discrete.ring_strains import has_coefficients
-from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import MechanismRates
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones, principal_of
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import (
+    PointStrains,
+    has_coefficients,
+    nodes_of_cells,
+)
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_of_cells
+from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strength_of
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
+    UNSEEN,
+    ContactFacets,
+    contact_facets,
+    face_jumps,
+    flat_faces,
+    has_pair,
+)
+from perfplast_fenicsx.mesh.ring_polynomials import (
+    equal_parts,
+    of_parts,
+    ring_rates,
+    weights_of_rates,
+)
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismRates:
+    """Rates in the coordinates of the points' cones, with the bounds of stresses there.
+
+    Attributes:
+        trace: Trace, shape (count,).
+        deviator: Deviator, shape (count, m).
+        powers: Rates ε that do the work of stresses, Mandel vectors
+            (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
+        count: Number of points of this rank.
+        gdim: As in :class:`discretisation.Strains`, as are the next four.
+        weights: Volume of a point, shape (count,).
+        radii: Yield radius γ, shape (count,).
+        slopes: Slope α, shape (count,).
+        tilts: Tilt t, shape (count, m); None where all are zero.
+        principal: Bounds of principal stresses at their points.
+        profile: Factor of γ, and of bounds of principal stresses, by which strengths vary in space,
+            shape (count,); None if no strength varies.
+        above: Linear functions that are nowhere below the profile, at the vertices of the cells
+            that this rank owns, shape (num_cells, d + 1); None if no strength varies or cells are
+            curved.
+    """
+
+    trace: Floats
+    deviator: Floats
+    powers: Floats
+    count: int
+    gdim: int
+    weights: Floats
+    radii: Floats
+    slopes: Floats
+    tilts: Floats | None
+    principal: PrincipalCones
+    profile: Floats | None = None
+    above: Floats | None = None
+
+
+def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates:
+    """Return the rates of a mechanism. Collective.
+
+    Args:
+        problem: The bodies.
+        mechanism: Velocity with updated ghosts.
+    """
+    at = PointStrains(problem)
+    try:
+        trace, deviator = at.of_function(mechanism)
+        powers = at.power_rates(mechanism)
+    finally:
+        at.destroy()
+    above = None
+    if at.profile is not None and not has_curved_cells(problem.tagged_mesh.mesh):
+        above = profiles_of_cells(problem, "above")
+    bounded = at.weights, at.radii, at.slopes, at.tilts, principal_of(at.sets), at.profile, above
+    return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)
+
 
 SUBDIVISIONS = 8
 """Number of parts of a cell's edge in the composite vertex rule."""
@@ -40,7 +140,7 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
 
     Returns:
         Shape (num_cells, d + 1, m), for the cells that this rank owns. If the points are Bernstein
-        coefficients (:mod:`ring_strains`), they are returned, shape (num_cells, 6, m).
+        coefficients (:mod:`point_strains`), they are returned, shape (num_cells, 6, m).
     """
     given = values[points_of_cells(problem)]
     if has_coefficients(problem):
@@ -238,3 +338,188 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
     shares = np.zeros_like(points)
     np.add.at(shares, parts, moments / ((tdim + 1) * (tdim + 2) * len(parts)))
     return points, shares
+
+
+def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions: int) -> Floats:
+    """Return upper bounds of the dissipation of cells. Not collective.
+
+    Args:
+        problem: Problem in v = ru (:mod:`ring_flux`).
+        velocity: Velocity v with updated ghosts.
+        subdivisions: Parts of a cell's edge.
+
+    Returns:
+        Shape (num_cells,), for the cells that this rank owns.
+    """
+    x, v = _values(problem, velocity)
+    rates = ring_rates(x, v)
+    _, areas = gradients(x)
+    cones = body_cones(problem)
+    total: Floats = np.zeros(len(x))
+    parts = equal_parts(subdivisions)
+    for part in parts:
+        q = of_parts(rates, np.broadcast_to(part, (len(x), 3, 3)))
+        weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))
+        total += np.einsum("ci,ci->c", weights, _powers(cones, q))
+    return 2 * math.pi * total
+
+
+def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
+    """Return vertices of owned cells, and the values at vertices and between them."""
+    cells, points = corners(problem.tagged_mesh.mesh)
+    nodes, _ = nodes_of_cells(problem, len(cells))
+    v: Floats = velocity.x.array.reshape(-1, 2)[nodes]
+    return points[cells], v
+
+
+def _powers(cones: BodyCones, rates: Floats) -> Floats:
+    """Return the dissipation of rates per volume, convex in them; shape (num_cells, 6).
+
+    A dilation that is too small for its deviator by rounding is replaced by the least admissible
+    one.
+    """
+    found = np.zeros(rates.shape[:2])
+    for number, cone in enumerate(cones.cones):
+        here, form = cones.of_cells == number, cone.standard
+        if not cone.yields:
+            continue
+        turned = rates[here] @ form.frame
+        trace, deviator = turned[..., 0], turned[..., 1:]
+        if cone.principal is not None:
+            flat, sums = deviator.reshape(-1, deviator.shape[2]), trace.ravel()
+            sets = cones.principal_at(np.full(len(flat), number))
+            more = sum(map(np.abs, sets.factors)) * sets.lacking(sums, flat) * sets.grows
+            found[here] = (sets.powers(sums * sets.grows, flat) + more).reshape(trace.shape)
+        elif form.slope > 0:
+            needed = form.slope * np.linalg.norm(deviator, axis=2)
+            found[here] = form.radius / form.slope * np.maximum(trace, needed)
+        else:
+            sizes = np.linalg.norm(deviator, axis=2) - deviator @ form.tilt
+            found[here] = form.radius * sizes
+    return found
+
+
+UNKNOWN = "slip of nodes that supports hold along their normal is not known"
+
+CLOSED = "surfaces with Coulomb's friction slip and separate too little between nodes"
+
+
+@dataclass(frozen=True)
+class SlipWork:
+    """The work of slip.
+
+    Attributes:
+        power: Upper bound of ∫c‖w_t‖, on all ranks together.
+        squares: Value of ∫(‖w_t‖/h)² for layers as thick as the size h of a facet: the counterpart
+            of ∫‖ε(v)‖² in cells.
+        why_not: Reasons why the work may be larger, or the slip wrong, in words.
+        shares: Share of the slip at each owned cell's facets in the gap between the velocity and a
+            stress, shape (num_cells,): ∫c‖w_t‖ − r·w, half of it on either side; 0 without a
+            stress.
+    """
+
+    power: float
+    squares: float
+    why_not: tuple[str, ...]
+    shares: Floats = field(repr=False)
+
+
+def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = None) -> SlipWork:
+    """Return the dissipation of a velocity by slip. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        velocity: Velocity with updated ghosts.
+        stress: Mandel vectors at the vertices of the owned cells, shape (num_cells, d + 1, m).
+    """
+    topology = problem.tagged_mesh.mesh.topology
+    shares = np.zeros(topology.index_map(topology.dim).size_local)
+    strengths = [strength_of(source) for source in problem.constraints.sources]
+    flat = flat_faces(problem) is not None
+    if not flat or not any(it.adhesion or it.friction for it in strengths):
+        return SlipWork(0.0, 0.0, (), shares)
+    comm = problem.comm
+    facets = contact_facets(problem)
+    nodes, gdim = facets.nodes, facets.normals.shape[1]
+    constraints = problem.constraints
+    moves = ~has_pair(problem) & ~problem.fixed.all(axis=1)
+    unknown = bool(moves[nodes[_that_rub(problem, facets)]].any())
+    sums, lacking = np.zeros(2), 0.0
+    for face in face_jumps(problem, velocity):
+        strength = strengths[face.source]
+        if not (strength.adhesion or strength.friction):
+            continue
+        unknown |= bool(face.moves[nodes[face.here]].any())
+        sides = 2 if constraints.sources[face.source].inner else 1
+        mine = facets.areas > 0
+        owned, sizes = np.flatnonzero(face.here & mine), face.across[mine[face.here]]
+        area, at = facets.areas[owned] / sides, nodes[owned]
+        lost = strength.adhesion * area * sizes.mean(axis=1)
+        layers = area * facets.areas[owned] ** (-1 / (gdim - 1))
+        sums += lost.sum(), layers @ (sizes**2).mean(axis=1)
+        if stress is not None:
+            cells, out = facets.cells[owned], facets.normals[owned]
+            around = _others(gdim)[facets.sides[owned]]
+            tractions = (
+                matrices(stress[cells[:, None], around])[..., :gdim, :gdim] @ out[:, None, :, None]
+            )
+            towards = np.sign(out @ face.normal)
+            order = np.concatenate(
+                [np.tile(np.arange(gdim), (len(at), 1)), facets.middles[owned]], axis=1
+            )
+            there = face.w[np.take_along_axis(at, order.astype(np.int64), axis=1)]
+            means = np.einsum("fai,an,fni->f", tractions[..., 0], _means(at.shape[1], gdim), there)
+            np.add.at(shares, cells, lost + towards * area * means)
+        if strength.friction:
+            lacking = max(lacking, face.entered(strength.friction))
+    why = {
+        UNKNOWN: comm.allreduce(unknown, MPI.LOR),
+        CLOSED: comm.allreduce(lacking, MPI.MAX) > UNSEEN,
+    }
+    found = tuple(words for words, is_so in why.items() if is_so)
+    power, squares = comm.allreduce(sums)
+    return SlipWork(float(power), float(squares), found, shares)
+
+
+def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
+    """Return flags of the facets of surfaces with friction."""
+    names = {
+        name
+        for contact in problem.given.contacts
+        if contact.rubs
+        for name in (contact.primary, contact.secondary)
+    }
+    names |= {obstacle.on for obstacle in problem.given.obstacles if obstacle.rubs}
+    rubs: PairFlags = np.isin(facets.tags, problem.tagged_mesh.tags_of(names))
+    return rubs
+
+
+def _others(gdim: int) -> Ints:
+    """Return the vertices of the facet opposite each vertex."""
+    every = range(gdim + 1)
+    return np.array([[b for b in every if b != a] for a in every])
+
+
+def _means(num_nodes: int, gdim: int) -> Floats:
+    """Return the means over a facet of linear functions times Bernstein's polynomials.
+
+    Args:
+        num_nodes: Number of nodes of a facet, and of polynomials: those of its vertices, and those
+            of pairs.
+        gdim: Number of its vertices.
+
+    Returns:
+        Shape (gdim, num_nodes).
+    """
+    quadratic = num_nodes > gdim
+    groups = [(a, a) if quadratic else (a,) for a in range(gdim)]
+    groups += list(combinations(range(gdim), 2)) if quadratic else []
+    found = np.zeros((gdim, num_nodes))
+    for a in range(gdim):
+        for column, group in enumerate(groups):
+            factors = [a, *group]
+            count = [factors.count(i) for i in range(gdim)]
+            ways = math.prod(math.factorial(i) for i in count)
+            share = ways * math.factorial(gdim - 1) / math.factorial(gdim - 1 + len(factors))
+            found[a, column] = share * (2 if len(set(group)) > 1 else 1)
+    return found

@@ -1,4 +1,4 @@
-"""Compute an upper bound of a mechanism's plastic work, for any strain rates between the points.
+"""Compute an upper bound of a mechanism's plastic work, and each cell's share in the gap.
 
 In a straight cell the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So its
 integral is at most that of its linear interpolation on any subdivision of the cell (the composite
@@ -6,12 +6,21 @@ vertex rule). Where volume changes vanish at the points, they vanish everywhere.
 tr ε ≥ α‖dev ε‖ of a dilating body are a convex cone. If they are admissible at the vertices, they
 are admissible everywhere, and they dissipate (γ/α) tr ε, which is linear. Without penetration of
 contact, the result is an upper bound for the body that the mesh fills, and not just for the mesh.
-:mod:`slip_work` computes the dissipation of slip.
+:mod:`cell_dissipation` computes the dissipation of slip.
 
 Strains of strong bodies that rest or move as rigid ones are rounding; they count with their true
 strength. Remaining volume changes count as work that the loads do not do, with mean stresses as
 large as tractions. Otherwise 1e-12 of them could give a wrong bound where loads nearly balance each
 other.
+
+Compute the share of each cell in the gap between lower and upper bound, for refinement.
+For an admissible mechanism with L(v) = 1 and a stress in equilibrium with λ⁻,
+
+    λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
+
+where D is the dissipation, γ‖dev ε‖ or, in dilating bodies, (γ/α) tr ε. W ≥ 0 is the work of
+contact pressures on gaps that open. On surfaces with friction, the dissipation less the work of
+their tractions is divided between the cells of both sides (:mod:`cell_dissipation`).
 """
 
 from dataclasses import dataclass
@@ -22,27 +31,43 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import has_coefficients
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
 from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, FacetLoads, bound_body
-from perfplast_fenicsx.limit_analysis.facets.entering import ENTERS, entering_between_nodes
-from perfplast_fenicsx.limit_analysis.statements.bound import Bound, Scope, measure_of
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
+    UNSEEN,
+    contact_facets,
+    face_jumps,
+    jump_vectors,
+    rows_of,
+)
+from perfplast_fenicsx.limit_analysis.facets.entering import (
+    ENTERS,
+    entered_share,
+    entering_between_nodes,
+)
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
+from perfplast_fenicsx.limit_analysis.statements.load_factor import (
+    Bound,
+    Question,
+    Scope,
+    measure_of,
+)
 from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     SUBDIVISIONS,
+    MechanismRates,
     at_vertices,
     dissipation_of_cells,
+    dissipation_of_rings,
+    mechanism_rates,
     missing_growth,
     points_of_cells,
+    slip_work,
 )
-from perfplast_fenicsx.limit_analysis.velocity.mechanism_rates import (
-    MechanismRates,
-    mechanism_rates,
-)
-from perfplast_fenicsx.limit_analysis.velocity.ring_dissipation import dissipation_of_rings
-from perfplast_fenicsx.limit_analysis.velocity.slip_work import slip_work
 from perfplast_fenicsx.mesh.kinematics import RingFlux
+from perfplast_fenicsx.mesh.ring_polynomials import coefficients_of_radius, polynomials
 from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -293,3 +318,179 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     roundings = 32.0
     added: Floats = roundings * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added
+
+
+def gap_shares(
+    problem: Problem,
+    mechanism: fem.Function,
+    stress: Floats,
+    rates: MechanismRates | None = None,
+) -> Floats:
+    """Return upper bounds of the shares η_T of the cells that this rank owns. Collective.
+
+    Args:
+        problem: The bodies and their loads, on straight cells.
+        mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
+        stress: Mandel vectors at the vertices of these cells, linear between them, shape
+            (num_cells, d + 1, 4 or 6); in axisymmetry coefficients of rσ (:mod:`stress_cells`),
+            shape (num_cells, 6, 4).
+        rates: Rates of the mechanism; evaluated by default.
+
+    Returns:
+        Shape (num_cells,).
+    """
+    if rates is None:
+        rates = mechanism_rates(problem, mechanism)
+    if problem.tagged_mesh.axisymmetric:
+        return _of_rings(problem, rates, mechanism, stress)
+    most = dissipation_of_cells(problem, rates)
+    there = at_vertices(problem, rates.powers)
+    volumes = rates.weights[points_of_cells(problem)].sum(axis=1)
+    count = there.shape[1]
+    sums = np.einsum("ci,ci->c", stress.sum(axis=1), there.sum(axis=1))
+    power = volumes * (np.einsum("cvi,cvi->c", stress, there) + sums) / (count * (count + 1))
+    shares: Floats = most - power
+    shares += slip_work(problem, mechanism, stress).shares
+    return shares
+
+
+def _of_rings(
+    problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
+) -> Floats:
+    """Return the shares in axisymmetry, with the work of the stress by a quadrature rule."""
+    points = points_of_cells(problem)
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    x = places[vertices]
+    if has_coefficients(problem):
+        shares = np.full((3, 3), 1 / 6) + np.eye(3) / 2
+        rho = coefficients_of_radius(x)[..., None]
+        powers = np.einsum("pi,cim->cpm", polynomials(shares), rho * rates.powers[points])
+        powers /= (x[..., 0] @ shares.T)[..., None]
+        _, areas = gradients(x)
+        weights = np.repeat(2 * np.pi / 3 * areas[:, None], 3, axis=1)
+    else:
+        at = interpolation_points(problem.S.element)
+        shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
+        powers, weights = rates.powers[points], rates.weights[points]
+    radii = x[..., 0] @ shares.T
+    work = np.einsum("pi,cim,cpm->cp", polynomials(shares), stress, powers) / radii
+    power = np.einsum("cp,cp->c", weights, work)
+    return np.asarray(dissipation_of_rings(problem, mechanism, SUBDIVISIONS) - power)
+
+
+def let_rest(problem: Problem, mechanism: fem.Function) -> None:
+    """Set velocities of bodies that are rounding to zero, unless that adds penetration. Collective.
+
+    Such a body may penetrate a touching one by rounding of other bodies' velocities. That is much
+    compared with its own velocities, by which it is judged. If others move apart because of its
+    rounding, it keeps its velocity as long as nothing penetrates. Otherwise the others are moved
+    apart from it, and it rests.
+
+    Args:
+        problem: The bodies.
+        mechanism: Velocity with updated ghosts; changed.
+    """
+    bodies, v = problem.bodies, mechanism.x.array.reshape(problem.fixed.shape)
+    largest = np.zeros(bodies.count)
+    np.maximum.at(largest, bodies.of_node, np.abs(v).max(axis=1, initial=0.0))
+    problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    # Relative to the largest velocity: some hundred rounding units, and a tenth of the allowed
+    # penetration.
+    rounding = 1e-13
+    rests = largest <= rounding * largest.max(initial=0.0)
+    if not rests.any():
+        return
+    entered, moving = _entered(problem, mechanism), v.copy()
+    v[rests[bodies.of_node]] = 0.0
+    # Relative to the velocities there: a tenth of the allowed penetration.
+    nothing = 1e-13
+    if _entered(problem, mechanism) <= max(min(entered, UNSEEN), nothing):
+        return
+    if entered > UNSEEN:
+        part(problem, mechanism, ~problem.fixed & ~rests[bodies.of_node][:, None])
+        if _entered(problem, mechanism) <= UNSEEN:
+            return
+    v[:] = moving
+
+
+def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
+    """Open contact by the penetration of slip on faces that are plane except for rounding.
+
+    Points of a file with twelve digits make facets whose normals differ by 1e-11, which count as
+    one face. What slips along it enters some of them by as much, which is more than a checker
+    leaves. All pairs part by the most that any facet enters; volume changes that come of it count
+    as those of rounding do. Nothing is changed where bodies would still enter. Collective.
+
+    Args:
+        problem: The bodies.
+        mechanism: A velocity, its ghosts up to date; changed.
+    """
+    least = 1e-9  # share beyond which it is no rounding of points
+    if not UNSEEN < _entered(problem, mechanism) <= least:
+        return
+    before, basis = mechanism.x.array.copy(), problem.basis
+    faces = list(face_jumps(problem, mechanism))
+    most = max((float(face.along.max(initial=0.0)) for face in faces), default=0.0)
+    jumps, moved = basis.T.createVecs()
+    jumps.array[basis.index] = -problem.comm.allreduce(most, MPI.MAX)
+    basis.T.mult(jumps, moved)
+    mechanism.x.array[: moved.getLocalSize()] += moved.array_r
+    mechanism.x.scatter_forward()
+    for vector in (jumps, moved):
+        vector.destroy()
+    if not _entered(problem, mechanism) <= UNSEEN:
+        mechanism.x.array[:] = before
+
+
+def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
+    """Remove penetration of contact that is due to rounding. Collective.
+
+    Args:
+        problem: The bodies and their contact, on straight cells.
+        mechanism: Velocity with updated ghosts; changed.
+        free: Flags of components of local nodes that may change, shape (num_nodes, gdim).
+    """
+    constraints, gdim = problem.constraints, free.shape[1]
+    v, owned = mechanism.x.array.reshape(free.shape), problem.V.dofmap.index_map.size_local
+    on_nodes, on_rows = constraints.shares.createVecs()
+    room = np.zeros(len(constraints.host))  # |n|² of the components that may change, on both sides
+    for axis in range(gdim):
+        on_nodes.array[:] = free[:owned, axis]
+        constraints.shares.mult(on_nodes, on_rows)
+        room += constraints.normal[:, axis] ** 2 * on_rows.array_r
+    rounds = 4  # for nodes at edges, where the correction of one pair opens or closes another
+    for _ in range(rounds):
+        enters = np.divide(
+            _entering(problem, mechanism), room, out=np.zeros_like(room), where=room > 0
+        )
+        for axis in range(gdim):
+            on_rows.array[:] = enters * constraints.normal[:, axis]
+            constraints.weights.multTranspose(on_rows, on_nodes)
+            v[:owned, axis] -= np.where(free[:owned, axis], on_nodes.array_r, 0.0)
+        mechanism.x.scatter_forward()
+    for vector in (on_nodes, on_rows):
+        vector.destroy()
+
+
+def _entering(problem: Problem, velocity: fem.Function) -> Floats:
+    """Return the penetration of each pair, at midsides half its Bernstein coefficient.
+
+    Collective.
+    """
+    constraints = problem.constraints
+    enters = np.einsum("ni,ni->n", jump_vectors(problem, velocity), constraints.normal)
+    facets, host = contact_facets(problem), constraints.host
+    for face in face_jumps(problem, velocity):
+        middle = np.zeros(len(problem.fixed), dtype=bool)
+        middle[facets.edges(face.here)[:, 0]] = True
+        chosen = rows_of(problem, np.append(face.source, face.normal)) & middle[host]
+        enters[chosen] = face.w[host[chosen]] @ face.normal / 2  # 2 w_m − (w_a + w_b)/2
+    found: Floats = np.maximum(enters, 0.0)
+    return found
+
+
+def _entered(problem: Problem, velocity: fem.Function) -> float:
+    """Return the interpenetration relative to velocities there; 0 if unknown. Collective."""
+    if problem.constraints.in_mean or problem.given.ties:
+        return 0.0
+    return entered_share(problem, velocity, rubbing=True) or 0.0

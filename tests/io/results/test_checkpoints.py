@@ -14,8 +14,8 @@ from demos.verification.corner_seat import in_elastic_seat, in_rigid_seat
 from meshes.corner_seat import write_corner_seat
 from perfplast_fenicsx import Level, Problem, State, interpolation_points, read_gmsh
 from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved
-from perfplast_fenicsx.io.results.parallel_hdf5 import checksum, set_checksum
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.io.results.vtkhdf import checksum, set_checksum
 from perfplast_fenicsx.limit_analysis.limit_search import Search
 from perfplast_fenicsx.mesh.global_ordering import Block, Ordering
 from perfplast_fenicsx.problem.assembled.spaces import space_at_points

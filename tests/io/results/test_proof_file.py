@@ -24,7 +24,7 @@ from perfplast_fenicsx.io.results.proof_file import judge, save_proof, write_pro
 from perfplast_fenicsx.limit_analysis import limit_bounds, limit_load
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import bounds_of_mesh
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import VelocityProof
-from perfplast_fenicsx.limit_analysis.statements.bound import Scope
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Scope
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.models import STEEL, Read

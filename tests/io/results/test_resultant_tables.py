@@ -5,7 +5,7 @@ from mpi4py import MPI
 import pytest
 
 from perfplast_fenicsx import Force, Problem, Support, two_blocks
-from perfplast_fenicsx.io.results.resultant_tables import ResultantTables
+from perfplast_fenicsx.io.results.result_folder import ResultantTables
 from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.units import Units
 from tests.models import STEEL

@@ -1,0 +1,287 @@
+"""Create the problems that bounds are computed for, and convert their results back.
+
+Create the bodies whose limit loads bound those of the declared bodies.
+They differ for ground with ψ < φ, and for pore pressures with kinks in cells.
+
+Make contact and ties of plane meshes match, and glue ties, for bounds of the body.
+Make contact and ties of plane meshes match, for bounds of the body.
+If both surfaces lie on each other, the bodies do not change. Two polygons that approximate one
+curve overlap and leave gaps. Then bounds hold for a projected model: each body ends at the polygon
+through the nodes of both.
+"""
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.contact.declared.contact import Contact, Tie
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
+from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
+from perfplast_fenicsx.limit_analysis.discrete.point_strains import has_coefficients
+from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import with_enclosed_pores
+from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import with_points_at_vertices
+from perfplast_fenicsx.materials.nonassociated_flow import pair_of
+from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
+from perfplast_fenicsx.mesh.divided_surfaces import divided, farthest, surface_ends
+from perfplast_fenicsx.mesh.glued_bodies import glue
+from perfplast_fenicsx.mesh.ring_polynomials import coefficients_of_radius, polynomials
+from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.problem import Problem
+from perfplast_fenicsx.problem.variant import variant
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class FlowProblem:
+    """The problem in which a mechanism is sought.
+
+    Attributes:
+        problem: The problem: in space on cells split from their centres, in axisymmetry in v = ru
+            (:mod:`ring_flux`), and for dilating bodies with laws at vertices.
+        split: How cells are split; None without a split.
+    """
+
+    problem: Problem
+    split: AlfeldSplit | None
+
+
+def flow_problem(problem: Problem) -> FlowProblem:
+    """Return the flow problem of a problem. Collective.
+
+    Args:
+        problem: See :func:`limit_bounds.admitted`.
+    """
+    straight, split = is_straight(problem), split_of(problem)
+    if split is not None:
+        problem = problem.on(split)
+    if problem.tagged_mesh.axisymmetric and straight:
+        problem = by_flux(problem)
+    if straight and body_cones(problem).dilates:
+        problem = with_points_at_vertices(problem)
+    return FlowProblem(problem, split)
+
+
+def split_of(problem: Problem) -> AlfeldSplit | None:
+    """Return how cells are split for strict bounds; None if they are not. Collective."""
+    if problem.bodies.gdim == 3 and is_straight(problem):
+        return alfeld_split(problem.tagged_mesh)
+    return None
+
+
+def is_straight(problem: Problem) -> bool:
+    """Return whether the elements are quadratic on straight cells. Collective."""
+    return problem.degree == 2 and not has_curved_cells(problem.tagged_mesh.mesh)
+
+
+@dataclass(frozen=True)
+class VelocityOf:
+    """A velocity, and the problem in whose displacement space it is.
+
+    Attributes:
+        problem: The problem.
+        velocity: Its velocity.
+    """
+
+    problem: Problem
+    velocity: fem.Function
+
+
+def of_displacements(
+    problem: Problem, flow: VelocityOf, mesh: LimitLoad
+) -> tuple[fem.Function, LimitLoad]:
+    """Return the velocity u, and a limit load with it and with the forces conjugate to u.
+
+    Collective.
+
+    Args:
+        problem: Problem of the displacements u.
+        flow: Flow problem of v = ru.
+        mesh: Limit load of the flow problem.
+    """
+    velocity, forces = nodal_velocity(problem, flow.velocity), mesh.contact_forces
+    rows = flow.problem.constraints
+    if forces is not None and len(forces) == len(rows.host):  # forces of pairs
+        told = problem.constraints
+        ours, theirs = (
+            it.host.astype(np.int64) * len(told.sources) + it.surface for it in (told, rows)
+        )
+        _, here, there = np.intersect1d(ours, theirs, return_indices=True)
+        pushed = np.zeros(len(ours))  # zero on the axis, where v is held
+        pushed[here] = problem.V.tabulate_dof_coordinates()[told.host[here], 0] * forces[there]
+        forces = pushed
+    stress = mesh.stress
+    if stress is not None and has_coefficients(flow.problem):
+        stress = _at_points(problem, flow.problem, stress)
+    return velocity, replace(mesh, mechanism=velocity, contact_forces=forces, stress=stress)
+
+
+def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Function:
+    """Return a stress at the points, from coefficients of rσ. Collective.
+
+    Args:
+        problem: Problem with the points.
+        flow: Flow problem on the same cells, with coefficients at its points.
+        stress: σ_i = S_i/ρ_i of each coefficient S_i of S = rσ, Mandel vectors.
+    """
+    vertices, places = corners(problem.tagged_mesh.mesh)
+    x, size = places[vertices], problem.S.dofmap.index_map_bs
+    at = interpolation_points(problem.S.element)
+    shares = np.hstack([1 - at.sum(axis=1, keepdims=True), at])
+    given = stress.x.array.reshape(-1, size)[flow.Q.dofmap.list[: len(x)]]
+    given = coefficients_of_radius(x)[..., None] * given
+    found = fem.Function(problem.S, name=stress.name)
+    values = np.einsum("pi,cim->cpm", polynomials(shares), given)
+    values /= (x[..., 0] @ shares.T)[..., None]
+    found.x.array.reshape(-1, size)[problem.Q.dofmap.list[: len(x)]] = values
+    found.x.scatter_forward()
+    return found
+
+
+def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
+    """Return the bodies for a lower and for an upper bound. Collective.
+
+    Both are on the mesh of the problem, and associated (:mod:`nonassociated_flow`).
+
+    Args:
+        problem: The bodies as they were declared.
+
+    Returns:
+        The same problem twice, if each limit load is that of the bodies themselves.
+    """
+    pair = pair_of(problem.given.materials)
+    below = above = problem
+    if pair is not None:
+        below, above = (variant(problem, materials=materials) for materials in pair)
+    return with_enclosed_pores(below, "above"), with_enclosed_pores(above, "below")
+
+
+def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
+    """Return the stress on the parts of cells as a stress on the cells of the split mesh."""
+    parts = split.mesh.topology.dim + 1
+    return of_parts(stress.reshape(len(stress), parts, parts, stress.shape[2]), split)
+
+
+def of_parts(values: Floats, split: AlfeldSplit) -> Floats:
+    """Return values by cell, shape (num_cells, d + 1, ...), as values of the split mesh's cells."""
+    chosen: Floats = values[split.parents, _places(split)]
+    return chosen
+
+
+def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
+    """Return values of the split mesh's cells, grouped by parent cell.
+
+    The inverse of :func:`of_parts`.
+    """
+    parts = split.mesh.topology.dim + 1
+    found: Floats = np.empty((len(values) // parts, parts, *values.shape[1:]))
+    found[split.parents, _places(split)] = values
+    return found
+
+
+def of_parents(values: Floats, split: AlfeldSplit) -> Floats:
+    """Return sums over the parts of each cell."""
+    sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
+    np.add.at(sums, split.parents, values)
+    return sums
+
+
+def _places(split: AlfeldSplit) -> npt.NDArray[np.integer]:
+    """Return the index of each part in its cell."""
+    original: Longs = np.asarray(split.mesh.topology.original_cell_index, dtype=np.int64)
+    return original % (split.mesh.topology.dim + 1)
+
+
+def with_divided_interfaces(problem: Problem) -> Problem:
+    """Return the problem on a mesh with a node wherever the other side has one. Collective.
+
+    Facets that lie on each other then match, so that tractions and velocities of both sides are
+    compared point by point. The new mesh states how its bodies differ from the old ones
+    (``taken``).
+
+    Args:
+        problem: The problem. It is returned unchanged in space, on curved cells, and if surfaces
+            neither lie on each other nor are polygons of one curve.
+
+    Raises:
+        InputError: If a cell is thinner than the deviation of its facet.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    pairs: list[Contact | Tie] = [*given.contacts, *given.ties]
+    plane = problem.bodies.gdim == 2
+    if not pairs or not plane or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
+        return problem
+    finer = tagged_mesh
+    for pair in pairs:
+        finer = _matching(finer, pair.primary, pair.secondary)
+    if finer is tagged_mesh:
+        return problem
+    log.info("cells at interfaces are divided, so that facets of both sides match")
+    return problem.on(finer)
+
+
+def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMesh:
+    """Return the mesh, divided at one pair of surfaces. Collective."""
+    one, other = (surface_ends(tagged_mesh, name) for name in (primary, secondary))
+    ends = one.reshape(-1, 2), other.reshape(-1, 2)
+    away = farthest(one, ends[1]), farthest(other, ends[0])
+    moved = 0.0 if None in away else max(it for it in away if it is not None)
+    # Distance by which rounding moves vertices off straight surfaces, relative to their length.
+    size = max((float(it.max() - it.min()) for it in ends if len(it)), default=0.0)
+    bent = moved > 1e-8 * size
+    finer = divided(tagged_mesh, primary, ends[1], one if bent else None)
+    finer = divided(finer, secondary, ends[0], other if bent else None)
+    if not bent:
+        return finer
+    words = (
+        f"the bounds are those of a projected model: '{primary}' and '{secondary}', whose chords"
+        f" differ, are both the polygon through the nodes of both, up to {moved:.2g} away"
+    )
+    return replace(finer, taken=(*finer.taken, words))
+
+
+def with_matching_facets(problem: Problem) -> Problem:
+    """Return the problem with matching facets in contact, and shared facets at ties. Collective.
+
+    This is done as far as possible. Contact acts at each point, also if mortar rows were requested.
+    """
+    return with_glued_ties(with_divided_interfaces(_at_each_point(problem)))
+
+
+def _at_each_point(problem: Problem) -> Problem:
+    """Return the problem with node-to-node contact wherever nodes match. Collective."""
+    given, mesh = problem.given, problem.tagged_mesh.mesh
+    in_mean = any(it.formulation == "mortar" for it in given.contacts)
+    if not in_mean or not problem.as_declared or has_curved_cells(mesh):
+        return problem
+    contacts = [replace(it, formulation=None, hosts=None) for it in given.contacts]
+    return Problem(problem.tagged_mesh, **(vars(given) | {"contacts": contacts}))
+
+
+def with_glued_ties(problem: Problem) -> Problem:
+    """Return the problem on a mesh whose cells share vertices where bodies are tied. Collective.
+
+    The velocity and the tractions of a tie with matching facets are the same on both sides, as for
+    cells that share a facet.
+
+    Args:
+        problem: The bodies. They are returned unchanged if ties do not match or cells are curved.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    if not given.ties or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
+        return problem
+    pairs = opposite_vertices(tagged_mesh, given.ties)
+    surfaces = {name for tie in given.ties for name in (tie.primary, tie.secondary)}
+    glued = glue(tagged_mesh, pairs, surfaces)
+    if glued is None:
+        return problem
+    log.info("the facets of all ties match, and bodies share their vertices there")
+    return Problem(glued, **(vars(given) | {"ties": []}))
