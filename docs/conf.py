@@ -58,6 +58,7 @@ html_title = f"perfplast_fenicsx {release}"
 html_math_renderer = "perfplast_mathml"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = [("tribunal.js", {"defer": "defer"})]
 html_copy_source = False
 html_show_sphinx = False
 

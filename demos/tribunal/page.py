@@ -26,6 +26,12 @@ from demos.tribunal.verdicts import (
 NARROW = Decimal("1.5")
 """Width (percent) that nine of ten problems shall not exceed."""
 
+TINY = Decimal("0.01")
+"""Percentage below which impossible numbers are counted separately."""
+
+PICTURES = "pictures/tribunal"
+"""Folder of the pictures beside the page."""
+
 MOST_NAMED = 15
 """Number of problems that are named beside published numbers."""
 
@@ -51,6 +57,16 @@ make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case 
 
 """
 
+PROBLEMS = """
+## Problems
+
+Bounds are those of the factor of safety, unless the title names k_c, γH/c or another load factor,
+which the case file explains. The column s has the processor time. The column of numbers counts
+published ones: impossible/possible/below/not decided. The pictures show the mechanism that proves
+the upper bound: grey parts are at rest, and darker colours move faster. Black lines are boundaries
+of the bodies and of different strengths. `make tribunal` draws them from the proof files
+(`demos/tribunal/picture.py`). """
+
 EXPLAINED = """
 ## What is proven, and what is not
 
@@ -65,6 +81,8 @@ EXPLAINED = """
 - A number is **not decided** if a bound is missing, or if it is not certain which problem was
   solved.
 - The rounding is half a unit of the last printed digit. The percentage is the least one within it.
+  A percentage below 0.01 % is printed with two digits. Such a verdict holds only if the source has
+  rounded to the nearest digit.
 
 The bounds hold for plane strain, the law in the case file (Mohr–Coulomb's without a limit of
 tension, or von Mises'), associated flow, and the geometry as written. In slopes this includes the
@@ -132,28 +150,23 @@ def page(
             in_short(kinds, verdicts, solved),
             "\n## Verdicts by method\n\n",
             of_methods(verdicts),
-            "\n## Slopes\n\nBounds are those of the factor of safety, unless the title names k_c or"
-            " γH/c. The column s has the processor time. The column of numbers counts published"
-            f" ones: impossible/possible/below/not decided. {with_spirals(kinds, solved)}\n\n",
-            of_problems(_of("slopes", kinds, titles), verdicts, solved, spirals=True),
-            "\n## Footings, cuts, tunnels, anchors and piles\n\nBounds are those of the load"
-            " factor, which each case file explains.\n\n",
-            of_problems(_of("ground", kinds, titles), verdicts, solved),
-            "\n## Metal\n\n",
-            of_problems(_of("metal", kinds, titles), verdicts, solved),
+            PROBLEMS,
+            with_spirals(kinds, solved),
+            "\n\n",
+            filtered(of_problems(kinds, titles, verdicts, solved)),
             "\n## Beside what is published\n\n",
             beside(titles, published, solved),
             EXPLAINED,
             "\n## All numbers\n\nPercentages are above the upper or below the lower bound. The"
             " sources are in [published.csv](../demos/tribunal/published.csv).\n\n",
-            of_numbers(titles, verdicts),
+            filtered(of_numbers(titles, verdicts)),
         ]
     )
 
 
-def _of(kind: str, kinds: Mapping[str, str], titles: Mapping[str, str]) -> dict[str, str]:
-    """Return the titles of the problems of a kind."""
-    return {name: title for name, title in titles.items() if kinds.get(name) == kind}
+def filtered(rows: str) -> str:
+    """Return a table in a box, to which the site adds a filter by verdict (``tribunal.js``)."""
+    return f'<div class="tribunal">\n\n{rows}\n</div>\n'
 
 
 def with_spirals(kinds: Mapping[str, str], solved: Mapping[str, Solved]) -> str:
@@ -199,41 +212,47 @@ def in_short(
             f" {sum(seconds) / 60:.0f} minutes.",
         )
     above = [it.percent for _, it in verdicts if it.word == IMPOSSIBLE and it.percent is not None]
+    tiny = sum(it < TINY for it in above)
     if above:
         said.append(
             f"Impossible numbers are {median(above):.1f} % above the upper bound in the median,"
-            f" and {max(above):.1f} % at most."
+            f" and {max(above):.1f} % at most; {tiny} of them by less than {TINY} %."
         )
     return " ".join(said) + "\n"
 
 
 def of_problems(
+    kinds: Mapping[str, str],
     titles: Mapping[str, str],
     verdicts: Sequence[tuple[Published, Verdict]],
     solved: Mapping[str, Solved],
-    spirals: bool = False,
 ) -> str:
     """Return the table with a row a problem.
 
     Args:
-        titles: Of the problems in the table, by name.
+        kinds: Of all problems, by name.
+        titles: Of all problems, by name.
         verdicts: On all numbers.
         solved: What is proven, by name.
-        spirals: Whether the table has a column of log spirals.
     """
-    heads = ["problem", "lower:", "upper:", "width, %:", "s:", "numbers:"]
-    heads += ["log spiral:"] if spirals else []
-    rows = []
-    for name in sorted(titles, key=lambda name: (not name.startswith("pruska"), name)):
+    heads = ["collapse", "problem", "kind", "lower:", "upper:", "width, %:", "s:", "numbers:"]
+    heads += ["log spiral:"]
+    rows, order = [], ("slopes", "ground", "metal")
+    first = "pruska"
+    for name in sorted(
+        kinds, key=lambda it: (order.index(kinds[it]), not it.startswith(first), it)
+    ):
         row = solved.get(name)
         numbers = Counter(verdict.word for number, verdict in verdicts if number.problem == name)
         found = ["–"] * 4
         if row is not None:
             width = "–" if row.width is None else f"{row.width:.2f}"
             found = [row.lower or "–", row.upper or "–", width, row.seconds]
+        picture = f"![]({PICTURES}/{name}.png)" if row is not None and row.upper else ""
         case = f"[{titles[name]}](../demos/tribunal/{name}.toml)"
-        shown = [case, *found, "/".join(str(numbers[word]) for word in WORDS)]
-        rows.append([*shown, "" if row is None else row.spiral] if spirals else shown)
+        counts = "/".join(str(numbers[word]) for word in WORDS)
+        spiral = "" if row is None else row.spiral
+        rows.append([picture, case, kinds[name], *found, counts, spiral])
     return table(heads, rows)
 
 

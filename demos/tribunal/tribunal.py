@@ -6,7 +6,7 @@ Each case file beside this script is a problem. A problem without bounds is solv
 proofs are checked, and a log spiral is compared where one applies. Then each number of
 ``published.csv`` gets a verdict. What was solved stays in DIR, so that a run that was stopped goes
 on where it was. Problems that ``--only`` does not name keep the bounds of ``bounds.csv``.
-``--publish`` copies the tables beside this script, and writes docs/tribunal.md.
+``--publish`` copies the tables beside this script, and the page and its pictures into docs.
 """
 
 import argparse
@@ -30,7 +30,8 @@ ROOT = HERE.parents[1]
 sys.path[:0] = [] if str(ROOT) in sys.path else [str(ROOT)]
 
 from demos.tribunal.log_spiral import slope_of, upper_bound
-from demos.tribunal.page import page
+from demos.tribunal.page import PICTURES, page
+from demos.tribunal.picture import draw
 from demos.tribunal.verdicts import (
     Published,
     Solved,
@@ -42,6 +43,7 @@ from demos.tribunal.verdicts import (
 
 PUBLISHED, BOUNDS, VERDICTS = "published.csv", "bounds.csv", "verdicts.csv"
 PAGE = ROOT / "docs" / "tribunal.md"
+PICTURE = "picture.png"
 PROOFS = {
     "strength": {"lower": "stands.h5", "upper": "falls.h5"},
     "bounds": {"lower": "bounds.h5", "upper": "bounds.h5"},
@@ -109,6 +111,23 @@ def solve(case: Path, folder: Path) -> Solved:
         stands=sums["lower"],
         falls=sums["upper"],
     )
+
+
+def drawn(case: Path, folder: Path) -> Path | None:
+    """Return the picture of a problem, drawn if it is not yet; None without a proof to draw.
+
+    Args:
+        case: The case file.
+        folder: Folder of the problem, with its results.
+    """
+    picture = folder / PICTURE
+    control = tomllib.loads(case.read_text(encoding="utf-8"))["loading"]["control"]
+    proof = folder / "results" / PROOFS[control]["upper"]
+    if not proof.is_file():
+        return picture if picture.is_file() else None
+    if not picture.is_file() or picture.stat().st_mtime < proof.stat().st_mtime:
+        draw(proof, picture)
+    return picture
 
 
 def with_spiral(row: Solved, case: Path) -> Solved:
@@ -235,11 +254,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     verdicts = judged(published, solved)
     write_bounds(folder / BOUNDS, solved)
     write_verdicts(folder / VERDICTS, verdicts)
+    drawings = {
+        name: picture
+        for name, row in solved.items()
+        if row.upper and (picture := drawn(cases[name], folder / name)) is not None
+    }
     (folder / PAGE.name).write_text(page(cases, published, solved), encoding="utf-8")
     if arguments.publish:
         for name in (BOUNDS, VERDICTS):
             shutil.copy(folder / name, HERE)
         shutil.copy(folder / PAGE.name, PAGE)
+        pictures = PAGE.parent / PICTURES
+        pictures.mkdir(exist_ok=True)
+        for name, picture in drawings.items():
+            shutil.copy(picture, pictures / f"{name}.png")
     for word, count in Counter(verdict.word for _, verdict in verdicts).most_common():
         print(f"{count:4d} {word}")
     print(f"Tables, page and proofs are in {folder}.")

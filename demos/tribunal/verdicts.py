@@ -196,7 +196,13 @@ def write_verdicts(path: Path, rows: Iterable[tuple[Published, Verdict]]) -> Non
 
 
 def percent(verdict: Verdict) -> str:
-    """Return the percentage of a verdict, rounded down to two digits; empty where it has none."""
+    """Return the percentage of a verdict, rounded down; empty where it has none.
+
+    It has two decimals, or two significant digits if it is below 0.01.
+    """
     if verdict.percent is None:
         return ""
-    return str(verdict.percent.quantize(Decimal("0.01"), ROUND_FLOOR))
+    two = Decimal("0.01")
+    if 0 < verdict.percent < two:
+        two = Decimal(1).scaleb(verdict.percent.adjusted() - 1)
+    return f"{verdict.percent.quantize(two, ROUND_FLOOR):f}"

@@ -317,13 +317,13 @@ class Recorder:
         for line in force_lines(summary.loads, lower, upper, forces, axes, units):
             self._run.terminal.say(line)
 
-    def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
+    def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
         """Show and log bounds with reduced strengths; used as a monitor. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
         """
-        words = times_in_words(factor, lower, upper, by_davis(self._run.case.materials))
+        words = times_in_words(factor, lower, upper, cells, by_davis(self._run.case.materials))
         self._run.terminal.say(words)
         self._run.journal.say(words)
         self._run.interrupts.check()

@@ -238,9 +238,8 @@ class _Told:
         areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
         used = self.problem.tagged_mesh.tags_of([*self.marked, *self.glued])
         free: dict[str, float] = {}
-        for tag, name in of_tags.items():
-            if tag not in used:
-                free[name] = free.get(name, 0.0) + areas.get(tag, 0.0)
+        for tag, name in self.sides.names_of_all(of_tags.keys() - set(used)).items():
+            free[name] = free.get(name, 0.0) + areas.get(tag, 0.0)
         parts = [f"'{name}' ({_number(area)})" for name, area in sorted(free.items()) if area]
         unnamed = sum(area for tag, area in areas.items() if tag not in of_tags)
         if unnamed > ROUNDING * sum(areas.values()):

@@ -162,8 +162,8 @@ class Record(Protocol):
     def so_far(self, adaptive: AdaptiveBounds) -> None:
         """The bounds on the meshes before another one is solved."""
 
-    def factor(self, factor: float, lower: Bound, upper: Bound) -> None:
-        """Record bounds with strengths that are divided by a factor."""
+    def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
+        """Record bounds with strengths that are divided by a factor, and the number of cells."""
 
     def limit(
         self,

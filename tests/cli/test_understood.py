@@ -28,6 +28,7 @@ from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of
 from perfplast_fenicsx.io.case.schema import parse
+from perfplast_fenicsx.problem.judged.sides import Sides
 from perfplast_fenicsx.problem.problem import Problem
 
 Points = npt.NDArray[np.float64]
@@ -643,3 +644,14 @@ def test_picture_is_drawn(
 def test_forty_cases() -> None:
     assert len(CASES) >= 40
     assert sum(bool(told.parts) for told in CASES.values()) >= 15
+
+
+@pytest.mark.serial
+def test_the_widest_name_of_what_is_left() -> None:
+    """The parts of the surface of the ground were listed, in place of its name."""
+    surfaces: dict[str, int | tuple[int, ...]] = {"soil_face_1": 1, "soil_y_high": 2}
+    surfaces |= {"surface": (1, 2), "soil_x_low": 3, "left": 3}
+    nothing: Any = None
+    sides = Sides(nothing, (), nothing, nothing, surfaces)
+    assert sides.names_of_all([1, 2, 3]) == {1: "surface", 2: "surface", 3: "left"}
+    assert sides.names_of_all([1, 3]) == {1: "soil_face_1", 3: "left"}

@@ -7,19 +7,25 @@ import shutil
 import tomllib
 from dataclasses import replace
 from decimal import Decimal
+from html import escape
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
+from PIL import Image
 
 from demos.tribunal import tribunal
 from demos.tribunal.log_spiral import Slope, least, ratio, slope_of, upper_bound
+from demos.tribunal.picture import COLOURS, draw
 from demos.tribunal.verdicts import (
     BELOW,
     IMPOSSIBLE,
     METHODS,
     POSSIBLE,
     UNDECIDED,
+    WORDS,
     Published,
     Solved,
     ends,
@@ -34,6 +40,7 @@ from demos.tribunal.verdicts import (
 )
 from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.parser import SOLVED
+from tests.functional.browser_page import alone
 
 pytestmark = [pytest.mark.serial, pytest.mark.usefixtures("undrawn")]
 
@@ -50,11 +57,11 @@ MOST_LINES = 25
     [
         ("1.22", "1.2144", "1.2228", POSSIBLE, None),
         ("1.23", "1.2144", "1.225", POSSIBLE, None),
-        ("1.23", "1.2144", "1.22499", IMPOSSIBLE, "0.00"),
+        ("1.23", "1.2144", "1.22499", IMPOSSIBLE, "0.00081"),
         ("1.31", "1.2144", "1.2228", IMPOSSIBLE, "6.72"),
         ("1.310", "1.2144", "1.2228", IMPOSSIBLE, "7.09"),
         ("1.21", "1.215", "1.2228", POSSIBLE, None),
-        ("1.21", "1.21501", "1.2228", BELOW, "0.00"),
+        ("1.21", "1.21501", "1.2228", BELOW, "0.00082"),
         ("1.4", "1.3745", "1.3801", POSSIBLE, None),
         ("2", "1.5", "1.6", POSSIBLE, None),
         ("1.31", "", "1.2228", IMPOSSIBLE, "6.72"),
@@ -169,8 +176,89 @@ def test_the_page_shows_each_problem_and_number(tmp_path: Path) -> None:
     page = tribunal.page(CASES, PUBLISHED, {"pruska_01": row})
     assert f"1 of {len(CASES)} problems have bounds on both sides: 1 slopes, 0 other" in page
     (line,) = (line for line in page.splitlines() if "(../demos/tribunal/pruska_01.toml)" in line)
-    assert " | 1.21440 | 1.22280 | 0.69 | 21 | 2/4/0/0 | 1.22490 |" in line
+    assert " | slopes | 1.21440 | 1.22280 | 0.69 | 21 | 2/4/0/0 | 1.22490 |" in line
+    assert line.startswith("| ![](pictures/tribunal/pruska_01.png) | ")
     assert page.count("\n| Pruška (2003): H = 7 m, γ = 24, c = 20, φ = 10° | ") == 7
+
+
+def test_each_problem_has_a_small_picture() -> None:
+    folder = tribunal.PAGE.parent / tribunal.PICTURES
+    drawn = {path.stem: path.stat().st_size for path in folder.glob("*.png")}
+    assert drawn.keys() == {name for name, row in STORED.items() if row.upper}
+    assert max(drawn.values()) < 2000 and sum(drawn.values()) < 100_000
+
+
+def test_a_picture_shows_what_moves(tmp_path: Path) -> None:
+    """Two squares of different strength, of which the right one moves."""
+    x, y = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0])
+    cells = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+    half = {
+        "vertices": np.column_stack([x.ravel(), y.ravel()]),
+        "cells": cells,
+        "cone": np.array([0, 0, 1, 1]),
+        "velocity": np.repeat([[0.0, 0.0], [1.0, 0.0]], 6, axis=0),
+        "nodes": np.repeat([0, 6], 2)[:, None] + np.arange(6),
+    }
+    with h5py.File(tmp_path / "bounds.h5", "w") as file:
+        for name, values in half.items():
+            file[f"upper/{name}"] = values
+    draw(tmp_path / "bounds.h5", tmp_path / "picture.png")
+    with Image.open(tmp_path / "picture.png") as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    rows, columns, _ = pixels.shape
+    middle, third = rows // 2, columns // 3
+    assert tuple(pixels[middle, third]) == tuple(COLOURS[0])
+    assert tuple(pixels[middle, 2 * third]) == tuple(COLOURS[-1])
+    dark = np.flatnonzero(pixels[middle].sum(axis=1) < 100)
+    assert any(abs(dark - columns / 2) < 2)  # the boundary between both strengths
+
+
+@alone
+def test_the_page_filters_rows_by_verdict(tmp_path: Path, browser: Any) -> None:
+    """As the site builds it: tables become HTML, and ``tribunal.js`` is loaded."""
+    lines = tribunal.page(CASES, PUBLISHED, STORED).splitlines()
+    boxes = [n for n, line in enumerate(lines) if line == '<div class="tribunal">']
+    assert len(boxes) == 2
+    html = []
+    for start in boxes:
+        rows = [it[2:-2].split(" | ") for it in lines[start + 2 : lines.index("</div>", start) - 1]]
+        head = "".join(f"<th>{cell}</th>" for cell in rows[0])
+        body = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows[2:])
+        html += ['<div class="tribunal"><table><thead><tr>', head, "</tr></thead><tbody><tr>"]
+        html += ["</tr><tr>".join(body), "</tr></tbody></table></div>"]
+    script = (tribunal.PAGE.parent / "static" / "tribunal.js").as_uri()
+    page = tmp_path / "page.html"
+    page.write_text(f"{''.join(html)}<script src={script}></script>", encoding="utf-8")
+    browser.get(page.as_uri())
+
+    def shown(table: int, *words: str) -> str:
+        """Press buttons above a table, and return the number of rows that are shown."""
+        for word in words:
+            browser.execute_script(
+                """const box = document.querySelectorAll("div.tribunal")[arguments[0]];
+                for (const button of box.querySelectorAll("button"))
+                  if (button.textContent === arguments[1]) { button.click(); break; }""",
+                table,
+                word,
+            )
+        return str(
+            browser.execute_script(
+                """const box = document.querySelectorAll("div.tribunal")[arguments[0]];
+                const left = [...box.querySelectorAll("tbody tr")].filter((row) => !row.hidden);
+                const said = box.querySelector("[role=status]").textContent;
+                return said.startsWith(`${left.length} of `) ? left.length : said""",
+                table,
+            )
+        )
+
+    found = judged(PUBLISHED, STORED)
+    for word in WORDS:
+        of_word = [number for number, verdict in found if verdict.word == word]
+        button = "below" if word == BELOW else word
+        assert shown(1, button) == str(len(of_word))
+        assert shown(0, button) == str(len({number.problem for number in of_word}))
+    slopes = {it.problem for it in PUBLISHED if kind_of(it.quantity) == "slopes"}
+    assert shown(0, "all", "slopes") == str(len(slopes))
 
 
 def test_what_was_solved_is_not_solved_again(

@@ -16,6 +16,7 @@ from meshes.strip_footing import write_strip_footing
 from meshes.thick_tube import OUTER, write_thick_tube
 from perfplast_fenicsx import (
     Contact,
+    DruckerPrager,
     Elastic,
     InputError,
     Plane,
@@ -30,9 +31,13 @@ from perfplast_fenicsx import (
     two_blocks,
 )
 from perfplast_fenicsx.limit_analysis import LimitLoad, Verdict, interior_point
+from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration
+from perfplast_fenicsx.limit_analysis.discrete import discrete_bounds
+from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import KinematicLoad
 from perfplast_fenicsx.materials import Material, deviator, trace
 from perfplast_fenicsx.problem import Integral
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
+from perfplast_fenicsx.problem.variant import variant
 from tests.models import (
     PUNCH_LIMIT,
     STEEL,
@@ -323,3 +328,28 @@ def test_loads_that_meet_no_resistance(lower: Material, most: int) -> None:
 def test_a_tolerance_must_be_one(rtol: float) -> None:
     with pytest.raises(InputError, match="not between 0 and 1"):
         interior_point(punch_problem(2), rtol)
+
+
+@pytest.mark.mpi2
+def test_an_earlier_iterate_gives_the_mechanism_if_the_last_one_has_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where sand on clay dilates, later iterates may be too close to the edges of their cones."""
+    rtol, clay = 1e-3, footing(tmp_path)
+    ground = DruckerPrager(1e4, 0.3, 10.0, 20.0, "plane-strain")
+    problem = variant(clay, materials={"ground": ground})
+    usual = interior_point(problem, rtol)
+    tried, admissible = list[float](), discrete_bounds._admissible_load
+
+    def fails_at_first(iteration: InteriorIteration) -> KinematicLoad:
+        tried.append(iteration.gap())
+        if len(tried) == 1:
+            return KinematicLoad(None, 0.0, 1.0, 1.0)
+        return admissible(iteration)
+
+    monkeypatch.setattr(discrete_bounds, "_admissible_load", fails_at_first)
+    found = interior_point(problem, rtol)
+    last, earlier = tried
+    assert last < earlier
+    assert found.verdict is Verdict.FOUND
+    assert found.upper == pytest.approx(usual.upper, rel=rtol)

@@ -145,7 +145,7 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
     assert found.in_words().startswith("By Davis' estimate") == found.estimate
     assert found.stands is not None
     assert found.falls is not None
-    line = times_in_words(1.0, found.stands.lower, found.falls.upper, found.estimate)
+    line = times_in_words(1.0, found.stands.lower, found.falls.upper, 12, found.estimate)
     assert ("for certain" in line) == ("estimate" not in line) == (stand == "radenkovic")
 
 

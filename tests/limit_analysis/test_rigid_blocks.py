@@ -315,7 +315,9 @@ def test_factor_of_safety_of_stones(shared_tmp_path: Path) -> None:
     """F divides the friction of joints: a stone slides at μ/F, whatever its weight."""
     problem = staying(pushed(0.3, 2.0, 1.0), 0.2)
     seen: list[float] = []
-    found = factor_of_safety(problem, 1e-3, monitor=lambda factor, low, high: seen.append(factor))
+    found = factor_of_safety(
+        problem, 1e-3, monitor=lambda factor, low, high, _: seen.append(factor)
+    )
     assert found.lower is not None
     assert found.upper is not None
     assert found.lower <= 0.3 / 0.2 * (1 + 1e-9)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 from mpi4py import MPI
 
@@ -32,7 +33,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
-from perfplast_fenicsx.limit_analysis.body import factor_roots
+from perfplast_fenicsx.limit_analysis.body import factor_roots, safety_factor
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import NOT_ASKED, lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
@@ -64,7 +65,7 @@ def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
         slope(read, ground),
         2e-3,
         Adaptation(0.05, 500),
-        monitor=lambda factor, low, high: seen.append((factor, low.value, high.value)),
+        monitor=lambda factor, low, high, _: seen.append((factor, low.value, high.value)),
     )
     assert found.lower is not None
     assert found.upper is not None
@@ -227,7 +228,7 @@ def test_a_slope_with_a_skin_of_sand(read: Read) -> None:
         gentle(read, 1e-3),
         5e-3,
         Adaptation(0.2, 450),
-        monitor=lambda factor, low, high: factors.append(factor),
+        monitor=lambda factor, *_: factors.append(factor),
     )
     assert found.lower is not None
     assert found.upper is not None
@@ -262,12 +263,45 @@ def test_where_the_next_mesh_is_bounded() -> None:
 
 def test_why_there_is_no_bound_is_told() -> None:
     loose = Bound(0.9, "upper", Scope.MESH, ("volume changes are more than rounding",))
-    told = times_in_words(1.04, Bound(None, "lower", Scope.MESH, (NOT_ASKED,)), loose)
+    told = times_in_words(1.04, Bound(None, "lower", Scope.MESH, (NOT_ASKED,)), loose, 12)
     assert told.endswith("the upper one is not strict: volume changes are more than rounding.")
     assert NOT_ASKED not in told
     assert "there is no upper one: it is so" in times_in_words(
-        1.04, NOT_SOUGHT, Bound(None, "upper", Scope.MESH, ("it is so",))
+        1.04, NOT_SOUGHT, Bound(None, "upper", Scope.MESH, ("it is so",)), 12
     )
+    assert told.startswith("12 cells: ")
+
+
+def test_why_the_factors_are_further_apart_than_requested() -> None:
+    """It was not said."""
+    found, none = Bound(1.0, "upper", Scope.BODY), Bound(None, "upper", Scope.MESH, ("it locks",))
+    stands, carried = Bound(1.0, "lower", Scope.BODY), NOT_SOUGHT
+
+    def of_mesh(cells: int, low: float, high: float, upper: Bound) -> factor_roots.FactorRoots:
+        topology = SimpleNamespace(dim=2, index_map=lambda _: SimpleNamespace(size_global=cells))
+        mesh = SimpleNamespace(mesh=SimpleNamespace(topology=topology))
+        problem: Any = SimpleNamespace(tagged_mesh=mesh)
+        roots = factor_roots.FactorRoots(problem, 1e-3, None, None)
+        one: Any = SimpleNamespace(lower=stands, upper=carried)
+        other: Any = SimpleNamespace(lower=carried, upper=upper)
+        roots.keep(low, one, "lower")
+        roots.keep(high, other, "upper")
+        return roots
+
+    def told(curves: list[factor_roots.FactorRoots], until: float, ended: str = "") -> str:
+        return safety_factor._wider(1.3, 1.32, curves, Adaptation(until, 500), ended)
+
+    coarse, fine = of_mesh(90, 1.2, 1.32, found), of_mesh(400, 1.3, 1.31, none)
+    last = of_mesh(400, 1.3, 1.32, found)
+    assert told([coarse, fine], 0.02) == ""
+    assert told([coarse, fine], 0.01) == (
+        "The factors are 1.5 % apart, more than until = 0.01: the upper one is that of an earlier"
+        " mesh, as it locks. The last mesh has 400 cells."
+    )
+    assert "until = 0.01: too many cells. The" in told([coarse, last], 0.01, "too many cells")
+    assert "limit_tolerance = 0.001" in told([coarse, last], 0.01)
+    assert safety_factor._wider(1.3, 1.32, [fine], None, "") == ""
+    assert safety_factor._wider(None, 1.32, [fine], Adaptation(0.01, 500), "") == ""
 
 
 def test_what_is_refused(read: Read) -> None:

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
 from perfplast_fenicsx.limit_analysis.body.bound_problems import weaker_and_stronger
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import number_of_cells
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import lower_bound, upper_bound
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep, interior_point
@@ -16,6 +18,10 @@ from perfplast_fenicsx.problem.problem import Problem
 
 MOST_SEARCHES = 10
 """Largest number of searches for a root F; three or four are usual."""
+
+Monitor: TypeAlias = Callable[[float, Bound, Bound, int], None]
+"""Called on every rank with F, the lower and upper bound of μ at this F, and the number of cells.
+"""
 
 STEP = 1.3
 """Change of F if a side of μ is unknown, or if fewer than two values are known."""
@@ -28,7 +34,7 @@ class FactorRoots:
     Attributes:
         problem: The problem with the full strengths.
         tolerance: Relative tolerance of the roots.
-        monitor: Called on every rank with F, and the lower and upper bound of μ at this F.
+        monitor: See :data:`Monitor`.
         steps: Called on every rank after each step of the interior point method.
         steepness: Assumed |d ln μ/d ln F| if only one value is known.
         found: Computed bounds by F, with the kind that was sought.
@@ -38,7 +44,7 @@ class FactorRoots:
 
     problem: Problem
     tolerance: float
-    monitor: Callable[[float, Bound, Bound], None] | None
+    monitor: Monitor | None
     steps: Callable[[InteriorStep], None] | None
     steepness: float = 1.0
     found: dict[str, dict[float, BodyBounds]] = field(
@@ -182,6 +188,12 @@ class FactorRoots:
         sign = 1 if kind == "lower" else -1
         return {F: self.found[kind][F] for F in strict if sign * known[F] >= 0}
 
+    def failed(self, kind: str) -> str:
+        """Return in a clause why the last search for a bound of this kind has no usable result."""
+        bounds = list(self.found[kind].values())[-1]
+        bound = bounds.lower if kind == "lower" else bounds.upper
+        return "; ".join(bound.why_not) or "no search on the last mesh gave a better one"
+
     def is_strict(self, kind: str) -> bool:
         """Return whether a bound of this kind is strict at any F so far."""
         return bool(_known(self.found[kind], kind)[1])
@@ -191,7 +203,8 @@ class FactorRoots:
         for kind in kinds or self.found:
             self.found[kind][factor] = bounds
         if self.monitor is not None:
-            self.monitor(factor, bounds.lower, bounds.upper)
+            cells = number_of_cells(self.problem.tagged_mesh)
+            self.monitor(factor, bounds.lower, bounds.upper, cells)
 
 
 def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:

@@ -24,8 +24,8 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import (
     taken_as,
 )
 from perfplast_fenicsx.limit_analysis.body.bound_problems import with_matching_facets
-from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots, next_factor
-from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh
+from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots, Monitor, next_factor
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, number_of_cells
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import NOT_ASKED, limit_bounds, upper_bound
 from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_stress
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
@@ -37,7 +37,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, StrengthPath
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
-from perfplast_fenicsx.outcome_words import factor_words
+from perfplast_fenicsx.outcome_words import factor_words, percent
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
@@ -69,6 +69,8 @@ class FactorOfSafety(NotebookResult):
             bounds.
         path: The curve of F over work on the mesh of the upper factor, if requested.
         kept: Strengths that F does not divide, in words.
+        wider: Why the factors are further apart than requested, in a sentence; empty if they are
+            not, or if nothing is requested.
     """
 
     lower: float | None
@@ -83,6 +85,7 @@ class FactorOfSafety(NotebookResult):
     estimate: bool = False
     path: StrengthPath | None = None
     kept: tuple[str, ...] = ()
+    wider: str = ""
 
     def table(self) -> dict[str, Any]:
         """Return the table for ``summary.json``."""
@@ -124,7 +127,8 @@ class FactorOfSafety(NotebookResult):
         body = "By Davis' estimate the body" if self.estimate else "The body"
         but = f" but {' and '.join(self.kept)}" if self.kept else ""
         said = f"{body} {', and '.join(sides)}, if all strengths{but} are divided by F."
-        return said + sentences(self.taken)
+        wider = f" {self.wider}" if self.wider and len(sides) == 2 else ""
+        return said + wider + sentences(self.taken)
 
     def news(self) -> str:
         """Return a sentence on the last result: the curve if there is one, else the bounds."""
@@ -135,7 +139,7 @@ def factor_of_safety(
     problem: Problem,
     tolerance: float = 1e-3,
     adaptation: Adaptation | None = None,
-    monitor: Callable[[float, Bound, Bound], None] | None = None,
+    monitor: Monitor | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
 ) -> FactorOfSafety:
     """Return strict bounds of the factor of safety of permanent loads. Collective.
@@ -146,7 +150,7 @@ def factor_of_safety(
         adaptation: When the sequence of meshes ends; F is sought again on each mesh. Its ``until``
             refers to μ, which with friction falls by more than F rises. None for the problem's own
             mesh.
-        monitor: Called on every rank with F, and the lower and upper bound of μ at this F.
+        monitor: See :data:`factor_roots.Monitor`.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
@@ -161,7 +165,7 @@ def factor_of_safety(
     if are_blocks(problem):
         return _of_blocks(problem, tolerance, monitor)
     problem = with_matching_facets(problem)
-    curves = _curves(problem, tolerance, monitor, steps, adaptation)
+    curves, ended = _curves(problem, tolerance, monitor, steps, adaptation)
     for kind, other in (("upper", "lower"), ("lower", "upper")):
         _root_of_finest(curves, kind, other)
     (lower, stands), (upper, falls) = (_best(curves, kind) for kind in ("lower", "upper"))
@@ -182,13 +186,47 @@ def factor_of_safety(
         taken=taken_as(problem),
         estimate=by_davis(given.materials),
         kept=tuple(kept_strengths(given.materials, rubbing)),
+        wider=_wider(lower, upper, curves, adaptation, ended),
+    )
+
+
+def _wider(
+    lower: float | None,
+    upper: float | None,
+    curves: Sequence[FactorRoots],
+    adaptation: Adaptation | None,
+    ended: str,
+) -> str:
+    """Return why the factors are further apart than requested, in a sentence; empty if not.
+
+    Args:
+        lower: Factor with which the bodies stand.
+        upper: Factor at which they fall.
+        curves: Results on all meshes.
+        adaptation: The request.
+        ended: Why there is no finer mesh; empty if ``until`` was met at one F.
+    """
+    if adaptation is None or isinstance(adaptation.until, str) or lower is None or upper is None:
+        return ""
+    apart, last = upper / lower - 1, curves[-1]
+    if apart <= adaptation.until:
+        return ""
+    cells = number_of_cells(last.problem.tagged_mesh)
+    why = [ended] if ended else []
+    for kind, factor in (("lower", lower), ("upper", upper)):
+        if factor not in last.shown(kind):
+            why.append(f"the {kind} one is that of an earlier mesh, as {last.failed(kind)}")
+    why = why or [f"each is sought to limit_tolerance = {last.tolerance:g} of its root"]
+    return (
+        f"The factors are {percent(apart)} apart, more than until = {adaptation.until:g}:"
+        f" {'; '.join(why)}. The last mesh has {cells} cells."
     )
 
 
 def _of_blocks(
     problem: Problem,
     tolerance: float,
-    monitor: Callable[[float, Bound, Bound], None] | None,
+    monitor: Monitor | None,
 ) -> FactorOfSafety:
     """Return the factor of safety of bodies that cannot yield, from their joints. Collective.
 
@@ -201,7 +239,8 @@ def _of_blocks(
         if factor not in found:
             found[factor] = limit_bounds(weakened(problem, factor), 0.1 * tolerance)
             if monitor is not None:
-                monitor(factor, found[factor].lower, found[factor].upper)
+                cells = number_of_cells(problem.tagged_mesh)
+                monitor(factor, found[factor].lower, found[factor].upper, cells)
         return found[factor]
 
     def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
@@ -235,13 +274,16 @@ def _of_blocks(
     )
 
 
-def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = False) -> str:
+def times_in_words(
+    factor: float, lower: Bound, upper: Bound, cells: int, estimate: bool = False
+) -> str:
     """Return how many times the loads are carried with divided strengths, in a sentence.
 
     Args:
         factor: F.
         lower: Lower bound of the multiple.
         upper: Upper bound of the multiple.
+        cells: Number of cells of the mesh.
         estimate: Whether both are for Davis' associated ground.
     """
     sides = []
@@ -251,9 +293,9 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
     if upper.strict and upper.value is not None:
         sides.append(f"{rounded_up(upper.value)} times at most")
     davis = ", by Davis' estimate," if estimate else ""
+    divided = f"{cells} cells: with strengths divided by F = {factor:.6g}"
     if sides:
-        known = " and ".join(sides)
-        return f"With strengths divided by F = {factor:.6g} the loads are carried{davis} {known}."
+        return f"{divided} the loads are carried{davis} {' and '.join(sides)}."
     words = {True: "there is no {} one", False: "the {} one is not strict"}
     reasons = [
         f"{words[it.value is None].format(it.kind)}: {why}"
@@ -262,10 +304,7 @@ def times_in_words(factor: float, lower: Bound, upper: Bound, estimate: bool = F
         if why not in (NOT_ASKED, *NOT_SOUGHT.why_not)
     ]
     told = "; ".join(dict.fromkeys(reasons)) or "none was sought"
-    return (
-        f"With strengths divided by F = {factor:.6g} there is no bound on the multiple of the "
-        f"loads: {told}."
-    )
+    return f"{divided} there is no bound on the multiple of the loads: {told}."
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
@@ -301,11 +340,13 @@ def _better_of(
 def _curves(
     problem: Problem,
     tolerance: float,
-    monitor: Callable[[float, Bound, Bound], None] | None,
+    monitor: Monitor | None,
     steps: Callable[[InteriorStep], None] | None,
     adaptation: Adaptation | None,
-) -> list[FactorRoots]:
-    """Return the results on each mesh; roots are sought on the last one. Collective.
+) -> tuple[list[FactorRoots], str]:
+    """Return the results on each mesh, and why there is no finer one. Collective.
+
+    The reason is empty if the bounds are close enough. Roots are sought on the last mesh.
 
     The function seeks F again on each mesh. A coarse mesh may carry its loads with far too small
     strengths, and would then be refined in the wrong places.
@@ -317,7 +358,7 @@ def _curves(
     if adaptation is None:
         first.searches = 2
         first.keep(factor, limit_bounds(weakened(problem, factor), first.rtol, steps))
-        return [first]
+        return [first], ""
     adaptation.check(problem.tagged_mesh)
     adaptation.check_design(None)
     problem, gap = with_room_for_stress(problem), None
@@ -329,17 +370,17 @@ def _curves(
         except TooLarge:
             if not curves:
                 raise
-            return curves
+            return curves, "a finer mesh does not fit into memory"
         curves.append(FactorRoots(problem, tolerance, monitor, steps, first.steepness))
         curves[-1].searches = 2
         curves[-1].keep(factor, bounds)
         gap = bounds.lower.apart(bounds.upper)
         if adaptation.ends(bounds.lower, bounds.upper, 1.0):
-            return curves
+            return curves, ""
         finer = finer_mesh(reduced, bounds, gap, adaptation, much=True)
         if isinstance(finer, str):
             log.info("F = %.6g: %s", factor, finer)
-            return curves
+            return curves, finer
         problem = problem.on(finer)
         factor = next_factor(curves, factor, bounds)
 

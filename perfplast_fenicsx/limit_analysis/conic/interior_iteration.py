@@ -243,6 +243,7 @@ class InteriorIteration:
         program: The program to solve.
         now: The iterate.
         velocity: Velocity v of the iterate.
+        earlier: The first iterate that :meth:`kept` has returned; None before.
     """
 
     def __init__(self, program: ConicProgram) -> None:
@@ -252,6 +253,7 @@ class InteriorIteration:
         used. Nothing else may have been factorised since.
         """
         self.program = program
+        self.earlier: tuple[Unknowns, Floats] | None = None
         self._begun = False
         self._comm, self._jumps = program.comm, program.jumps
         self.velocity, self._work = program.create_vector(), Workspace(program)
@@ -274,6 +276,12 @@ class InteriorIteration:
         """
         self.now, self._newton, self._begun = now, None, True
         self.velocity.array[:] = velocity
+
+    def kept(self) -> tuple[Unknowns, Floats]:
+        """Return the iterate and a copy of its velocity's entries; the first one is kept."""
+        now = self.now, self.velocity.array_r.copy()
+        self.earlier = self.earlier or now
+        return now
 
     def gap(self) -> float:
         """Return the difference of static and kinematic load for a feasible iterate. Collective."""

@@ -164,7 +164,7 @@ def iterate(
         if gap <= tolerated:
             return Verdict.FOUND, f"the steps have converged to {rtol:g}"
         if balanced and gap <= rtol * size:
-            good = iteration.now, iteration.velocity.array_r.copy()
+            good = iteration.kept()
     return Verdict.STALLED, f"the bounds have not met in {MOST_STEPS} steps"
 
 

@@ -103,10 +103,29 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
 
 
 def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
+    """Make the iterate's velocity admissible, or that of an earlier iterate. Collective.
+
+    Where bodies dilate, K of later iterates is closer to a singular one. So an earlier iterate that
+    was close enough may have a mechanism where the last one has none. The iteration's velocity
+    becomes the admissible one.
+    """
+    found = _admissible_load(iteration)
+    earlier = iteration.earlier if iteration.program.dilates else None
+    if found.value is not None or earlier is None:
+        return found
+    last = iteration.kept()
+    iteration.put(*earlier)
+    other = _admissible_load(iteration)
+    if other.value is not None:
+        return other
+    iteration.put(*last)
+    return found
+
+
+def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
     """Make the iterate's velocity admissible, with one or a few factorisations. Collective.
 
-    Pairs that push are held first, then pairs that penetrate. The iteration's velocity becomes the
-    admissible one.
+    Pairs that push are held first, then pairs that penetrate.
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     jumps, inadmissible, entering = program.jumps, np.inf, np.inf

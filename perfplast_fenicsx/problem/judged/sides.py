@@ -1,6 +1,6 @@
 """Find sides of bodies: outer facets by body and plane, and the share that a name covers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -114,6 +114,17 @@ class Sides:
         """Return a name for each tag: of its surfaces, the one with the fewest tags."""
         widest_first = sorted(self.surfaces, key=lambda name: -np.size(self.surfaces[name]))
         return {int(tag): name for name in widest_first for tag in np.ravel(self.surfaces[name])}
+
+    def names_of_all(self, tags: Iterable[int]) -> dict[int, str]:
+        """Return a name for each of these tags: of surfaces with no other tag, the widest one."""
+        left = set(tags)
+        named = self.names_of_tags()
+        groups = {name: set(np.ravel(of).tolist()) for name, of in self.surfaces.items()}
+        wide = [name for name, group in groups.items() if 1 < len(group) and group <= left]
+        found = {tag: named[tag] for tag in left if tag in named}
+        for name in sorted(wide, key=lambda name: len(groups[name])):
+            found |= dict.fromkeys(groups[name], name)
+        return found
 
     def covers(self, name: str) -> list[Cover]:
         """Return the share of each side that a surface covers, the largest one first."""

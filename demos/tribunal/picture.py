@@ -1,0 +1,86 @@
+"""Draw a small picture of a problem: the bodies, and which part of them moves at collapse."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from PIL import Image
+
+WIDTH, HEIGHT = 160, 64
+"""Largest size of a picture (pixels)."""
+
+EDGE = 2
+"""Width of the empty edge (pixels)."""
+
+COLOURS = np.array(
+    [[225, 225, 225], [250, 218, 140], [246, 168, 80], [226, 106, 44], [172, 42, 24]]
+)
+"""Colours of parts at rest, and of faster and faster ones."""
+
+SPEEDS = (0.02, 0.25, 0.5, 0.75)
+"""Shares of the largest speed at which the colour changes."""
+
+SLOW = 0.99
+"""Share of the moving area that counts: the corners of few cells may be much faster."""
+
+
+def draw(proof: Path, picture: Path) -> None:
+    """Draw the bodies of an upper bound, with the speed of its mechanism, as a PNG file.
+
+    Lines are the outer boundary, and the boundaries between different strengths.
+
+    Args:
+        proof: A file with an upper bound in the plane, as ``falls.h5`` or ``bounds.h5``.
+        picture: The file.
+    """
+    with h5py.File(proof) as file:
+        half = file["upper"]
+        cells, vertices, cone = (half[name][()] for name in ("cells", "vertices", "cone"))
+        speed = np.linalg.norm(half["velocity"][()][half["nodes"][()][:, :3]], axis=2).mean(axis=1)
+    corners = vertices[cells]
+    sides = corners[:, 1:] - corners[:, :1]
+    area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    level = np.searchsorted(SPEEDS, speed / _fast(speed, area))
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    size = high - low
+    scale = min((WIDTH - 2 * EDGE) / size[0], (HEIGHT - 2 * EDGE) / size[1])
+    pixels = np.ceil(scale * size) + 2 * EDGE
+    figure = Figure(figsize=tuple(pixels / 100), dpi=100)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.axis("off")
+    axes.set(xlim=(0, pixels[0]), ylim=(0, pixels[1]))
+    place = scale * (corners - low) + EDGE
+    fill = COLOURS[level] / 255
+    axes.add_collection(PolyCollection(list(place), facecolor=fill, edgecolor=fill, lw=0.3))
+    lines = scale * (vertices[_outlines(cells, cone)] - low) + EDGE
+    axes.add_collection(LineCollection(list(lines), color="black", lw=0.6))
+    for drawn in axes.collections:
+        drawn.set_antialiased(False)
+    new = picture.with_suffix(".new.png")
+    figure.savefig(new)
+    with Image.open(new) as image:
+        few = image.convert("RGB").quantize(colors=len(COLOURS) + 2, dither=Image.Dither.NONE)
+    few.save(picture, optimize=True)
+    new.unlink()
+
+
+def _fast(speed: npt.NDArray[np.float64], area: npt.NDArray[np.float64]) -> float:
+    """Return a speed that only a small share of the moving area exceeds."""
+    order = np.argsort(speed)
+    moving = np.cumsum((area * speed)[order])
+    return float(speed[order][np.searchsorted(moving, SLOW * moving[-1])])
+
+
+def _outlines(cells: npt.NDArray[np.int64], cone: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return the edges of one cell, or between cells of different strengths, shape (n, 2)."""
+    edges = np.sort(cells[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
+    strength = np.repeat(cone, 3)
+    found, first, place, count = np.unique(
+        edges, axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    other = np.zeros(len(found), dtype=np.bool_)
+    np.logical_or.at(other, place.ravel(), strength != strength[first][place.ravel()])
+    return found[(count == 1) | other]
