@@ -124,7 +124,9 @@ def claim_of(folder: str | Path) -> Claim:
             )
         ),
         assumptions=tuple(words.assumptions(summary.model["kind"], body.get("taken", ()), True)),
-        not_proven=tuple(body.get("why_not", [])),
+        not_proven=tuple(
+            why for why in body.get("why_not", []) if why.partition(" ")[0] not in numbers
+        ),
         units={kind: unit for kind, unit in summary.units.items() if unit},
         version=summary.version,
     )

@@ -106,6 +106,19 @@ def test_one_half(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["not_proven"] == ["lower bound: of no use"]
 
 
+def test_reasons_of_a_half_that_is_proven(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A factor of safety has its halves from two runs, of which each sought one bound."""
+    path = copied / "summary.json"
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    summary["limit"]["body"]["why_not"] = ["lower bound: it was not requested"]
+    path.write_text(json.dumps(summary), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["claim", str(copied), "--json"]) == SOLVED
+    found = json.loads(capsys.readouterr().out)
+    assert found["lower"] > 0
+    assert found["not_proven"] == []
+
+
 def test_levels_prove_nothing(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,5 +1,6 @@
 """``run --watch``: the page is current while the run goes on, and says nothing that ages."""
 
+import csv
 import json
 import os
 import re
@@ -16,6 +17,7 @@ import pytest
 from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import SOLVED
+from perfplast_fenicsx.environment import environment_with_package
 from perfplast_fenicsx.report import report_file
 from perfplast_fenicsx.report.report_file import LiveReport
 from perfplast_fenicsx.rounding import rounded_down
@@ -127,3 +129,91 @@ def test_a_killed_run_leaves_a_page_that_is_true(shared_tmp_path: Path) -> None:
     assert GOING_ON.search(text)
     assert main(["report", str(results)]) == SOLVED
     assert "for certain" in page.read_text(encoding="utf-8")
+
+
+WATCHED = """
+import os, shutil, signal, sys
+from perfplast_fenicsx.__main__ import main
+from perfplast_fenicsx.report.report_file import LiveReport
+
+when, left, pages, *arguments = sys.argv[1:]
+left, plain = int(left), LiveReport.refresh
+
+def refresh(self):
+    global left
+    left -= 1
+    if left == 0 and when == "before the page is written":
+        os.kill(os.getpid(), signal.SIGKILL)
+    plain(self)
+    if self._folder.comm.rank == 0:
+        os.makedirs(pages, exist_ok=True)
+        shutil.copy(self._folder.path / "report.html", f"{pages}/{len(os.listdir(pages)):03}.html")
+    if left == 0 and when == "behind it":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+LiveReport.refresh = refresh
+sys.exit(main(arguments))
+"""
+"""A run with a watch that keeps each of its pages, and may end itself without a warning."""
+
+
+def zetas(page: str) -> list[float]:
+    """The load factors in the table of levels; an empty list without the table."""
+    _, there, table = page.partition('id="levels"')
+    rows = re.findall(r'row">\d+</th><td>([^<]+)</td>', table.partition("</table>")[0])
+    assert bool(rows) == bool(there)
+    return [float(one) for one in rows]
+
+
+@pytest.mark.long
+@pytest.mark.serial
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("when", ["before the page is written", "behind it"])
+def test_a_watched_run_that_is_killed_and_goes_on(tmp_path: Path, ranks: int, when: str) -> None:
+    """No page has a level that is not on file, or loses one that a page before had."""
+    text = LEVELS.replace("[50.0, 80.0]", "[30.0, 50.0, 70.0, 80.0]")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    results = tmp_path / "results"
+    run = ["run", str(tmp_path / "case.toml"), "--watch"]
+    several = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+
+    def watched(left: int, into: str) -> tuple[int, list[str]]:
+        pages = tmp_path / f"pages {left}"
+        arguments = [
+            sys.executable,
+            "-c",
+            WATCHED,
+            when,
+            str(left),
+            str(pages),
+            *run,
+            into,
+            str(results),
+        ]
+        environment = environment_with_package(dict(os.environ)) | {"OMP_NUM_THREADS": "1"}
+        done = subprocess.run([*several, *arguments], env=environment, capture_output=True)
+        texts = [page.read_text(encoding="utf-8") for page in sorted(pages.iterdir())]
+        return done.returncode, texts
+
+    def on_file() -> list[float]:
+        with (results / "path.csv").open(encoding="utf-8", newline="") as file:
+            return [float(row["zeta"]) for row in csv.DictReader(file)]
+
+    status, pages = watched(3, "-o")  # the first page comes before any level
+    assert status != SOLVED
+    killed, known = (results / "report.html").read_text(encoding="utf-8"), on_file()
+    assert killed == pages[-1]
+    assert GOING_ON.search(killed)
+    assert zetas(killed) == known[: len(zetas(killed))]
+    assert len(known) - len(zetas(killed)) == (1 if when.startswith("before") else 0)
+
+    status, pages = watched(1000, "--restart")
+    assert status == SOLVED
+    counts = [len(zetas(page)) for page in pages]
+    assert counts == sorted(counts)
+    assert counts[0] == len(known)
+    assert all(GOING_ON.search(page) for page in pages)
+    assert all(zetas(page) == on_file()[: len(zetas(page))] for page in pages)
+    last = (results / "report.html").read_text(encoding="utf-8")
+    assert not GOING_ON.search(last)
+    assert zetas(last) == on_file() == [30, 50, 70, 80]
