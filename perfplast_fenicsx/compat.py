@@ -68,7 +68,8 @@ def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
     Not collective.
 
     The function ``entities_to_geometry`` of 0.9 ends the process if ``entities`` is empty, as it
-    often is on some ranks. (Closure dofs are counted, as 0.11 has no ``num_entity_closure_dofs``.)
+    often is on some ranks. (Closure dofs are counted, because 0.11 has no
+    ``num_entity_closure_dofs``.)
 
     Args:
         mesh: The mesh, with the connectivities between ``dim`` and the cells' dimension.

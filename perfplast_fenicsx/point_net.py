@@ -174,8 +174,8 @@ class Triangulation:
         if outside.any():
             where = place_of(x[np.argmax(outside)])
             raise InputError(
-                f"{place}: there is material at {where}, outside of the points of '{self.name}';"
-                " give points all around the body."
+                f"{place}: there is material at {where}, outside the points of '{self.name}'; "
+                "give points all around the body."
             )
         return np.asarray(np.einsum("ni,ni->n", shares, self.values[vertices]))
 

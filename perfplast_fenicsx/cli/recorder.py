@@ -256,7 +256,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def so_far(self, adaptive: AdaptiveBounds) -> None:
-        """Write the bounds on the meshes before another one, where somebody watches. Collective.
+        """Write the bounds on the meshes so far, if somebody watches. Collective.
 
         Args:
             adaptive: The bounds.

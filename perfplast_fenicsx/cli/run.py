@@ -56,9 +56,9 @@ class Flags:
 
     Attributes:
         force: Replace results in the folder.
-        restart: Go on from the last level that is solved in the folder.
-        report: When to write ``report.html``; at the end also where a signal ends the run.
-        trust: Run a script that the mesh is made of.
+        restart: Continue from the last solved level in the folder.
+        report: When to write ``report.html``; a run that a signal ends also writes it.
+        trust: Run the script that makes the mesh.
         log_level: Level of the additional lines in ``run.log`` (:class:`run_log.RunLog`).
     """
 
@@ -71,7 +71,7 @@ class Flags:
 
 @dataclass(frozen=True, eq=False)
 class OneOfSeveral:
-    """A case that is one of several that are made of a file.
+    """One of several cases that are made from one file.
 
     Attributes:
         case: The case.
@@ -101,8 +101,8 @@ def run(
         output: Result folder.
         terminal: The terminal that shows the run.
         flags: Options of the command.
-        one: The case, where it is one of several that are made of the file.
-        finer: With elements of half the size.
+        one: The case, if it is one of several from the file.
+        finer: Whether to halve the size of the elements.
 
     Returns:
         ``SOLVED``, ``NO_SOLUTION`` if a level has no solution, or the status of an interrupt.
@@ -167,7 +167,7 @@ def run(
 
 
 def _log_interrupt(interrupted: Interrupted, kept: Any, again: str) -> None:
-    """Log an interrupt, with the command that goes on or starts again."""
+    """Log an interrupt, with the command that continues or restarts the run."""
     words = "solved levels are saved; continue" if kept else "no results are lost; start again"
     log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, words, again)
 
@@ -248,7 +248,7 @@ def check_conic(case: Case, problem: Problem, direct: bool) -> None:
 
 
 def _problem(comm: MPI.Intracomm, case: Case, bodies: Problem | None, finer: bool) -> Problem:
-    """Return the problem of a case, on bodies that are there or its own. Collective."""
+    """Return the problem of a case, on existing bodies or on its own. Collective."""
     problem = case.problem(comm) if bodies is None else on_bodies(bodies, case)
     if not finer:
         return problem

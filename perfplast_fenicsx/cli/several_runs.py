@@ -42,7 +42,7 @@ def run_combined(
         output: Folder for the combinations' folders and ``combinations.csv``.
         terminal: The terminal that shows the run.
         flags: Options of the command. ``restart`` skips those that are already solved. Pages of
-            ``report`` are written at the end, with the table of all.
+            ``report`` are written at the end, with the table of all combinations.
 
     Returns:
         The largest exit status, or that of an interrupt, which ends the run.

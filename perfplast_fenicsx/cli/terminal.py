@@ -67,7 +67,7 @@ def next_level(planned: int | None, seconds: Sequence[float]) -> str:
 
 
 def _time_left(levels: int, seconds: Sequence[float]) -> str:
-    # Number of last levels from which the next times are estimated: levels near collapse take
+    # Number of the last levels from which the next times are estimated: levels near collapse take
     # longer than the first.
     most_recent = 3
     recent = seconds[-most_recent:]

@@ -34,7 +34,7 @@ class Tools:
     """The tools, for files in some folders.
 
     Attributes:
-        folders: The folders in which paths have to be, resolved.
+        folders: Folders that must contain all paths, resolved.
     """
 
     folders: tuple[Path, ...]
@@ -179,7 +179,7 @@ def _ended(command: Sequence[str]) -> subprocess.CompletedProcess[bytes]:
 
 
 def answering(tool: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Return a tool whose refusals are answers, too."""
+    """Return a tool that returns its refusals as answers."""
 
     @wraps(tool)
     def answered(*args: Any, **kwargs: Any) -> Answer:
@@ -195,7 +195,7 @@ def serve(folders: Sequence[str]) -> int:
     """Serve the tools on standard input and output until that ends. Not collective.
 
     Args:
-        folders: The folders in which paths have to be.
+        folders: Folders that must contain all paths.
 
     Raises:
         InputError: If a folder does not exist, or the package ``mcp`` is missing.

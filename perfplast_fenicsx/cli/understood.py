@@ -323,7 +323,7 @@ class _Told:
         return f"{'length' if self._flat else 'area'} {self._size(name, unit)}"
 
     def _size(self, name: str, unit: str = "") -> str:
-        """Return the area of a surface and, where it differs, the one that the drawing gives it."""
+        """Return the area of a surface, and its area in the drawing if that differs."""
         area, drawn = self.sides.area(name), self.problem.tagged_mesh.drawn.get(name)
         told = f"{_number(area)}{unit}"
         if drawn and abs(area / drawn - 1) > DRAWN:

@@ -28,7 +28,7 @@ def level_rows(reader: ResultReader) -> list[Row]:
 
 
 def bound_rows(reader: ResultReader) -> list[Row]:
-    """Return a row for each mesh on which a limit load or bounds were sought.
+    """Return a row for each mesh on which a limit load or bounds were computed.
 
     Args:
         reader: The results.

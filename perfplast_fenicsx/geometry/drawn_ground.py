@@ -319,9 +319,9 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
             )
         if np.abs(chain[[0, -1], 0] - ends).max() > ROUNDING * size:
             raise InputError(
-                f"{what} goes from x = {chain[0, 0]:.6g} to {chain[-1, 0]:.6g}, but "
-                f"{first} from {ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to "
-                "end, along the next one where a stratum has no thickness."
+                f"{what} goes from x = {chain[0, 0]:.6g} to {chain[-1, 0]:.6g}, but {first} from "
+                f"{ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to end; where a stratum "
+                "has no thickness, it follows the next one."
             )
     for (above, upper), (below, lower) in pairwise(named):
         places = np.unique(np.concatenate([upper[:, 0], lower[:, 0]]))

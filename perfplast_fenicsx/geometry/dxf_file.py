@@ -110,7 +110,7 @@ def read_dxf(path: Path) -> DxfDrawing:
 
 
 def _curves(drawing: Any, paths: Any) -> tuple[list[tuple[str, Any]], set[str]]:
-    """Return the lines of layers that are on, with their layers, and kinds that are no lines."""
+    """Return the lines of layers that are on, with their layers, and other kinds of entities."""
     found, left_out = list[tuple[str, Any]](), set[str]()
     for entity in _entities(drawing.modelspace()):
         layer = entity.dxf.layer

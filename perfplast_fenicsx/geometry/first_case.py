@@ -15,7 +15,7 @@ ADAPTED = {2: 20_000, 3: 9_000}
 as long."""
 
 IN_CONTACT = 2 / 3
-"""Factor of these for bodies in contact, which makes factorisations larger."""
+"""Factor of these numbers for bodies in contact, whose factorisations are larger."""
 
 
 BOUNDS = """\

@@ -62,7 +62,7 @@ class FreeFace:
         number: Number in the list and the picture.
         body: Index of its body.
         tag: Tag of the face.
-        colour: Its own colour in the file; None for that of most of the body.
+        colour: Its own colour in the file; None if it is that of most of the body.
         label: Its own label in the file; empty without one.
     """
 

@@ -63,12 +63,12 @@ def check_file(path: Path) -> None:
         )
     if suffix == ".msh":
         raise InputError(
-            f"'{path}' is already a mesh; give it in a case, by file = '{path.name}' under [mesh]."
+            f"'{path}' is already a mesh; give it in a case, as file = '{path.name}' under [mesh]."
         )
     if suffix == ".dxf":
         raise InputError(
-            f"'{path}' draws ground in the plane; give it in a case, by file = '{path.name}' under"
-            " [geometry], which has materials and supports by the names of its layers."
+            f"'{path}' draws ground in the plane; give it in a case, as file = '{path.name}' "
+            "under [geometry], with materials and supports for the names of its layers."
         )
     if suffix not in (*IMPORTED, *SCRIPTS):
         known = ", ".join((*IMPORTED, *SCRIPTS))

@@ -239,7 +239,9 @@ def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
     """
     _check_n("punch", n)
     if n % 2:
-        raise InputError(f"builder 'punch' has n = {n}; n must be even, as the punch is ½ wide")
+        raise InputError(
+            f"builder 'punch' has n = {n}; n must be even, because the punch is ½ wide"
+        )
     half = n // 2
     return structured_mesh(
         comm,
@@ -311,8 +313,8 @@ def stacked_blocks(
         and all(isinstance(h, Real) and 1e-6 <= h <= 1e6 for h in heights)
     ):
         raise InputError(
-            f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers between"
-            " 1e-6 and 1e6, as the blocks are 1 wide"
+            f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers "
+            "between 1e-6 and 1e6, because the blocks are 1 wide"
         )
     middle, top = float(heights[0]), float(heights[0]) + float(heights[1])
     return structured_mesh(

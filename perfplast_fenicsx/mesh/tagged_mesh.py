@@ -245,10 +245,9 @@ class TaggedMesh:
             taken = [tags & used for tags in own]
             if any(taken) and taken != own:
                 raise InputError(
-                    f"a contact or tie names a part of '{pair[0]}' or '{pair[1]}', and the "
-                    "rest is glued, so that the nodes between both would belong to both; "
-                    "name both sides completely, or give crack = true in the [[line]] of "
-                    "an open crack."
+                    f"a contact or tie names a part of '{pair[0]}' or '{pair[1]}', and the rest "
+                    "is glued, so the nodes between these parts would belong to both; name both "
+                    "sides completely, or give crack = true in the [[line]] of an open crack."
                 )
             if any(taken) or not all(own):
                 continue

@@ -41,8 +41,8 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     meanings = {block.kind.model for block in solid.blocks}
     if dim == 2 and (len(meanings) > 1 or "" in meanings):
         raise InputError(
-            f"elements in the plane are of {' and '.join(m or 'shells' for m in sorted(meanings))};"
-            " give one of plane strain (CPE), plane stress (CPS) or axisymmetry (CAX)."
+            f"plane elements are for {' and '.join(m or 'shells' for m in sorted(meanings))};"
+            " use only plane strain (CPE), plane stress (CPS) or axisymmetry (CAX)."
         )
     thickness = _thickness(statements.thicknesses) if dim == 2 and meanings != {AXIS} else 1.0
     sheet = thickness if dim == 2 and meanings == {STRESS} else None
@@ -85,8 +85,8 @@ def _thickness(given: set[float]) -> float:
     if len(given) > 1 or any(not one > 0 for one in given):
         told = " and ".join(f"{one:g}" for one in sorted(given))
         raise InputError(
-            f"sections of elements in the plane have the thickness {told}, and a case has one above"
-            " zero; give all sections one thickness, or model the bodies in space."
+            f"sections of plane elements have the thickness {told}, but a case has one thickness "
+            "above zero; give all sections one thickness, or model the bodies in space."
         )
     return next(iter(given), 1.0)
 

@@ -92,7 +92,9 @@ def _mesh(file: Any) -> GroupedMesh:
     space = int(file["ENS_MAA"][name].attrs.get("ESP", file["ENS_MAA"][name].attrs["DIM"]))
     count = int(mesh["NOE"]["COO"].attrs.get("NBR", len(places) // max(space, 1)))
     if space not in (2, 3) or count * space != len(places) or not np.isfinite(places).all():
-        raise InputError(f"the nodes of the mesh '{name}' have no {space} finite coordinates each.")
+        raise InputError(
+            f"the nodes of the mesh '{name}' do not have {space} finite coordinates each."
+        )
     points = np.zeros((count, 3))
     points[:, :space] = places.reshape(space, count).T
     found = GroupedMesh(points, [], remarks=remarks)

@@ -389,9 +389,9 @@ class Network:
             if twice.any():
                 other = seepage.head[who[np.argmax(twice)]]
                 raise InputError(
-                    f"the level {head.level:g} at '{head.on}' and {other.level:g} at '{other.on}'"
-                    f" meet at {place_of(self.points[np.argmax(twice)])}; leave an impervious part"
-                    " of the boundary between them, or give both one level."
+                    f"the level {head.level:g} at '{head.on}' and {other.level:g} at '{other.on}' "
+                    f"meet at {place_of(self.points[np.argmax(twice)])}; leave an impervious part "
+                    "of the boundary between them, or give both the same level."
                 )
             level[wet], who[wet] = head.level, number
         for outlet in seepage.outlet:

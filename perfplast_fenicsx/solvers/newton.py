@@ -181,14 +181,13 @@ class WorkNewton(LevelSolver):
         """
         if not problem.loads.grows():
             raise InputError(
-                "all loads are constant, so that no load has a work that can be "
-                "prescribed or grow to a limit; let a load grow, or prescribe load "
-                "factors."
+                "all loads are constant, so no work can be prescribed, and no load can grow to a "
+                "limit; let a load grow, or prescribe load factors."
             )
         if problem.motion.driven:
             raise InputError(
-                "ζ moves supports, obstacles or overlaps, so that it cannot follow from a work of"
-                " the loads; let them be constant, or prescribe load factors."
+                "ζ moves supports, obstacles or overlaps, so it cannot follow from a work of the "
+                "loads; give them constant = true, or prescribe load factors."
             )
         self.options = options or NewtonOptions()
         super().__init__(
@@ -288,9 +287,9 @@ class WorkNewton(LevelSolver):
         """
         if not self.problem.is_elastic_at_first():
             raise InputError(
-                "friction, moving supports, constant loads or initial strains are "
-                "present, so that the first yield is not a multiple of an elastic state; "
-                "remove what does not grow with the load factor."
+                "friction, moving supports, constant loads or initial strains are present, so "
+                "first yield is not a multiple of an elastic state; remove everything that does "
+                "not grow with the load factor."
             )
         return self._yielding(rtol=1e-8, rounds=None)
 

@@ -30,7 +30,7 @@ class Plane(_NamedFriction):
     Args:
         on: Physical surface that cannot penetrate it.
         point: A point of the plane (length; 2 or 3 numbers).
-        normal: Points out of the obstacle, towards the body; of any length but 0.
+        normal: Points out of the obstacle, towards the body; any nonzero length.
         move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
         tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
@@ -107,7 +107,7 @@ class Cylinder(_NamedFriction):
     Args:
         on: Physical surface that cannot penetrate it.
         point: A point of its axis (length).
-        axis: Direction of its axis, of any length but 0.
+        axis: Direction of its axis, of any nonzero length.
         radius: Its radius > 0 (length).
         hollow: Whether the obstacle is the outside of the cylinder, with the body inside.
         move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.

@@ -26,8 +26,8 @@ from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.errors import InputError
 
 NOTHING = 1e-9
-"""Rows with less than this share of the largest area have no friction. Such are vertices of
-quadratic tetrahedra, on which a constant shear stress exerts no force."""
+"""Rows with less than this share of the largest area have no friction. Vertices of quadratic
+tetrahedra are an example: a constant shear stress exerts no force on them."""
 
 
 def tangential_rows(

@@ -36,7 +36,7 @@ def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> Tagged
 class GeometryFile:
     """A STEP, BREP or IGES file, or gmsh's ``.geo``, whose bodies are meshed for the run.
 
-    A ``.geo`` is a script that may run any command: it is run with ``--trust`` alone. A ``.dxf``
+    A ``.geo`` is a script that may run any command: it is run only with ``--trust``. A ``.dxf``
     file draws ground in the plane: its closed lines are as ``[[region]]``, other lines as
     ``[[line]]``, with the names of their layers.
 
@@ -229,9 +229,9 @@ def read_mesh(
     if ("builder" in table) == ("file" in table):
         what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
         raise InputError(
-            f"{place}: there is {what}; give either builder = 'two_blocks' or another builder"
-            " with its arguments, or file = 'assembly.msh', or a [geometry] instead, or draw"
-            " ground by [[region]]."
+            f"{place}: there is {what}; give a builder with its arguments (such as builder = "
+            "'two_blocks'), a mesh file (file = 'assembly.msh'), a [geometry] table instead, or "
+            "ground drawn by [[region]]."
         )
     if "file" in table:
         return convert(table, MeshFile, place)

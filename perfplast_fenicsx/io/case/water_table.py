@@ -271,7 +271,7 @@ class _Given:
                 return []
         elif self.said.on is None:
             raise InputError(
-                "the ground is not drawn in the case, so that its surface is unknown; "
+                "the ground is not drawn in the case, so its surface is unknown; "
                 'give the surface under water as on, or on = "" if no water is above '
                 "the ground."
             )

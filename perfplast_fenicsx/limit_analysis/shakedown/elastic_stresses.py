@@ -272,8 +272,8 @@ class LoadDomain:
         most = 6  # 64 corners, each with its own cone at every point
         if len(ranges) > most:
             raise InputError(
-                f"there are {len(ranges)} ranges, and so {2 ** len(ranges)} corners; give"
-                f" {most} at most, or the corners that occur as corners = [...]."
+                f"there are {len(ranges)} ranges, and so {2 ** len(ranges)} corners; give at most "
+                f"{most}, or only the corners that occur, as corners = [...]."
             )
         for name, given in ranges.items():
             if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:

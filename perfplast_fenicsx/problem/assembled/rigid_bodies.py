@@ -123,8 +123,8 @@ def check_touching(
     for pair in pairs:
         if moves(pair.primary) and moves(pair.secondary):
             raise InputError(
-                f"the surfaces '{pair.primary}' and '{pair.secondary}' are both of bodies with law"
-                f" = 'rigid', between which levels do not determine the forces; {remedy}."
+                f"the surfaces '{pair.primary}' and '{pair.secondary}' both belong to bodies with "
+                f"law = 'rigid', and levels do not determine the forces between these; {remedy}."
             )
     for obstacle in given.obstacles:
         if moves(obstacle.on):

@@ -130,7 +130,6 @@ def check_stages(
     for name in sorted(missing):
         what, verb = ("load", "act") if name in loaded else ("motion of", "take place")
         raise InputError(
-            f"the {what} '{name}' is in no stage, so that it would never {verb}; give it a "
-            "factor, which may be 0 if only its work or force is needed, or set constant "
-            "= true."
+            f"the {what} '{name}' is in no stage, so it would never {verb}; give it a factor, "
+            "which may be 0 if only its work or force is needed, or set constant = true."
         )
