@@ -252,7 +252,7 @@ def read_points(path: Path, column: str) -> PointValues:
         column: Name of the column of the values.
 
     Raises:
-        InputError: If the file cannot be read, a column is missing, or an entry is no number.
+        InputError: If the file cannot be read, a column is missing, or an entry is not a number.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()

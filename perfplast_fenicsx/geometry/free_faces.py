@@ -24,7 +24,7 @@ def kind_of(dim: int, tag: int) -> str:
     if dim != 2 or kind.lower() not in untold:
         return kind
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, tag))
-    # Shares of each parameter at which curvatures are evaluated, as ends may be poles.
+    # Shares of each parameter at which curvatures are evaluated, because ends may be poles.
     samples = (0.2, 0.4, 0.6, 0.8)
     shares = np.stack(np.meshgrid(samples, samples), axis=-1).reshape(-1, 2)
     large, small, _, _ = gmsh.model.getPrincipalCurvatures(

@@ -5,12 +5,12 @@ Haslinger, Sysala, COMPLAS XII, 2013). So every ζ(α) reached is a static side 
 load. Where the curve is nearly flat, its increments are nearly a mechanism. The mechanism gives a
 kinematic side, and the direction of the next leap, until both sides meet. No side bounds the body.
 
-Bracket the load at which a loading path with Coulomb's friction loses equilibrium.
-No limit theorem holds, so only levels of the path itself bound this load. They are the largest
-load that a level carries, and the least load for which a level ends with the verdict that there is
-no equilibrium. Works grow until ζ(α) has levelled off, as any work has a solution if bodies slide.
-Then loads just beyond are tried, from the state that carries most, until one is refused. The result
-holds for the path from the assembled bodies, for the mesh, and for the rounds of
+Bracket the load at which a loading path with Coulomb's friction loses equilibrium. No limit theorem
+holds, so only levels of the path itself bound this load. They are the largest load that a level
+carries, and the least load for which a level ends with the verdict that there is no equilibrium.
+Works grow until ζ(α) has levelled off, because any work has a solution if bodies slide. Then loads
+just beyond are tried, from the state that carries most, until one is refused. The result holds for
+the path from the assembled bodies, for the mesh, and for the rounds of
 :mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry other loads.
 """
 

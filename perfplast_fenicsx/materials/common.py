@@ -122,14 +122,14 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
 
 @dataclass(frozen=True)
 class Soil:
-    """A common drained soil with Mohr and Coulomb's condition.
+    """A common drained soil with the Mohr–Coulomb condition.
 
     Attributes:
         name: Name in lower case.
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
         cohesion: Effective cohesion (stress).
-        friction_angle: Effective angle of friction (degrees).
+        friction_angle: Effective friction angle (degrees).
         unit_weight: Unit weight above the water table (stress/length).
         what: Description in words.
         source: Source of its numbers.

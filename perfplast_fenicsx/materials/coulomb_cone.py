@@ -1,4 +1,4 @@
-"""Define the yield sets of Mohr and Coulomb, and of Tresca, for limit analysis.
+"""Define the yield sets of Mohr–Coulomb and Tresca for limit analysis.
 
 With the cohesion c and the angle φ, stresses are admissible if their extreme principal values
 satisfy σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ. In plane strain the out-of-plane stress is in no
@@ -93,7 +93,7 @@ class TrescaSet(CoulombSet):
 
 @dataclass(frozen=True)
 class CutOffSet(CoulombSet):
-    """The set of Mohr and Coulomb with σ₁ ≤ f below its apex.
+    """The Mohr–Coulomb set with σ₁ ≤ f below its apex.
 
     See :class:`YieldSet` for the methods.
 

@@ -1,4 +1,4 @@
-"""Define materials with the condition of Mohr and Coulomb, or of Tresca."""
+"""Define materials with the Mohr–Coulomb or Tresca condition."""
 
 import math
 from dataclasses import dataclass, replace
@@ -86,17 +86,17 @@ class Tresca:
 
 @dataclass(frozen=True)
 class MohrCoulomb:
-    """Ground with cohesion and an angle of friction: Mohr and Coulomb's condition, associated.
+    """Ground with cohesion and a friction angle: the Mohr–Coulomb condition, associated.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         cohesion: Cohesion (stress), zero for clean sand; a number, or a field that is positive
             everywhere.
-        friction_angle: Angle of friction (degrees), between 0 and 90; a number, or in plane strain
+        friction_angle: Friction angle (degrees), between 0 and 90; a number, or in plane strain
             a field.
         expansion: Thermal strain per degree (1/temperature).
-        dilatancy_angle: Angle of dilatancy (degrees), between 0 and the angle of friction, which is
+        dilatancy_angle: Dilatancy angle (degrees), between 0 and the friction angle, which is
             the default.
         nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
             collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
@@ -128,7 +128,7 @@ class MohrCoulomb:
         if not 0 < self.friction_angle < 90:
             raise InputError(
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"
-                " angle of friction, or law = 'tresca' for ground without friction."
+                " friction angle, or law = 'tresca' for ground without friction."
             )
         check_dilatancy(self)
         check_tension(self.tensile_strength, self.cohesion)
@@ -140,7 +140,7 @@ class MohrCoulomb:
             )
 
     def _check_field(self) -> None:
-        """Refuse what cannot be given together with an angle of friction that varies.
+        """Refuse what cannot be given together with a friction angle that varies.
 
         Raises:
             InputError: If a key is refused.

@@ -1,4 +1,4 @@
-r"""Define perfect plasticity with Drucker and Prager's condition, associated, in Hencky's form.
+r"""Define perfect plasticity with the Drucker–Prager condition, associated, in Hencky's form.
 
 The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. The elastic stress of a strain e
 has the size r = 2μ‖dev e‖ and the mean p = κ tr e. With n = dev e/‖dev e‖ and D = μ + κη²,
@@ -35,8 +35,8 @@ from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import Strength
 
 Match = Literal["plane-strain", "compression", "extension"]
-"""States in which the cone has the strength of Mohr and Coulomb: limit loads in plane strain, or
-triaxial compression or extension."""
+"""States in which the cone has the Mohr–Coulomb strength: limit loads in plane strain, or triaxial
+compression or extension."""
 
 
 @dataclass(frozen=True)
@@ -185,21 +185,21 @@ def _size(d: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class DruckerPrager:
-    """Ground with cohesion and an angle of friction: Drucker and Prager's cone, associated.
+    """Ground with cohesion and a friction angle: the Drucker–Prager cone, associated.
 
-    The cone approximates Mohr and Coulomb's pyramid and touches it only in some states of stress:
-    in space the three matches differ by a factor of two. In plane strain, limit loads of
-    ``"plane-strain"`` equal those of Mohr and Coulomb exactly.
+    The cone approximates the Mohr–Coulomb pyramid and touches it only in some states of stress: in
+    space the three matches differ by a factor of two. In plane strain, limit loads of
+    ``"plane-strain"`` equal those of Mohr–Coulomb exactly.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        cohesion: Cohesion of Mohr and Coulomb (stress), zero for clean sand; a number, or a field
-            that is positive everywhere.
-        friction_angle: Angle of friction of Mohr and Coulomb (degrees), between 0 and 90.
-        match: States of stress in which the cone has the strength of Mohr and Coulomb.
+        cohesion: Mohr–Coulomb cohesion (stress), zero for clean sand; a number, or a field that is
+            positive everywhere.
+        friction_angle: Mohr–Coulomb friction angle (degrees), between 0 and 90.
+        match: States of stress in which the cone has the Mohr–Coulomb strength.
         expansion: Thermal strain per degree (1/temperature).
-        dilatancy_angle: Angle of dilatancy (degrees), between 0 and the angle of friction, which is
+        dilatancy_angle: Dilatancy angle (degrees), between 0 and the friction angle, which is
             the default.
         nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
             collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
@@ -231,7 +231,7 @@ class DruckerPrager:
         if not 0 < self.friction_angle < 90:
             raise InputError(
                 f"friction_angle = {self.friction_angle} is not between 0 and 90 degrees; give the"
-                " angle of friction, or law = 'von-mises' for ground without friction, with"
+                " friction angle, or law = 'von-mises' for ground without friction, with"
                 " yield_stress = √3 times its cohesion."
             )
         check_choice("match", self.match, ("plane-strain", "compression", "extension"))
@@ -252,8 +252,8 @@ class DruckerPrager:
         """Return η, and c (stress) in pure shear.
 
         For ``"compression"`` and ``"extension"`` the cone goes through the pyramid's edges of
-        triaxial compression or extension. For ``"plane-strain"`` its projection along σ_zz is Mohr
-        and Coulomb's in the plane (D. C. Drucker, W. Prager, Q. Appl. Math. 10 (1952), 157).
+        triaxial compression or extension. For ``"plane-strain"`` its projection along σ_zz is that
+        of Mohr–Coulomb in the plane (D. C. Drucker, W. Prager, Q. Appl. Math. 10 (1952), 157).
         """
         phi = math.radians(self.friction_angle)
         if self.match == "plane-strain":

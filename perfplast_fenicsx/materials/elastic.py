@@ -174,7 +174,7 @@ class Rigid:
 
 
 def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
-    """Return materials with an elastic one in the place of each rigid one.
+    """Return materials with an elastic one instead of each rigid one.
 
     Its stiffness does not matter where bodies do not strain, but springs that hold free motions are
     as stiff. So it is that of the stiffest adjacent body.
@@ -186,7 +186,7 @@ def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
 
 
 def check_deforms(materials: Mapping[str, object]) -> None:
-    """Refuse rigid bodies alone where stresses and strains are computed.
+    """Refuse problems with rigid bodies only, if stresses and strains are computed.
 
     With rigid blocks only, a level has only the trivial solution. The functional J_ζ is positively
     homogeneous on a cone of motions. So its infimum is 0, at rest, or −∞ above the limit load. All

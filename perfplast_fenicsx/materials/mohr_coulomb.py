@@ -1,4 +1,4 @@
-r"""Define perfect plasticity with Mohr and Coulomb's or Tresca's condition, associated (Hencky).
+r"""Define perfect plasticity with the Mohr–Coulomb or Tresca condition, associated (Hencky).
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃. For φ = 0 it is
 that of Tresca. Stresses are projections of Ce in the norm of C⁻¹: they return to a face, to one of
@@ -25,7 +25,7 @@ class MohrCoulombLaw(Law):
     Args:
         bulk: κ (stress).
         shear: μ (stress).
-        sine: Sine of the angle of friction, s.
+        sine: Sine of the friction angle, s.
         strength: b = 2c cos φ (stress).
     """
 

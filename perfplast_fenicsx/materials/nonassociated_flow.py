@@ -1,11 +1,11 @@
 """Treat ground with ψ < φ by associated bodies whose limit loads bound or estimate its own.
 
 No limit theorem holds for such ground, and its collapse load need not be unique. All results use
-associated ground, whose angle of dilatancy equals that of friction:
+associated ground, whose dilatancy angle equals its friction angle:
 
 - D. Radenkovic (Théorèmes limites pour un matériau de Coulomb à dilatation non standardisée, C. R.
   Acad. Sci. Paris 252 (1961), 4103): any collapse load lies between the limit loads of two
-  associated grounds with the same apex c cot φ. The weaker one has ψ as its angle of friction and
+  associated grounds with the same apex c cot φ. The weaker one has ψ as its friction angle and
   the cohesion c tan ψ/tan φ; the stronger one has c and φ. If σ is on the surface of φ and the flow
   has the angle ψ, then σ:ε ≥ c cot φ tr ε, which is the support function of the weaker set.
 - E. H. Davis (Theories of plasticity and the failure of soil masses, in: I. K. Lee (ed.), Soil
@@ -26,11 +26,11 @@ from perfplast_fenicsx.materials.varying_friction import divided_friction
 from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 Stand = Literal["radenkovic", "davis-a", "davis-b", "davis-c"]
-"""Ways to treat ground whose angle of dilatancy is below its angle of friction."""
+"""Ways to treat ground whose dilatancy angle is below its friction angle."""
 
 
 class Ground(Material, Protocol):
-    """A dataclass of ground with the parameters of Mohr and Coulomb.
+    """A dataclass of ground with the Mohr–Coulomb parameters.
 
     Attributes:
         cohesion: c (stress).
@@ -48,12 +48,12 @@ class Ground(Material, Protocol):
 
     @property
     def friction_angle(self) -> Strength:
-        """Return the angle of friction (degrees), as a number or a field."""
+        """Return the friction angle (degrees), as a number or a field."""
         ...
 
     @property
     def dilatancy_angle(self) -> float | None:
-        """Return the angle of dilatancy (degrees)."""
+        """Return the dilatancy angle (degrees)."""
         ...
 
     @property
@@ -66,10 +66,10 @@ AnyGround = TypeVar("AnyGround", bound=Ground)
 
 
 def check_dilatancy(ground: Ground) -> None:
-    """Refuse an angle of dilatancy that is not valid or has no treatment.
+    """Refuse a dilatancy angle that is not valid or has no treatment.
 
     Raises:
-        InputError: If it is not between 0 and the angle of friction; if it is smaller without
+        InputError: If it is not between 0 and the friction angle; if it is smaller without
             ``nonassociated``; or if Radenkovic's weaker ground would have no strength.
     """
     psi, phi, stand = ground.dilatancy_angle, ground.friction_angle, ground.nonassociated
@@ -85,7 +85,7 @@ def check_dilatancy(ground: Ground) -> None:
     if not 0 <= psi <= phi:
         raise InputError(
             f"dilatancy_angle = {psi:g} is not between 0 and friction_angle = {phi:g}; "
-            "remove it to use the angle of friction."
+            "remove it to use the friction angle."
         )
     if psi < phi and stand is None:
         raise InputError(
@@ -105,7 +105,7 @@ def check_dilatancy(ground: Ground) -> None:
 def associated(ground: AnyGround) -> AnyGround:
     """Return the associated ground of the computation.
 
-    For Davis' methods it has βc and β tan φ; otherwise it has the ground's own angle of friction.
+    For Davis' methods it has βc and β tan φ; otherwise it has the ground's own friction angle.
     """
     if ground.nonassociated in (None, "radenkovic"):
         return replace(ground, dilatancy_angle=None, nonassociated=None)
@@ -212,7 +212,7 @@ def by_davis(materials: Mapping[str, Material]) -> bool:
 
 
 def _numbers(ground: Ground) -> str:
-    return f"cohesion {ground.cohesion:.5g} and angle of friction {ground.friction_angle:.5g}°"
+    return f"cohesion {ground.cohesion:.5g} and friction angle {ground.friction_angle:.5g}°"
 
 
 def _dilates_less(material: Material) -> TypeGuard[Ground]:

@@ -1,4 +1,4 @@
-r"""Define plastic flow: a step of Prandtl and Reuss' law.
+r"""Define plastic flow: a step of the Prandtl–Reuss law.
 
 A step (implicit Euler) from the plastic strain p is Hencky's law of the same body with a shifted
 strain:

@@ -1,4 +1,4 @@
-r"""Define Mohr and Coulomb's or Tresca's condition with a tensile strength, associated (Hencky).
+r"""Define the Mohr–Coulomb or Tresca condition with a tensile strength, associated (Hencky).
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃. The
 tensile strength f is below the apex b/2s of the first condition. A stress is the projection of Ce
@@ -81,7 +81,7 @@ class CutOffLaw(MohrCoulombLaw):
 
         Args:
             e: The strain.
-            coulomb: Value where at most Mohr and Coulomb's condition is active.
+            coulomb: Value where at most the Mohr–Coulomb condition is active.
             cut: Values where only the tensile strength is active: for σ₁, for σ₁ and σ₂, for all
                 three.
             both: Values where both are active: with σ₂ between, and with σ₂ equal to another value.

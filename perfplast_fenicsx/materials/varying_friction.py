@@ -2,11 +2,13 @@
 
 In the plane the set of a point x is ‖dev σ‖ ≤ √2 s(x)(a(x) − p), with s = sin φ, the mean stress p
 and the apex a = c cot φ. A linear stress in a cell makes s(x) p(x) quadratic, so that vertices do
-not suffice for a slope that varies. Strict bounds take one slope a cell:
+not suffice for a slope that varies. Strict bounds use one slope for each cell:
 
-- From below the smallest s in the cell, and a linear function b ≤ s a in place of s a. Wherever
-  b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set is inside that of each point.
-- From above the largest s, and a linear function b ≥ s a. So the set has that of each point inside.
+- The lower bound uses the smallest s in the cell, and a linear function b ≤ s a instead of s a.
+  Wherever b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set is inside that of
+  each point.
+- The upper bound uses the largest s, and a linear function b ≥ s a. So the set contains that of
+  each point.
 
 The linear functions follow from φ between linear functions, because the cotangent is convex: it is
 above its tangent, and below its chord. Both bounds converge to the same number as cells become
@@ -60,7 +62,7 @@ class FrictionAngle(SpatialField):
             worst = int(np.argmax(np.where(wrong, np.abs(angles - 45), -np.inf)))
             raise InputError(
                 f"{place}: friction_angle, {self.angle}, is {angles[worst]:.6g} degrees at "
-                f"{place_of(x[worst])}; an angle of friction that varies must be between 0 and 90 "
+                f"{place_of(x[worst])}; a friction angle that varies must be between 0 and 90 "
                 "degrees in the whole body, so give such values there, or give ground without "
                 "friction a separate body with law = 'tresca'."
             )

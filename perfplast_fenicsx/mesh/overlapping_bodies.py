@@ -320,7 +320,8 @@ def _deepest(
     radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
     low, high = x.min(axis=1), x.max(axis=1)
     worst, said = 0.0, None
-    # Overlaps below this share of a cell's longest edge are ignored, as nodes are no more accurate.
+    # Overlaps below this share of a cell's longest edge are ignored, because nodes are not more
+    # accurate.
     rounding = 1e-3
     # Overlaps below this share of the size of all bodies are ignored: surfaces touch within it.
     contact_depth = 1e-6

@@ -88,8 +88,8 @@ def _bodies(
 ) -> tuple[list[str], Longs, list[str]]:
     """Return names of bodies, the body of each simplex, and the group of each body.
 
-    Where groups overlap, the smaller one gets the common elements. So a group of all elements is no
-    body if there are groups of parts.
+    Where groups overlap, the smaller one gets the common elements. So a group of all elements is
+    not a body if there are groups of parts.
     """
     solids = np.flatnonzero(mesh.dimensions() == solid.dim)
     inside = {name: np.intersect1d(members, solids) for name, members in mesh.groups.items()}

@@ -145,7 +145,7 @@ class UsedSurfaces:
     """Surfaces by name, by sets of nodes and by faces, as statements refer to them.
 
     Attributes:
-        remarks: Remarks on sets that are no surfaces.
+        remarks: Remarks on sets that are not surfaces.
     """
 
     def __init__(self, assembly: Assembly, find: ElementFacets, dim: int) -> None:
@@ -186,7 +186,7 @@ class UsedSurfaces:
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """Return a set of nodes as a surface; None and a remark on ``what`` if it is no surface."""
+        """Return a set of nodes as a surface; None and a remark on ``what`` if it is not one."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)

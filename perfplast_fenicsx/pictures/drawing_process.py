@@ -1,7 +1,7 @@
 """Run the drawing program as a process with its own X server.
 
-It reads the result folder and is no rank, so that a failure of the graphics system does not affect
-the run.
+It reads the result folder and is not a rank, so that a failure of the graphics system does not
+affect the run.
 """
 
 import logging

@@ -425,9 +425,9 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
     if not faults and not same and pair_of_radenkovic(lower.body, upper.body):
         words = (
             f"{words} The cones of the lower half open less than those of the upper one at the "
-            "same place: by the angle of dilatancy and by that of friction (Radenkovic's pair), or "
-            "by the least and by the largest angle of friction in a cell. Ground with both angles, "
-            "or with angles between them, collapses between the bounds."
+            "same place: by the dilatancy angle and by the friction angle (Radenkovic's pair), "
+            "or by the least and by the largest friction angle in a cell. Ground with both "
+            "angles, or with angles between them, collapses between the bounds."
         )
     return faults, words
 

@@ -57,10 +57,10 @@ class Left:
             unbalanced forces relative to those of the loads at λ, ``left_of_piece`` the same for
             each piece, and ``left_of_strength`` relative to the least γV^((d − 1)/d) of a cell of
             volume V. ``yield_ratio`` is the largest (‖Mσ‖ + q·σ)/c: the stress divided by it lies
-            in the cone, as 0 is inside. With rigid surfaces also ``rigid_forces``, force and moment
-            over the area. With friction also ``unequal_shears``, ``shear`` (beyond μq without
-            adhesion) and ``shear_ratio``, the largest (‖τ‖ − μq)/c with adhesion. For bodies of
-            revolution also ``axis``, the largest S there.
+            in the cone, because 0 is inside. With rigid surfaces also ``rigid_forces``, force and
+            moment over the area. With friction also ``unequal_shears``, ``shear`` (beyond μq
+            without adhesion) and ``shear_ratio``, the largest (‖τ‖ − μq)/c with adhesion. For
+            bodies of revolution also ``axis``, the largest S there.
         forces: The sum of the magnitudes of all unbalanced forces.
         loads: The sum of the loads' magnitudes at λ.
         reason: Why the contact conditions cannot be checked, or None.

@@ -7,9 +7,9 @@ continuous, since neighbouring cells share these. The coefficients are corrected
 - They are zero along the directions that supports hold.
 - Elastic cells that share a point, and rigid surfaces with them, move as one rigid body.
 - In contact a coefficient w of the jump must separate by −w·n ≥ μ‖w_t‖. Then the jump does so
-  everywhere, as Bernstein polynomials are non-negative and this set is a convex cone. Where jumps
-  separate too little, points are moved along the normals: points of deformable cells one by one,
-  and rigid bodies by motions that separate them from all bodies in contact.
+  everywhere, because Bernstein polynomials are non-negative and this set is a convex cone. Where
+  jumps separate too little, points are moved along the normals: points of deformable cells one by
+  one, and rigid bodies by motions that separate them from all bodies in contact.
 """
 
 from collections.abc import Iterator, Sequence

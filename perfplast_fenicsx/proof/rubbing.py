@@ -46,7 +46,8 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
     """Return shear tractions beyond the friction of the pressure, relative to the adhesion.
 
     Admissible tractions have values of at most 1. A stress divided by the largest value lies in the
-    set, as 0 is inside. Without adhesion the value is not a number, and :func:`unheld` decides.
+    set, because 0 is inside. Without adhesion the value is not a number, and :func:`unheld`
+    decides.
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).

@@ -1,7 +1,7 @@
 """Compute the cost of volume changes: the size of a velocity that undoes them.
 
 A velocity v is admissible apart from volume changes in cells that preserve their volume. If w
-undoes them, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), as D is convex and
+undoes them, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), because D is convex and
 homogeneous of degree 1. So the size of ∇w in each cell is enough, and the module computes only an
 upper bound of it.
 

@@ -149,7 +149,7 @@ class ResultFolder:
                 ``force`` nor ``restart`` is set, or has no results to continue from.
         """
         self.comm, self.path = comm, Path(path)
-        on_all_ranks(comm, figures)  # errors of these are reported before rank 0 works alone
+        on_all_ranks(comm, figures)  # errors of these are reported before only rank 0 works
         raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
     def file(self, name: str) -> Path:

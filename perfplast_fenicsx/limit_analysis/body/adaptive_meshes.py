@@ -5,10 +5,10 @@ mechanism is inaccurate. The dissipation of the lower bound's multipliers shows 
 inaccurate. The cells with the largest contributions to either are refined. M. Ciria, J. Peraire and
 J. Bonet, doi:10.1002/nme.2310.
 
-Bound the least load factor that is carried, by reversing the growing loads.
-With permanent loads the carried factors form an interval, since sets of admissible stresses are
-convex. It need not contain 0: a wall may need its prop. If it does not, the bound of the largest
-factor alone would be misleading.
+Bound the least load factor that is carried, by reversing the growing loads. With permanent loads
+the carried factors form an interval, since sets of admissible stresses are convex. It need not
+contain 0: a wall may need its prop. If it does not, only the bound of the largest factor would be
+misleading.
 """
 
 import time

@@ -221,7 +221,7 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
         factor: F on the last mesh.
         bounds: Bounds of μ at this F.
     """
-    most = 0.15  # largest change of ln F, as μ may be steep
+    most = 0.15  # largest change of ln F, because μ may be steep
     stands = max((F for it in curves for F in it.shown("lower")), default=0.0)
     falls = min((F for it in curves for F in it.shown("upper")), default=math.inf)
     lower, upper = (it.value or 0.0 for it in (bounds.lower, bounds.upper))

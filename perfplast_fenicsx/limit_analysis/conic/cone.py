@@ -89,7 +89,7 @@ class Members:
     Attributes:
         static: Static members, of stress and forces, shape (num, ...).
         kinematic: Kinematic members, of the rates, same shape.
-        own: Static unknowns of this block alone, shape (num,), or :data:`NO_OWN`.
+        own: Static unknowns that only this block has, shape (num,), or :data:`NO_OWN`.
     """
 
     static: Floats
@@ -267,7 +267,7 @@ class ScaledBlock(Protocol):
         ...
 
     def resist(self, rates: Rates, change: Borne) -> Floats:
-        """Write the stress and forces that resist these rates, by the moduli alone.
+        """Write the stress and forces that resist these rates, from the moduli only.
 
         Returns:
             The change of the block's own unknowns.

@@ -7,10 +7,10 @@ On points with weights w,
 
 in the coordinates of each point's cone (:mod:`standard_cones`). For sets about a stress other than
 zero, s + γt replaces dev σ. L₀ are the permanent loads, [v] the jumps of contact pairs and
-obstacles, r their forces and p the mean stress. If α = 0, bodies keep their volume; otherwise they
-dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps of
-contact do not matter: unlimited motion has closed or opened all of them (E. Christiansen, Handbook
-of Numerical Analysis IV, 1996).
+obstacles, r their forces and p the mean stress. If α = 0, bodies preserve their volume; otherwise
+they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps
+of contact do not matter: unlimited motion has closed or opened all of them (E. Christiansen,
+Handbook of Numerical Analysis IV, 1996).
 
 A :class:`discretisation.Discretisation` defines the velocities v: displacements of finite elements
 (:mod:`discrete_limit`), or the multipliers of the equilibrium of piecewise linear stresses
@@ -27,7 +27,7 @@ strong bodies too. Otherwise the weakest of them become plastic as well
 
 The flow also shows which part of the loads drives it at all. Mean stresses, and stresses of bodies
 that do not yield, have no bounds; the loads that they balance are subtracted. If A⁺σ are the forces
-of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any velocity that keeps volumes and
+of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any velocity that preserves volumes and
 the shape of elastic bodies. The stress σ' is in equilibrium with λL' if σ' + λσ₀ is with λL.
 """
 

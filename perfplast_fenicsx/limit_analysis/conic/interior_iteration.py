@@ -3,8 +3,8 @@
 A step takes one factorisation of a stiffness. The stress of a point changes by moduli times a
 strain, and each kind of cone defines its moduli (:mod:`cone`). A step is Mehrotra's, with a
 predictor and a corrector, followed by Gondzio's corrections (:class:`cone.Products`), all with the
-same factors. Unbounded stresses, mean ones and those of elastic bodies, follow the proximal point
-method, which does not change the limit of the iteration.
+same factors. Stresses that nothing bounds (mean stresses, and those of elastic bodies) follow the
+proximal point method, which does not change the limit of the iteration.
 """
 
 from collections.abc import Sequence
@@ -341,7 +341,7 @@ class InteriorIteration:
 
         It is the volume change in plastic bodies and the strain in elastic ones.
 
-        If permanent loads alone hold bodies together, these may separate as rigid bodies. With
+        If only permanent loads hold bodies together, they may separate as rigid bodies. With
         permanent loads, rates below :data:`AT_REST` are therefore replaced by it. Collective.
         """
         wrong, rate = self.rates()

@@ -32,7 +32,7 @@ OfField: TypeAlias = Callable[[SpatialField, Longs], Floats]
 """Values of a field in those cells, or at those points, whose places are given."""
 
 NOMINAL_SINE = 0.5
-"""sin φ of the cones of ground whose angle of friction varies."""
+"""sin φ of the cones of ground whose friction angle varies."""
 
 OUT_OF_PLANE = 2
 """Index of the Mandel component that is in no equation in plane strain."""
@@ -49,7 +49,7 @@ class BodyCone:
         standard: The same set in standard coordinates; for principal stresses a cone around it.
         shadow: Rule for the out-of-plane stress in plane strain.
         profile: Field that multiplies the bound c; None if it does not vary.
-        friction: Sine of an angle of friction that varies; the slope q is that of
+        friction: Sine of a friction angle that varies; the slope q is that of
             ``NOMINAL_SINE``, and in proportion to the sine. None if it does not vary.
         other: A set of another kind, instead of ``plain``.
     """
@@ -267,7 +267,7 @@ def check_cones_are_provable(problem: Problem) -> None:
     """Refuse bodies with yield sets that a proof cannot state. Not collective.
 
     Raises:
-        InputError: With the first such body.
+        InputError: Naming the first such body.
     """
     if all(cone.other is None for cone in body_cones(problem).cones):
         return
@@ -286,7 +286,7 @@ def check_whole_cones(problem: Problem) -> None:
     """Refuse bodies whose complete stresses have no cone with constant numbers. Not collective.
 
     Raises:
-        InputError: With the first such body.
+        InputError: Naming the first such body.
     """
     _, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):

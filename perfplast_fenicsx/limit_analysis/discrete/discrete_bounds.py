@@ -1,8 +1,8 @@
 """Compute bounds of the discrete limit load from any iterate: the numbers that are printed.
 
 A stress in equilibrium with λL and contact forces, and nowhere above yield, gives a lower bound. A
-velocity that keeps the volume of plastic bodies and the shape of elastic ones, without penetration,
-gives an upper bound. This module fulfils these conditions up to rounding.
+velocity that preserves the volume of plastic bodies and the shape of elastic ones, without
+penetration, gives an upper bound. This module fulfils these conditions up to rounding.
 """
 
 from dataclasses import dataclass
@@ -159,7 +159,7 @@ def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
-    """Bring the velocity to the nearest one that keeps volumes and elastic bodies. Collective.
+    """Replace the velocity by the nearest one that preserves volumes and shapes. Collective.
 
     It is nearest in the norm of the last viscosities; the method of multipliers computes it. If
     bodies dilate, see :func:`_centred`.
@@ -218,12 +218,12 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
 
 
 def _centred(iteration: InteriorIteration) -> float:
-    """Make the velocity admissible where bodies dilate; others may keep volumes. Collective.
+    """Make the velocity admissible where bodies dilate; others may preserve volume. Collective.
 
-    Steps towards the centre of the cones let dilating bodies grow enough. They leave volume changes
-    of the other bodies that are small but above rounding, since the stiffness is nearly singular.
-    The factors of the last step remove these changes. Its moduli are the scaling of the cones, so
-    that the change of each cone is small compared with its margin.
+    Steps towards the centre of the cones increase the volume of dilating bodies enough. They leave
+    volume changes of the other bodies that are small but above rounding, since the stiffness is
+    nearly singular. The factors of the last step remove these changes. Its moduli are the scaling
+    of the cones, so that the change of each cone is small compared with its margin.
 
     Returns:
         The remaining inadmissible part, relative to ‖ε(v)‖.

@@ -5,14 +5,14 @@ bounds are those of the *discrete* problem: equilibrium of the finite elements, 
 dissipation at the quadrature points.
 
 Identify bodies that lock: those that prevent a velocity of the mesh from preserving volume. A
-quadratic velocity on arbitrary tetrahedra has few ways to keep the volume at all points. The volume
-changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
+quadratic velocity on arbitrary tetrahedra has few ways to preserve the volume at all points. The
+volume changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
 
-Compute Drucker's bounds of the load that bodies with Coulomb's friction carry.
-No limit theorem holds for Coulomb's friction, as slip does not follow the normal of the friction
-cone. But a body carries no less than without any friction. It carries no more than if surfaces with
-friction could neither slip nor separate. Both are limit loads of perfect plasticity (D. C. Drucker,
-Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
+Compute Drucker's bounds of the load that bodies with Coulomb's friction carry. No limit theorem
+holds for Coulomb's friction, because slip does not follow the normal of the friction cone. But a
+body carries no less than without any friction. It carries no more than if surfaces with friction
+could neither slip nor separate. Both are limit loads of perfect plasticity (D. C. Drucker, Coulomb
+friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
 """
 
 import math

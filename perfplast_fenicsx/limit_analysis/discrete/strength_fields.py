@@ -6,7 +6,7 @@ the coordinates, and the right side linear. So a linear stress is within yield i
 it is at the vertices. An upper bound takes a linear function that is nowhere below the profile, so
 that no mechanism dissipates less. Both bounds are strict.
 
-A slope q that varies with the angle of friction has one value for each cell
+A slope q that varies with the friction angle has one value for each cell
 (:mod:`varying_friction`).
 """
 

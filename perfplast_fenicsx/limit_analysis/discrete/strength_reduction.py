@@ -172,7 +172,7 @@ def check_all_divided(
     """Refuse ``reduced = false`` where no factor divides strengths.
 
     Raises:
-        InputError: With the first body or contact that has it.
+        InputError: Naming the first body or contact that has it.
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(
@@ -194,7 +194,7 @@ def check_stands(
         rubbing: Contacts and obstacles.
 
     Raises:
-        InputError: With the first load that grows, or the reason why nothing is divided.
+        InputError: Naming the first load that grows, or the reason why nothing is divided.
     """
     rubs = any(it.rubs and is_divided(it) for it in rubbing)
     if all_elastic(materials.values()) and not rubs:

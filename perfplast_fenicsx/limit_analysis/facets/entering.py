@@ -13,15 +13,15 @@ anywhere. If that would take more unknowns than nodes have, as where three bodie
 move together. This reduces the number of mechanisms, but the least load of any mechanism remains an
 upper bound.
 
-Give Coulomb's friction slip that follows the normal of its cone, as bounds of the jumps.
-Surfaces that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In the plane these
-are two bounds, with the jump s = −w_n along the normal,
+Make slip with Coulomb's friction follow the normal of its cone, by bounds of the jumps. Surfaces
+that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In the plane these are two
+bounds, with the jump s = −w_n along the normal,
 
     a = s + μ w_t ≤ 0,   b = s − μ w_t ≤ 0,
 
-where a and b replace s and w_t as unknowns. In space the cone is no wedge. There the mechanisms of
-the search neither slip nor separate. This reduces their number, but the least load of any mechanism
-remains an upper bound.
+where a and b replace s and w_t as unknowns. In space the cone is not a wedge. There the mechanisms
+of the search neither slip nor separate. This reduces their number, but the least load of any
+mechanism remains an upper bound.
 """
 
 from dataclasses import replace

@@ -1,9 +1,9 @@
 """Describe velocities of bodies of revolution by v = ru, quadratic in each cell.
 
 Volumes are kept if v has no divergence in the section, for which three points of a cell are enough.
-With u_r = rw and a polynomial w, no flow could pass through a ring between fixed planes, as r²w
-would be the same at any r. For v, this holds for v_r. On the axis v is zero. With the divergence,
-u_r is zero there too, and strain rates are finite except at vertices on the axis.
+With u_r = rw and a polynomial w, no flow could pass through a ring between fixed planes, because
+r²w would be the same at any r. For v, this holds for v_r. On the axis v is zero. With the
+divergence, u_r is zero there too, and strain rates are finite except at vertices on the axis.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
 """Determine the limit load from the levels of a path, and choose the next level.
 
-Compute a kinematic side of a mesh's limit load from an admissible collapse mechanism.
-Let v be zero on supports, without penetration, and let ε(v) be admissible for the law of each body.
-Then the limit load is at most (D(v) − L₀(v))/L₁(v). D is the dissipation, the support function of
-the yield sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis
-IV, 1996). Bodies that keep their volume require div v = 0, and elastic ones ε(v) = 0.
+Compute a kinematic side of a mesh's limit load from an admissible collapse mechanism. Let v be zero
+on supports, without penetration, and let ε(v) be admissible for the law of each body. Then the
+limit load is at most (D(v) − L₀(v))/L₁(v). D is the dissipation, the support function of the yield
+sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis IV,
+1996). Bodies that preserve their volume require div v = 0, and elastic ones ε(v) = 0.
 
 The increments of a loading path come near such a v. From v_k the next one is the flow with the
 viscosity η_k = D(ε_k)/‖ε_k‖², ε_k = ε(v_k), in the norm in which the law's D(ε) is γ‖ε‖ (Kačanov's

@@ -157,7 +157,7 @@ class IteratedFlow:
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
         """Form the coarse operators. Collective."""
-        self._multigrid.prepare(operator)  # which has coarse spaces, as the problem is large
+        self._multigrid.prepare(operator)  # which has coarse spaces, because the problem is large
         self._matrix = operator.matrix
         self._at_rest = np.concatenate([self._supported, closed])
         self._multigrid.set_matrix(operator, closed)

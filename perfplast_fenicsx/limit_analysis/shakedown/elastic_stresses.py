@@ -202,7 +202,7 @@ def check_elastic(materials: Mapping[str, object]) -> None:
     """Refuse rigid bodies, which have no elastic stresses.
 
     Raises:
-        InputError: With the first rigid body.
+        InputError: Naming the first rigid body.
     """
     rigid = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     if rigid:
@@ -222,7 +222,7 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
         names: Names of loads and temperatures that vary.
 
     Raises:
-        InputError: With the first name that does not fit.
+        InputError: Naming the first name that does not fit.
     """
     growing = [called(load) for load in problem_loads if not load.constant]
     constant = [called(load) for load in problem_loads if load.constant]

@@ -54,7 +54,7 @@ def check_flat_guides(problem: Problem) -> None:
     """Refuse curved surfaces that move along their normals, which bounds do not support.
 
     Raises:
-        InputError: With the first such surface.
+        InputError: Naming the first such surface.
     """
     guides = problem.guides
     for surface, curved in zip(guides.surfaces, guides.curved, strict=True):

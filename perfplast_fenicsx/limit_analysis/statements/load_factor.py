@@ -360,7 +360,7 @@ class Bound:
         return replace(self, value=self.value if value is None else value, doubts=())
 
     def refused(self, why: str) -> "Bound":
-        """Return it as one of the mesh; without a value where a stress balances too little."""
+        """Return the bound as one of the mesh; no value if its stress is not in equilibrium."""
         value = None if self.doubts and self.kind == "lower" else self.value
         reasons = (*self.why_not, *self.doubts, why)
         return replace(self, value=value, of=Scope.MESH, why_not=reasons, doubts=())

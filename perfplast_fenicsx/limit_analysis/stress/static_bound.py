@@ -184,8 +184,8 @@ class StaticBound:
             (:mod:`stress_cells`).
         aside: Factor of the loads of any factor, if there are any.
         dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers, for each owned cell, with L =
-            1. If bodies keep their volume, the sum over all cells is the bound up to the tolerance.
-            Smaller cells help where it is large.
+            1. If bodies preserve their volume, the sum over all cells is the bound up to the
+            tolerance. Smaller cells help where it is large.
         certificate: Residuals of the stress; None if there are none.
         steps: Steps of the iteration.
         factorisations: Number of factorisations of a stiffness.

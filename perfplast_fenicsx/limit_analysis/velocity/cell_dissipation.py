@@ -10,11 +10,11 @@ For the strain rates ε of u, r²ε is quadratic in the section,
 
     (r ∂_r v_r − v_r, r ∂_z v_z, v_r, (r ∂_z v_r + r ∂_r v_z − v_z)/√2)   (rr, zz, θθ, √2 rz).
 
-With its Bernstein coefficients q_i on a part of a cell ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, as ‖·‖ is convex
-and B_i ≥ 0. There 1/r, convex too, is at most linear between its values at vertices. On a part with
-an edge on the axis, q is r times a linear function. On a part with a vertex there, 1/r is at most
-linear along the opposite edge, divided by the distance from that vertex. NumPy only, except for the
-cells' laws.
+With its Bernstein coefficients q_i on a part of a cell ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, because ‖·‖ is
+convex and B_i ≥ 0. There 1/r, convex too, is at most linear between its values at vertices. On a
+part with an edge on the axis, q is r times a linear function. On a part with a vertex there, 1/r is
+at most linear along the opposite edge, divided by the distance from that vertex. NumPy only, except
+for the cells' laws.
 
 Compute an upper bound of a mechanism's dissipation by slip, for any slip between nodes.
 The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`),

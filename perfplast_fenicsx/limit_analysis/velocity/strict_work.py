@@ -300,8 +300,9 @@ def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
 def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
     """Return the part of each cell's plastic work that rounding may add in any evaluation.
 
-    In a cell that moves and does not strain, differences of velocities are rounding. A body of 1e15
-    times the strength of others would dissipate as much by them as those bodies that flow.
+    In a cell that moves and does not strain, differences of velocities are rounding. A body with
+    1e15 times the strength of others would dissipate as much by these differences as the bodies
+    that flow.
 
     Args:
         problem: The bodies.
@@ -417,15 +418,16 @@ def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
     """Open contact by the penetration of slip on faces that are plane except for rounding.
 
     Points of a file with twelve digits make facets whose normals differ by 1e-11, which count as
-    one face. What slips along it enters some of them by as much, which is more than a checker
-    leaves. All pairs part by the most that any facet enters; volume changes that come of it count
-    as those of rounding do. Nothing is changed where bodies would still enter. Collective.
+    one face. A body that slips along such a face penetrates some of its facets by as much, which a
+    checker does not accept. All pairs are separated by the largest penetration of a facet; the
+    resulting volume changes count like those of rounding. Nothing is changed where bodies would
+    still penetrate. Collective.
 
     Args:
         problem: The bodies.
         mechanism: A velocity, its ghosts up to date; changed.
     """
-    least = 1e-9  # share beyond which it is no rounding of points
+    least = 1e-9  # share beyond which it is not rounding of points
     if not UNSEEN < _entered(problem, mechanism) <= least:
         return
     before, basis = mechanism.x.array.copy(), problem.basis

@@ -437,7 +437,7 @@ class FrictionProgram:
             self._drag = max(looser * self._drag, least_drag)
 
     def _condense(self, asked: FrictionModel) -> tuple[Slip, PairFlags, int]:
-        """Solve for pairs and places alone; see :func:`condense_friction`. Collective."""
+        """Solve only for pairs and places; see :func:`condense_friction`. Collective."""
         assert self._operator is not None
         self._operator.add_springs(None)
         self._program.set_operator(self._operator)

@@ -216,7 +216,7 @@ class TfetiProgram:
             rtol: Relative tolerance.
             most_sets: Not used: the closed pairs are always exact.
             work: ℓᵀδ with the loads ℓ, if it is prescribed.
-            given: Not used, as there is no friction.
+            given: Not used, because there is no friction.
             first: Largest force at the beginning of the level.
 
         Raises:
@@ -268,7 +268,7 @@ class TfetiProgram:
             load: Load in nodal unknowns.
             held: Pairs that keep their jumps, shape (num_pairs,).
             rtol: Relative tolerance.
-            given: Not used, as there is no friction.
+            given: Not used, because there is no friction.
 
         Returns:
             δ in the jump basis; valid until the next solve.
