@@ -211,8 +211,8 @@ def load_path(
     Collective.
 
     The first level is ζ = 0 if loads are constant or bolts are tightened; it shows whether the
-    bodies carry them. If only ζ loads bodies without gaps, the unloaded state is on the line as
-    well. Elastic levels are then multiples of each other.
+    bodies carry them. The unloaded state is on this line as well, if only ζ loads the bodies and
+    there are no gaps. Elastic levels are then multiples of each other.
 
     Args:
         solver: One of the four algorithms.

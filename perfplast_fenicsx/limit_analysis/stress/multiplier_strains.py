@@ -33,7 +33,7 @@ class MultiplierStrains:
         num_cells: Number of owned cells.
         matrices: Matrices of :func:`stress_cells.strain_matrices`, or in axisymmetry of
             :func:`stress_cells.ring_matrices`, in the coordinates of the cones. They are zero at
-            bare vertices, whose stress is zero and no unknown (:mod:`lone_corners`).
+            bare vertices, whose stress is zero and not an unknown (:mod:`lone_corners`).
         idle: Flags of unknowns that belong only to such vertices, shape (num_cells, num_rows).
         few: Flags of cells with such vertices, or with points on the axis, where stresses are zero.
             Rows of their facets may be equivalent to their own rows.

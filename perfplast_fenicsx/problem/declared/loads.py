@@ -469,7 +469,7 @@ def scaled(load: Load, factor: float) -> Load:
     """Return the load with all its values multiplied by a factor.
 
     Args:
-        load: A load, which is a dataclass; its numbers and formulas are multiplied.
+        load: A load; its numbers and formulas are multiplied.
         factor: Factor of any sign. A negative factor changes where the pressure of a pin in its
             bore acts.
     """
