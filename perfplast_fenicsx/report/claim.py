@@ -24,8 +24,8 @@ class Claim:
         lower: The number up to which the bodies carry the loads for certain; None if none is
             proven.
         upper: The number from which on they collapse for certain; None if none is proven.
-        proofs: Of each half the file, its SHA-256 and the command that checks it.
-        taken_as_written: Bodies, strengths, supports and loads of which the proof holds.
+        proofs: For each half the file, its SHA-256 and the command that checks it.
+        taken_as_written: Bodies, strengths, supports and loads for which the proof holds.
         assumptions: Assumptions of the results.
         not_proven: Why a bound is missing.
         units: Units of the case's numbers by kind; empty if the case names none.
@@ -49,7 +49,7 @@ class Claim:
         return asdict(self)
 
     def in_words(self) -> str:
-        """Return the claim in lines: the sentence, its meaning, files and what was taken."""
+        """Return the claim in lines: the sentence, its meaning, the files and the idealisations."""
         files = [
             f"{one['half']} bound: {one['file']}, SHA-256 {one['sha256']}" for one in self.proofs
         ]

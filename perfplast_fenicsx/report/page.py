@@ -48,7 +48,7 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
     Args:
         reader: The results.
         view: View of the bodies.
-        running: HTML above the verdict, on a run that goes on.
+        running: HTML above the verdict, about a run in progress.
 
     Raises:
         InputError: If a file of the results cannot be read, or claims a bound that it does not

@@ -30,7 +30,7 @@ OF_ONE_HALF = {
     *("stress", "velocity", "nodes", "joint_force", "joint_traction"),
     *("inner_force", "inner_traction"),
 }
-"""Names of arrays that are not of the bodies."""
+"""Names of arrays that do not describe the bodies."""
 
 
 CHECKER = (

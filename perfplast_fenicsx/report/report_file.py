@@ -1,4 +1,4 @@
-"""``report.html`` of a result folder: at the end of a run, or kept current while it goes on."""
+"""``report.html`` of a result folder: at the end of a run, or kept current during it."""
 
 import logging
 import time
@@ -76,10 +76,10 @@ def report_on(folder: "ResultFolder") -> Path | None:
 
 
 class LiveReport:
-    """A report that is kept current while a run goes on.
+    """A report that is kept current during a run.
 
-    The page shows what is on file, and what the run was doing when the page was written. It claims
-    nothing of the time after, so the page of a killed run is still true.
+    The page shows what is on file, and what the run was doing when the page was written. It says
+    nothing about later times, so the page of a killed run remains true.
     """
 
     def __init__(self, folder: "ResultFolder") -> None:

@@ -15,8 +15,8 @@ class Head:
     Args:
         on: Physical surface. Its part above the level is a seepage face.
         level: Height of the water's level, in the coordinate that points upwards (length).
-        presses: Whether the water presses on the surface, as a reservoir does. Give false where
-            the ground goes on beyond the surface.
+        presses: Whether the water presses on the surface, as a reservoir does. Give false if the
+            ground continues beyond the surface.
         drawdown: Level to which the water outside has fallen so quickly that none has left the
             ground (length). The pressure in the pores is that of the steady flow, less the pressure
             that the water outside has lost vertically above (A. W. Bishop, 1954, with B = 1).
@@ -54,7 +54,7 @@ class Seepage:
     """Steady flow of water through ground, by Darcy's law, with a free surface.
 
     The pressure of the water in the pores is a load of the case, which is constant. Boundaries that
-    are not named are impervious, and so are bodies without a conductivity. Water passes between
+    are not named are impervious, and so are bodies without a conductivity. Water flows between
     bodies where their vertices coincide.
 
     Args:

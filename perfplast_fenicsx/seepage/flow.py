@@ -10,8 +10,8 @@ ground, 0 ≤ χ ≤ 1, which is 1 wherever ψ > 0 (H. W. Alt, Numer. Math. 36 (
 
     F_i = Σ_j T_ij ((ψᵢ − ψⱼ) + χ_u (zᵢ − zⱼ)),    u the vertex from which gravity takes water
 
-so that no water is lost or made: the sum over all vertices is zero, whatever ψ and χ are. Where the
-ground is saturated this is the finite element method with heads that are linear in the cells.
+so that no water is lost or created: the sum over all vertices is zero, whatever ψ and χ are. Where
+the ground is saturated this is the finite element method with heads that are linear in the cells.
 
 Both fields are one unknown w: χ = min(w, 1), ψ = L max(w − 1, 0), L the height of the ground. The
 obstacles are

@@ -49,7 +49,7 @@ class Adaptation:
         """
         if self.until == DECIDED and design is None:
             raise InputError(
-                'until = "decided" needs a design load; give design, often design = 1.0, '
+                'until = "decided" needs a design load; give design (often 1.0) '
                 "under [loading] with control = 'bounds', or a gap such as until = 0.01."
             )
 

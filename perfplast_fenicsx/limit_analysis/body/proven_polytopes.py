@@ -108,7 +108,7 @@ def inner_along(points: Floats, rays: Floats) -> Floats:
 def farthest_apart(
     points: Floats, sides: Floats, signed: tuple[bool, ...], asked: Floats
 ) -> tuple[float, Floats | None]:
-    """Return the largest distance of hull and half-spaces along rays, and the next direction.
+    """Return the largest distance between hull and half-spaces along rays, and its direction.
 
     Args:
         points: See :func:`inner_along`.

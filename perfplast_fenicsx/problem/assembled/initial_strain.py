@@ -1,4 +1,4 @@
-"""Compute strains without stress: of temperature, initial stress, and shortened shanks of bolts.
+"""Compute strains without stress: from temperature, initial stress, and shortened bolt shanks.
 
 With the initial strain e₀, the law receives ε(u) − e₀. A change of temperature T has e₀ = aTδ with
 the coefficient of expansion a of the material. A stress σ₀ in the undeformed bodies has e₀ =

@@ -200,7 +200,8 @@ class ContactProgram:
             room: How far each pair hosted by this rank may still close, shape (num_pairs,).
             active: Initial active set.
             rtol: Relative tolerance of the linear solves.
-            most_sets: Largest number of active sets to solve; None to continue to the right one.
+            most_sets: Largest number of active sets to solve; None to continue until the correct
+                one.
             work: ℓᵀδ with the loads ℓ, if it is prescribed.
             given: Unknowns that are held at given values.
             first: Largest force at the beginning of the level.

@@ -32,8 +32,8 @@ minimise ½ zᵀSz − gᵀz  over z ≥ 0
 
 If all pairs are closed and all places stick, z are the openings of pairs and the slips of places in
 both directions. S is their stiffness, and g is the energy gained per unit of each, minus the bound
-c for a slip. Its solution is exact, where successive linearisations may cycle, as for a pin that
-rolls in its hole.
+c for a slip. Its solution is exact also if successive linearisations cycle, as for a pin that rolls
+in its hole.
 """
 
 from dataclasses import dataclass, replace
@@ -349,8 +349,8 @@ class FrictionProgram:
             asked: The data.
             active: Active set to begin with.
             slip: Linearisation to begin with.
-            most_sets: Solve with one linearisation, and no more sets of held pairs; None to go on
-                until both are right.
+            most_sets: Solve with one linearisation, and no more sets of held pairs; None to
+                continue until both are correct.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.

@@ -3,9 +3,9 @@
 A piece is connected through facets, so that its only motion without strain is that of one rigid
 body. Its nodes are copies of the mesh's nodes, torn from those of other pieces.
 
-Store K of all pieces of a rank, torn from each other, and its generalised inverse K⁺.
-The pieces are not coupled. One sparse matrix on this rank contains all of them, and one
-factorisation factorises each. Its kernel are the rigid motions R. With as many springs as there are
+Store K of all pieces of a rank, torn from each other, and its generalised inverse K⁺. The pieces
+are not coupled. One sparse matrix on this rank contains the stiffness of all pieces, and one
+factorisation factorises all. Its kernel are the rigid motions R. With as many springs as there are
 motions, and M with invertible MᵀR, the matrix K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
 itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and A.
 Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
