@@ -84,7 +84,8 @@ class CaseWords:
             if material["kind"] == "Flow":
                 numbers, remembers = material["body"], "; remembers plastic flow"
             words = LAWS.get(numbers["kind"], numbers["kind"])
-            rows.append((name, f"{words}{remembers}: {self._numbers(numbers)}"))
+            told = self._numbers(numbers)
+            rows.append((name, f"{words}{remembers}{': ' if told else ''}{told}"))
         return folded(rows, "bodies")
 
     def supports(self) -> list[Row]:
@@ -195,7 +196,9 @@ class CaseWords:
         for name, material in self._given.get("materials", {}).items():
             numbers = material["body"] if material["kind"] == "Flow" else material
             law = numbers["kind"]
-            if law == "elastic":
+            if law == "rigid":
+                text = "rigid"
+            elif law == "elastic":
                 text = "elastic at any stress"
             elif law == HARDENING:
                 text = "unlimited hardening at any strain"

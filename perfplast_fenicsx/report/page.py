@@ -318,8 +318,12 @@ def _case(summary: Summary, words: CaseWords) -> str:
     ]
     text = pairs([("Model", MODELS.get(kind, kind)), ("Mesh", mesh_in_words(summary))])
     text += "".join(f"<h3>{head}</h3>{pairs(rows)}" for head, rows in parts if rows)
-    body = (summary.limit or {}).get("body") or {}
-    listed = words.assumptions(kind, body.get("taken", ()), bool(body.get("meshes")))
+    limit = summary.limit or {}
+    body = limit.get("body") or {}
+    bounds = [body, limit.get("strength") or {}]
+    proven = any(one.get(kind) is not None for one in bounds for kind in ("lower", "upper"))
+    of_bodies = proven or bool(limit.get("envelope"))
+    listed = words.assumptions(kind, body.get("taken", ()), of_bodies)
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in listed)
     return _section("case", "The case", text) + _section(
         "assumptions", "Assumptions", f"<ul>{items}</ul>"

@@ -73,6 +73,15 @@ def test_a_claim(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["proofs"][0]["sha256"] in words
 
 
+def test_assumptions_of_bounds_on_one_mesh(place: Path, tmp_path: Path) -> None:
+    """The report assumes of them what the claim does."""
+    page = tmp_path / "report.html"
+    assert main(["report", str(place / "results"), "-o", str(page)]) == SOLVED
+    text = page.read_text(encoding="utf-8")
+    assert "The bodies are those that the straight elements of the mesh fill." in text
+    assert "Results hold for the mesh" not in text
+
+
 @pytest.mark.parametrize("name", ["bounds.h5", "summary.json"])
 def test_files_that_somebody_edited(
     copied: Path, capsys: pytest.CaptureFixture[str], name: str

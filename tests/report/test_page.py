@@ -90,6 +90,9 @@ def test_the_case_in_words() -> None:
     assert "times ζ" not in str(staged.loads() + staged.supports() + staged.contacts())
     assert "times its factor" in str(staged.loads())
     assert "&lt;" in pairs(words.bodies())
+    stones = CaseWords({"materials": {"a": {"kind": "rigid"}, "b": {"kind": "rigid"}}}, {}, "xy")
+    assert stones.bodies() == [("a", "rigid"), ("b", "rigid")]
+    assert "Taken as rigid: a, b." in stones.assumptions("plane-strain", (), True)
 
 
 def test_the_load_factor_in_words() -> None:
