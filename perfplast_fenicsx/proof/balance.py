@@ -9,6 +9,8 @@ in a cone f(σ) ≤ c if f(σ) + f(τ) ≤ c, since f is convex and homogeneous 
 2. The cells of a piece form a tree. Each cell transfers the force F and the moment M of all cells
    beyond it through one facet, by the traction F/A + θ × (x − c) with Iθ = M. So each cell is in
    equilibrium on its own.
+   With c = 0, tractions and τ can be zero at vertices of free surfaces. Then no traction passes
+   through facets between two of them, and those with one such end have quadratic tractions.
 3. Consider tractions that are linear on each facet of a simplex and in equilibrium with a uniform
    force. They belong to a stress that is linear in each of the d + 1 parts into which the centre
    divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in space M. Křížek,
@@ -24,15 +26,21 @@ import numpy as np
 from perfplast_fenicsx.proof.balls import Balls, U, crossed, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.pieces import pieces_of
+from perfplast_fenicsx.proof.pieces import across_of, bare_ends, pieces_of, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
-from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes
+from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes, stretches_of
 from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
 """Bounds of the stress on a regular simplex, by dimension. The first factor multiplies the largest
 traction times area, summed over the facets; the second multiplies the force. A test computes both.
 """
+
+QUADRATIC = (3.7, 1.56)
+"""The same for coefficients of a stress in the plane whose tractions are quadratic: the factor of
+the largest coefficient of traction times length, summed over the sides, and that of the largest
+force (:mod:`ring_balance`). They are the larger values of triangles with and without a side on
+which the stress is zero. A test computes both."""
 
 VOLUME = {2: 3**0.5 / 4, 3: 2**0.5 / 12}
 """Volume of the regular simplex with edges 1, by dimension."""
@@ -55,7 +63,11 @@ class Cost:
 
 
 def cost_of(
-    body: Body, left: Remainder, shapes: Shapes, kinds: Sequence[tuple[float, Loads]]
+    body: Body,
+    left: Remainder,
+    shapes: Shapes,
+    kinds: Sequence[tuple[float, Loads]],
+    bare: Flags | None = None,
 ) -> Cost:
     """Return the cost of a remainder.
 
@@ -64,6 +76,7 @@ def cost_of(
         left: The unbalanced forces.
         shapes: Shapes of the cells.
         kinds: Loads of each kind, and their factors.
+        bare: In the plane, vertices of cells where τ is zero, shape (num_cells, 3).
     """
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
@@ -71,15 +84,24 @@ def cost_of(
     acting = _Acting(body, left, shapes)
     plates = plates_of(body, left.plates, kinds, acting.pieces)
     every = np.arange(len(plates.through))
+    ends = bare_ends(body, bare)
+    of_plates = np.concatenate([plates.through, plates.first, plates.second[plates.second >= 0]])
+    if ends[body.outer[of_plates]].any() or not acting.is_clear(body, left, bare):
+        return Cost(lost, "forces act where ground without cohesion has no stress")
     acting.carry(body, plates, (plates.through, every), (plates.missing, plates.errors))
     pushes, reason = _reactions(body, left, acting, plates)
     if pushes is None:
         return Cost(lost, reason)
-    of_facets, of_force = SIZE[body.dim]
     on_sides = acting.on_sides + np.bincount(
         body.outer // (body.dim + 1), weights=pushes, minlength=len(lost)
     )
-    passed = _passed(body, shapes, acting, pushes)
+    passed = _passed(body, shapes, acting, pushes, ends)
+    if passed is None:
+        return Cost(lost, "cells touch others only where ground without cohesion has no stress")
+    curved = ends.reshape(len(lost), -1).any(axis=1)
+    of_facets, of_force = (
+        np.where(curved, *of) for of in zip(QUADRATIC, SIZE[body.dim], strict=True)
+    )
     inside = upwards(of_facets * (on_sides + passed) + of_force * left.cells.norms())
     with np.errstate(invalid="ignore"):
         size = np.where(inside > 0, _stretch(body, shapes, acting.volumes) * inside, 0.0)
@@ -101,6 +123,7 @@ class _Acting:
         middles: A point in each cell.
         extents: The largest distance of its vertices from that point.
         pieces: Number of the piece of each cell.
+        jumped: The side on which the jump of each inner facet acts.
     """
 
     def __init__(self, body: Body, left: Remainder, shapes: Shapes) -> None:
@@ -121,10 +144,31 @@ class _Acting:
         bears = np.minimum(body.yield_radius, np.finfo(float).max)
         less, more = (bears[of] for of in cells)
         larger = self.volumes[cells[1]] > self.volumes[cells[0]]
-        at = np.where((more > less) | ((more == less) & larger), other, one)
-        corners = body.corners[one % (d + 1)]
-        vertices = np.sort(np.take_along_axis(body.cells[cells[0]], corners, axis=1), axis=1)
-        self._put(body, at, vertices, left.inner)
+        self.jumped = np.where((more > less) | ((more == less) & larger), other, one)
+        self._put(body, self.jumped, self._ends(body), left.inner)
+
+    def _ends(self, body: Body) -> Longs:
+        """Return the vertices of inner facets, ordered by number."""
+        own = body.cells[self.jumped // (body.dim + 1)]
+        corners = body.corners[self.jumped % (body.dim + 1)]
+        return np.sort(np.take_along_axis(own, corners, axis=1), axis=1)
+
+    def is_clear(self, body: Body, left: Remainder, bare: Flags | None) -> bool:
+        """Return whether tractions on cells are exactly zero where τ is.
+
+        Args:
+            body: The bodies.
+            left: The unbalanced forces.
+            bare: Vertices of cells where τ is zero.
+        """
+        if bare is None:
+            return True
+        cells, wide = body.outer // (body.dim + 1), body.dim + 1
+        pulled = bare[cells[:, None], body.places] & (left.outer.norms() > 0)
+        own = self.jumped // wide
+        here = body.cells[own][:, None] == self._ends(body)[..., None]
+        jumps = (here & bare[own][:, None]).any(axis=2) & (left.inner.norms() > 0)
+        return not (pulled.any() or jumps.any())
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
         """Add the forces of anchors."""
@@ -248,78 +292,25 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
     return upwards(found)
 
 
-def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds of ‖B‖ and ‖B⁻¹‖ of the maps from the regular simplex.
-
-    Args:
-        body: The bodies.
-        shapes: Shapes of the cells.
-        volumes: Volumes, bounded from below.
-    """
-    d = body.dim
-    regular = np.zeros((d + 1, d))
-    for i in range(1, d + 1):
-        regular[i] = regular[:i].mean(axis=0)
-        regular[i, i - 1] = np.sqrt(1 - ((regular[0] - regular[i]) ** 2).sum())
-    x = body.vertices[body.cells]
-    edges = (x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
-    back = np.linalg.inv(regular[1:].T)
-    largest = np.linalg.norm(edges @ back, ord=2, axis=(1, 2))
-    # The rows of B⁻¹ are combinations of the gradients −a/(dV).
-    turned = regular[1:].T @ (shapes.areas.mid[:, 1:] / d)
-    inverse = np.linalg.norm(turned, ord=2, axis=(1, 2)) + np.linalg.norm(
-        shapes.areas.rad, axis=(1, 2)
-    )
-    rounding = 1e-12  # relative error of norms of small matrices
-    with np.errstate(divide="ignore", over="ignore"):
-        return largest * (1 + rounding), inverse / volumes * (1 + rounding)
-
-
-def across_of(body: Body) -> Longs:
-    """Return the opposite side of each side, −1 for outer ones."""
-    sides = body.sides[0]
-    found = np.full(len(body.cells) * (body.dim + 1), -1)
-    found[sides[:, 0]], found[sides[:, 1]] = sides[:, 1], sides[:, 0]
-    return found
-
-
-def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
-    """Return the cells by their distance from the roots, and each cell's side towards its root.
-
-    The side is −1 at a root, which is the largest cell of its piece. The tree prefers large facets.
-    """
-    wide, count = body.dim + 1, len(body.cells)
-    size = body.areas_of(np.arange(count * wide))
-    order = np.lexsort([volumes, pieces])
-    roots = order[np.flatnonzero(np.diff(pieces[order], append=-1))]
-    back = np.full(count, -1)
-    seen = np.zeros(count, dtype=bool)
-    seen[roots] = True
-    levels = [roots]
-    while len(levels[-1]):
-        out = (levels[-1][:, None] * wide + np.arange(wide)).ravel()
-        there = across[out[across[out] >= 0]]
-        there = there[~seen[there // wide]]
-        there = there[np.lexsort([size[there], there // wide])]
-        last = np.append(np.diff(there // wide) != 0, True)[: len(there)]
-        there = there[last]
-        cells = there // wide
-        back[cells], seen[cells] = there, True
-        levels.append(cells)
-    return levels, back
-
-
-def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
+def _passed(
+    body: Body, shapes: Shapes, acting: _Acting, pushes: Floats, zeros: Longs
+) -> Floats | None:
     """Return for each cell the sum over its facets of the transferred tractions.
+
+    None if no facet can transfer tractions from a cell. A traction that is zero at one end of a
+    facet is quadratic. Its coefficients times the length L are 0, 3F − 12M/L and 12M/L for a force
+    F and a moment M.
 
     Args:
         body: The bodies.
         shapes: Shapes of the cells.
         acting: Forces and moments of each cell.
         pushes: Sizes of additional forces on outer facets.
+        zeros: Number of vertices of each side where tractions are zero.
     """
     d, wide, count = body.dim, body.dim + 1, len(body.cells)
-    across = across_of(body)
+    across = np.where(zeros < d, across_of(body), -1)
+    times = np.where(zeros > 0, 3.0, 1.0)
     levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     x, found = body.vertices[body.cells], np.zeros(count)
     forces, turns = acting.forces.copy(), acting.moments.copy()
@@ -351,6 +342,7 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
         turn = np.linalg.norm(turns[cells], axis=1)
         turn_errors[cells] += 32 * U * (turn + force * arm)
         tractions = force + (turn + turn_errors[cells]) * bends[cells]
+        tractions *= times[back[cells]]
         step = middles[cells] - acting.middles[towards]
         arm = np.linalg.norm(step, axis=1) + rounded[cells] + rounded[towards]
         np.add.at(found, cells, tractions)
@@ -362,6 +354,8 @@ def _passed(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floa
         added = turn_errors[cells] + force_errors[cells] * arm
         added += (rounded[cells] + rounded[towards]) * force + 32 * U * (turn + force * arm)
         np.add.at(turn_errors, towards, added)
+    if sum(map(len, levels)) < count:
+        return None
     # Sums of non-negative numbers: each is rounded once for each cell that follows.
     return upwards(found * (1 + 1e-12), 2 * count + 64)
 

@@ -11,10 +11,8 @@ everywhere, since these stresses form a convex set. With a pore pressure u, the 
 effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear in the cell, so that vertices
 are enough. Another stress balances the residual of equilibrium, and its size reduces the bound
 (:mod:`balance`). For cones with c = 0 the stress must lie inside of them by this size at each
-vertex. Otherwise residuals are relative to the capacity of the weakest cell, for each row and in
-total, and the checker prints the c that is missing. For bodies of revolution
-the same conditions apply to S = rσ, which is quadratic (:mod:`rings`, :mod:`ring_balance`), divided
-by 2π.
+vertex. At vertices of free surfaces both stresses are zero. For bodies of revolution the same
+conditions apply to S = rσ, which is quadratic (:mod:`rings`, :mod:`ring_balance`), divided by 2π.
 """
 
 from collections.abc import Sequence
@@ -24,7 +22,7 @@ import numpy as np
 
 from perfplast_fenicsx.proof.balance import cost_of
 from perfplast_fenicsx.proof.balls import U
-from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.least_radii import BARE, finite, least_of, least_radii
 from perfplast_fenicsx.proof.load_kinds import Loads
@@ -145,33 +143,34 @@ class Overstress:
     Attributes:
         factor: The largest (f(σ) + f(τ))/c of cones with c > 0. Divided by it, σ + τ lies in them;
             ∞ if no τ is known.
-        lacks: The largest f(σ) + f(τ) of cones with c = 0, a stress. If it is at most zero, σ + τ
-            lies in these cones; otherwise it lies in cones with this c. −∞ without such cones.
-        pressure: The pressure on all surfaces that has the same effect as c = ``lacks``.
+        has_room: Whether σ + τ lies in the cones with c = 0; True without such cones.
+        lacks: A c with which it does, a stress; ∞ if no τ is known.
+        pressure: The pressure on all surfaces that does the same as c = ``lacks``.
         reason: Why no τ is known, or None.
     """
 
     factor: float
+    has_room: bool
     lacks: float
     pressure: float
     reason: str | None
 
-    def words(self) -> str:
-        """Return a sentence on the exact equilibrium of bodies that need a cohesion for it."""
-        if not np.isfinite(max(self.factor, self.lacks)):
-            return f"The cost of the unbalanced forces is unknown: {self.reason}."
-        if self.factor > 1:
-            return f"Exact equilibrium needs strengths {self.factor:.17g} times as large."
-        return (
-            f"Exact equilibrium needs c = {self.lacks:.2g} where c is 0, or a pressure of "
-            f"{self.pressure:.2g} on all surfaces."
-        )
+    def words(self) -> list[str]:
+        """Return why the stress does not prove what ground with c = 0 carries, with a remedy."""
+        if self.has_room:
+            return []
+        why = "ground with c = 0 has no strength left for rounding; give it a small cohesion"
+        if not np.isfinite(self.lacks):
+            return [why]
+        digits = f"c = {self.lacks:.1e}, or a pressure of {self.pressure:.1e} on all surfaces"
+        return [why, f"exact equilibrium needs {digits}"]
 
 
 def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]) -> Overstress:
     """Return by how much an equilibrated stress near a given one may exceed its limits.
 
-    A stress τ balances the residual of σ. f(σ + τ) is at most f(σ) + f(τ), at each vertex.
+    A stress τ balances the residual of σ. f(σ + τ) is at most f(σ) + f(τ), at each vertex. At
+    vertices of free surfaces with c = 0 both are zero.
 
     Args:
         body: The bodies.
@@ -180,6 +179,7 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
     """
     shapes, plastic = shapes_of(body), body.plastic
     cones, at = body.cones, body.cone[plastic]
+    bare = np.zeros(stress.shape[:2], dtype=bool)
     if body.is_revolved:
         found = ring_stress(body, stress, kinds, shapes)
         cost, off = found.cost, found.errors
@@ -188,24 +188,77 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
             found.vectors[plastic], rho, out=np.zeros_like(found.vectors[plastic]), where=rho > 0
         )
     else:
-        cost = cost_of(body, remainder_of(body, stress, kinds, shapes), shapes, kinds)
+        bare = bare_vertices(body, kinds)
+        stress = np.where(bare[..., None, None], 0.0, stress)
+        left = remainder_of(body, stress, kinds, shapes, bare)
+        cost = cost_of(body, left, shapes, kinds, bare if bare.any() else None)
         bounded, off = vectors(stress[plastic]), np.zeros(len(stress))
     rounding = 128 * U * np.linalg.norm(bounded, axis=2) + off[plastic, None]
-    size = cost.size[plastic, None] + rounding
+    sizes = cost.size[plastic, None]
     firm = cones.bound[at] > 0
-    shares = cones.ratios(at[firm], bounded[firm]) + size[firm] * cones.weakness[at[firm], None]
+    size = sizes[firm] + rounding[firm]
+    shares = cones.ratios(at[firm], bounded[firm]) + size * cones.weakness[at[firm], None]
     shares = shares / body.cell_strength[plastic][firm] if body.varies else shares
     over = float(shares.max(initial=0.0))
-    bare = at[~firm]
-    lacks = cones.excess(bare, bounded[~firm]) + size[~firm] * cones.growth[bare, None]
-    relief = cones.relief[bare, None]
+    growth = cones.growth[at[~firm], None]
+    used = cones.excess(at[~firm], bounded[~firm]) + rounding[~firm] * growth
+    room = _room(used, growth * sizes[~firm], bare[plastic][~firm])
+    lacks = used + growth * sizes[~firm]
+    relief = cones.relief[at[~firm], None]
     pressures = np.divide(lacks, relief, out=np.full_like(lacks, np.inf), where=relief > 0)
     return Overstress(
         over if np.isfinite(over) else np.inf,
-        float(lacks.max(initial=-np.inf)),
+        bool((room >= 0).all()),
+        float(lacks.max(initial=0.0)),
         float(pressures.max(initial=0.0)),
         cost.reason,
     )
+
+
+def bare_vertices(body: Body, kinds: Sequence[tuple[float, Loads]]) -> Flags:
+    """Return vertices of cells where only zero stress is admissible, shape (num_cells, d + 1).
+
+    On a free surface one principal stress is zero, and with c = 0 in the plane the other one too.
+    So is the stress in all cells with c = 0 around a vertex of this surface.
+
+    Args:
+        body: The bodies.
+        kinds: Loads of each kind, and their factors.
+    """
+    found = np.zeros(body.cells.shape, dtype=bool)
+    loose = np.append(body.cones.bound == 0, False)[body.cone]
+    if body.dim != 2 or body.is_revolved or not loose.any():
+        return found
+    touched = np.concatenate([body.contacts.ravel(), body.obstacles, body.rigid])
+    free = ~(body.held | (body.guided != 0)).any(axis=1) & ~np.isin(body.surface, touched)
+    free &= loose[body.outer // 3]
+    loads = sum(np.abs(factor * of.traction).sum(axis=2) for factor, of in kinds)
+    pores = sum(np.abs(factor * of.pore_pressure) for factor, of in kinds)
+    bare = np.zeros(len(body.vertices), dtype=bool)
+    bare[body.facets[free[:, None] & (loads == 0)]] = True
+    bare[body.cells[loose[:, None] & (pores > 0)]] = False
+    return bare[body.cells] & loose[:, None]
+
+
+def _room(used: Floats, size: Floats, bare: Flags) -> Floats:
+    """Return how much of the cone with c = 0 remains in cells, negative if it is too little.
+
+    −f(σ) is at least the linear function with the values −``used`` at vertices, 0 at bare ones.
+    τ is quadratic in three parts of a cell with bare vertices. Its Bernstein coefficients are at
+    most its size, and zero where the linear function is. So τ is at most twice its size times this
+    function over its least positive value at vertices and at the centre.
+
+    Args:
+        used: f(σ) at vertices, shape (num_cells, values).
+        size: f(τ) in each cell, shape (num_cells, 1).
+        bare: Vertices where both are zero, shape (num_cells, values).
+    """
+    some = bare.any(axis=1)
+    room = -used - size
+    centre = -np.where(bare[some], 0.0, used[some]).mean(axis=1, keepdims=True)
+    near = np.where(bare[some], centre, np.minimum(-used[some], centre))
+    room[some] = near - 2 * size[some]
+    return room
 
 
 def _largest(values: Floats) -> float:

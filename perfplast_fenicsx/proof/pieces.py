@@ -1,8 +1,8 @@
-"""Find pieces of cells connected by facets, and check the equilibrium of each piece."""
+"""Find pieces of cells connected by facets, and trees of them; check each piece's equilibrium."""
 
 import numpy as np
 
-from perfplast_fenicsx.proof.body import Body, Floats, Longs
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 
 
 def pieces_of(body: Body) -> Longs:
@@ -58,3 +58,55 @@ def largest_share(
     sizes = loads + of_all * np.minimum(loads.sum(), borne)
     loaded = loads != 0
     return float(np.max(forces[loaded] / sizes[loaded], initial=0.0))
+
+
+def bare_ends(body: Body, bare: Flags | None) -> Longs:
+    """Return the number of vertices of each side where tractions are zero, shape (num_sides,).
+
+    Args:
+        body: The bodies.
+        bare: Vertices of cells where the stress is zero; None for no such vertices.
+    """
+    wide = body.dim + 1
+    if bare is None:
+        return np.zeros(len(body.cells) * wide, dtype=np.int64)
+    order = np.argsort(body.cells[:, body.corners].reshape(-1, body.dim), axis=1)
+    one, other = body.sides[0].T
+    found = np.take_along_axis(bare[:, body.corners].reshape(-1, body.dim), order, axis=1)
+    both = found[one] | found[other]
+    found[one], found[other] = both, both
+    return np.asarray(found.sum(axis=1))
+
+
+def across_of(body: Body) -> Longs:
+    """Return the opposite side of each side, −1 for outer ones."""
+    sides = body.sides[0]
+    found = np.full(len(body.cells) * (body.dim + 1), -1)
+    found[sides[:, 0]], found[sides[:, 1]] = sides[:, 1], sides[:, 0]
+    return found
+
+
+def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
+    """Return the cells by their distance from the roots, and each cell's side towards its root.
+
+    The side is −1 at a root, which is the largest cell of its piece. The tree prefers large facets.
+    """
+    wide, count = body.dim + 1, len(body.cells)
+    size = body.areas_of(np.arange(count * wide))
+    order = np.lexsort([volumes, pieces])
+    roots = order[np.flatnonzero(np.diff(pieces[order], append=-1))]
+    back = np.full(count, -1)
+    seen = np.zeros(count, dtype=bool)
+    seen[roots] = True
+    levels = [roots]
+    while len(levels[-1]):
+        out = (levels[-1][:, None] * wide + np.arange(wide)).ravel()
+        there = across[out[across[out] >= 0]]
+        there = there[~seen[there // wide]]
+        there = there[np.lexsort([size[there], there // wide])]
+        last = np.append(np.diff(there // wide) != 0, True)[: len(there)]
+        there = there[last]
+        cells = there // wide
+        back[cells], seen[cells] = there, True
+        levels.append(cells)
+    return levels, back

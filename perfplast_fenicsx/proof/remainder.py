@@ -104,8 +104,39 @@ def shapes_of(body: Body) -> Shapes:
     return Shapes(stacked(areas, 1), height * Balls.part(d))
 
 
+def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
+    """Return upper bounds of ‖B‖ and ‖B⁻¹‖ of the maps from the regular simplex.
+
+    Args:
+        body: The bodies.
+        shapes: Shapes of the cells.
+        volumes: Volumes, bounded from below.
+    """
+    d = body.dim
+    regular = np.zeros((d + 1, d))
+    for i in range(1, d + 1):
+        regular[i] = regular[:i].mean(axis=0)
+        regular[i, i - 1] = np.sqrt(1 - ((regular[0] - regular[i]) ** 2).sum())
+    x = body.vertices[body.cells]
+    edges = (x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
+    back = np.linalg.inv(regular[1:].T)
+    largest = np.linalg.norm(edges @ back, ord=2, axis=(1, 2))
+    # The rows of B⁻¹ are combinations of the gradients −a/(dV).
+    turned = regular[1:].T @ (shapes.areas.mid[:, 1:] / d)
+    inverse = np.linalg.norm(turned, ord=2, axis=(1, 2)) + np.linalg.norm(
+        shapes.areas.rad, axis=(1, 2)
+    )
+    rounding = 1e-12  # relative error of norms of small matrices
+    with np.errstate(divide="ignore", over="ignore"):
+        return largest * (1 + rounding), inverse / volumes * (1 + rounding)
+
+
 def remainder_of(
-    body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]], shapes: Shapes
+    body: Body,
+    stress: Floats,
+    kinds: Sequence[tuple[float, Loads]],
+    shapes: Shapes,
+    bare: Flags | None = None,
 ) -> Remainder:
     """Return the remainder of a stress.
 
@@ -114,6 +145,7 @@ def remainder_of(
         stress: Stress at the vertices of each cell, effective with a pore pressure.
         kinds: Loads of each kind, and their factors.
         shapes: Shapes of the cells.
+        bare: Vertices of cells where nothing may be exerted, shape (num_cells, d + 1).
     """
     d = body.dim
     areas = shapes.areas
@@ -134,7 +166,8 @@ def remainder_of(
 
     one, other = body.sides[0].T
     jumps = at(one, _alike(body, one)) + at(other, _alike(body, other))
-    outer = Outer(body, at(body.outer, body.places), traction, areas)
+    own = None if bare is None else bare[(body.outer // (d + 1))[:, None], body.places]
+    outer = Outer(body, at(body.outer, body.places), traction, areas, bare=own)
     return Remainder(
         pulling - ends * Balls.part(d),
         jumps,
@@ -172,7 +205,13 @@ class Outer:
     """
 
     def __init__(
-        self, body: Body, at: Balls, traction: Balls, areas: Balls, radii: Floats | None = None
+        self,
+        body: Body,
+        at: Balls,
+        traction: Balls,
+        areas: Balls,
+        radii: Floats | None = None,
+        bare: Flags | None = None,
     ) -> None:
         """Choose the tractions of supports, contact and plates.
 
@@ -183,6 +222,7 @@ class Outer:
             areas: Area vectors of the sides of cells.
             radii: In axisymmetry the coefficients of r, which multiply tractions, shape
                 (num_facets, n).
+            bare: Values where nothing may be exerted, same shape.
         """
         d = body.dim
         self._body, self._free = body, ~body.held
@@ -192,6 +232,7 @@ class Outer:
         shape = at.mid.shape[:2]
         count = shape[0]
         self._radii = np.ones(shape) if radii is None else radii
+        self._bare = np.zeros(shape, dtype=bool) if bare is None else bare.copy()
         self._into = Balls.exact(np.zeros((count, d)))
         self._pressure, self._shear = np.zeros(shape), np.zeros((*shape, d))
         self._opposite = np.full(count, -1)
@@ -222,6 +263,7 @@ class Outer:
             order = np.column_stack([pair.order, *[np.full(len(pair.order), body.dim)] * extra])
             self._opposite[pair.first], self._order[pair.first] = pair.second, order
             self._second[pair.second] = True
+            self._bare[pair.first] |= np.take_along_axis(self._bare[pair.second], order, axis=1)
             self._touches[pair.first] = self._touches[pair.second] = True
             known = self._told(pair.first)
             first = self._pushes(pair.first)
@@ -277,7 +319,7 @@ class Outer:
             terms: Adhesion c and friction μ.
             pair: Opposite facets, and the indices of their values; None for obstacles.
         """
-        pressure, shear = np.maximum(pushes, 0.0), None
+        pressure, shear = np.where(self._bare[facets], 0.0, np.maximum(pushes, 0.0)), None
         c, mu = terms[0] * self._radii[facets], terms[1]
         if any(terms):
             shear = self._shears(facets, pair)
@@ -285,6 +327,7 @@ class Outer:
             sizes = np.linalg.norm(shear, axis=2)
             rounding = 64 * U if pair is not None else UNIT
             limit = (1 - rounding) * (c + mu * pressure) * least[:, None]
+            limit[self._bare[facets]] = 0.0
             shear *= np.minimum(1.0, limit / np.where(sizes > 0, sizes, 1.0))[..., None]
             sizes = np.minimum(sizes, limit)
             # additional pressure covers the normal part of a rounded shear force
@@ -324,7 +367,7 @@ class Outer:
         wide = self._order.shape[1]
         facets, axes = np.nonzero(body.held)
         guided = np.flatnonzero(body.guided.any(axis=1))
-        endless = np.where(self._radii > 0, np.inf, 0.0)
+        endless = np.where((self._radii > 0) & ~self._bare, np.inf, 0.0)
         found = [
             (facets, Balls.exact(np.eye(d)[axes]), endless[facets]),
             (guided, unit[guided], endless[guided]),

@@ -10,9 +10,9 @@ Only forces along the axis and jumps of tractions remain.
 4. Consider tractions that are quadratic on each side of a triangle, in equilibrium with forces that
    are linear in it. They belong to a stress that is quadratic in each of the three parts into which
    the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta, doi:10.1007/BF01379659).
-   On the regular triangle :data:`SIZE` bounds its coefficients. The stress is zero at vertices on
-   the axis where the tractions are zero, and can be zero on a side on the axis, too. Then S/r is at
-   most 2C/r' with the largest coefficient C and the least positive radius r' of vertices and
+   On the regular triangle :data:`QUADRATIC` bounds its coefficients. The stress is zero at vertices
+   on the axis where the tractions are zero, and can be zero on a side on the axis, too. Then S/r is
+   at most 2C/r' with the largest coefficient C and the least positive radius r' of vertices and
    centre.
 """
 
@@ -22,21 +22,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from perfplast_fenicsx.proof.balance import (
+    QUADRATIC,
     TOO_LARGE,
     Cost,
-    across_of,
     exerted_of,
-    stretches_of,
-    tree_of,
     weights_of,
 )
 from perfplast_fenicsx.proof.balance import VOLUME as REGULAR
 from perfplast_fenicsx.proof.balls import Balls, U, contracted, inverse_of, stacked, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.pieces import pieces_of
+from perfplast_fenicsx.proof.pieces import across_of, pieces_of, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
-from perfplast_fenicsx.proof.remainder import Anchors, Outer, Shapes, summed
+from perfplast_fenicsx.proof.remainder import Anchors, Outer, Shapes, stretches_of, summed
 from perfplast_fenicsx.proof.rings import (
     PAIRS,
     coefficients_of_radius,
@@ -44,12 +42,6 @@ from perfplast_fenicsx.proof.rings import (
     radii_of,
     times_radius,
 )
-
-SIZE = (3.7, 1.56)
-"""Bounds of the coefficients on the regular triangle with edges 1. The first factor multiplies the
-largest coefficient of traction times length, summed over the sides; the second multiplies the
-largest force. They are the larger values of triangles with and without a side on the axis. A test
-computes both."""
 
 ALONG = 1
 """Index of the axial component."""
@@ -263,7 +255,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         turn = (sides + acting.within) * extent / spread
         radial = sides + turn * np.abs(heights).max(axis=1)
-        inside = SIZE[0] * sides + SIZE[1] * (acting.within + radial)
+        inside = QUADRATIC[0] * sides + QUADRATIC[1] * (acting.within + radial)
         largest, inverse = stretches_of(body, shapes, acting.volumes)
         section = largest**2 * inverse / (acting.volumes / REGULAR[2]) * inside
         some = np.where(radii > 0, radii, np.inf).min(axis=1)

@@ -95,13 +95,6 @@ def whole_stress(body: Body, stress: Floats, force: Floats) -> tuple[Floats, Flo
     return np.stack([stress[..., 0, 0], stress[..., 1, 1], hoop, shear], axis=2), rates[..., 1]
 
 
-def bernstein(v: Floats) -> Floats:
-    """Return coefficients of quadratics from their values at vertices and middles of edges."""
-    found = v.copy()
-    found[:, 3:] = 2 * v[:, 3:] - v[:, ENDS].mean(axis=2)
-    return found
-
-
 @lru_cache
 def _means() -> Floats:
     """Return means of products of Bernstein polynomials and linear ones, shape (6, 3)."""
@@ -150,13 +143,6 @@ def on_axis(body: Body, values: Floats) -> float:
     """
     there = coefficients_of_radius(radii_of(body)) == 0
     return float(np.abs(values[there]).max(initial=0))
-
-
-def speed_of(body: Body, v: Floats) -> float:
-    """Return an upper bound of the velocity u = v/r, from the coefficients."""
-    rho = coefficients_of_radius(radii_of(body))
-    sizes = np.abs(bernstein(v)).max(axis=2)
-    return float((sizes[rho > 0] / rho[rho > 0]).max(initial=0))
 
 
 def facet_coefficients(body: Body, sides: Longs) -> Longs:

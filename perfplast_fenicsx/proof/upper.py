@@ -23,7 +23,7 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.mechanism import Mechanism, mechanism_of, resting_in
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.remainder import Shapes, shapes_of
-from perfplast_fenicsx.proof.rings import normals_of, speed_of
+from perfplast_fenicsx.proof.rings import normals_of
 from perfplast_fenicsx.proof.verdict import share_of
 from perfplast_fenicsx.proof.volume_change import Undone, undone
 from perfplast_fenicsx.proof.work_of_others import most_work, usual_speed
@@ -67,7 +67,6 @@ class Flow:
         bound: The upper bound, None if nothing is proven.
         reasons: Why nothing is proven.
         cost: The part of the bound due to undone volume changes and rounding.
-        speed: The largest velocity over the work.
         power: The dissipation, or the work of the loads if larger, divided by the work.
         work: Work of the loads whose factor is bounded, from below.
         others: Largest possible work of the free loads at factor 1.
@@ -77,7 +76,6 @@ class Flow:
     bound: float | None
     reasons: tuple[str, ...]
     cost: float
-    speed: float
     power: float
     work: float
     others: float
@@ -138,7 +136,6 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     measured = {}
     if body.others:
         measured["work_of_others"] = _share_of_others(body, v, works[2][0], work)
-    speed = speed_of(body, v) if body.is_revolved else float(np.abs(v).max(initial=0))
     scale = least if least > 0 else np.nan
     cost += dead_off + abs(excess) * work_off / scale
     return Flow(
@@ -146,7 +143,6 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
         None if reasons else bound,
         tuple(reasons),
         cost / scale,
-        speed / scale,
         max(dissipation, abs(excess)) / scale,
         least,
         abs(works[2][0]) + works[2][1] + undoes[2],

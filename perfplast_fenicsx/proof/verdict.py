@@ -1,4 +1,4 @@
-"""Define verdicts on a stress or a velocity, and the limits of residuals."""
+"""Define verdicts on a stress or a velocity, and the residuals that are named in them."""
 
 import math
 from collections.abc import Mapping
@@ -29,11 +29,11 @@ LIMITS: Mapping[str, float] = {
     "yield_ratio": 1 + 1e-9,
     "shear_ratio": 1 + 1e-9,
 }
-"""Limits of residuals. Symmetry must be exact, since a program can write symmetric tensors. Rows of
-a stress allow the rounding of mean stresses of up to 1e5 yield radii. The sum of all unbalanced
-forces may be a millionth of the smallest usual tolerance of bounds, 1e-4, and a ten-millionth of
-the weakest cell's capacity. Most limits apply only to cones without a bound and to blocks;
-elsewhere residuals reduce a lower bound. Residuals of a velocity increase an upper bound."""
+"""Residuals above which a condition is named as the reason of a bound that is not proven. No bound
+is proven because residuals are smaller: they reduce a lower bound, and increase an upper one.
+Symmetry must be exact, since a program can write symmetric tensors, and so must zeros on the axis.
+``work_of_others`` limits the factors of loads of any factor for which a bound holds, and which the
+checker prints."""
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
 """Conditions that a stress satisfies after division by the measured ratio."""
@@ -51,6 +51,8 @@ class Checked:
         faults: Failed conditions in words; empty if the claim holds.
         words: Sentences on the subject of the proof and on the residuals.
         reached: The bound that the numbers prove, whatever is claimed; None if they prove nothing.
+        over: The factor by which stresses may exceed the strength, if they cannot be scaled. A
+            stress with so much in reserve is a proof; ∞ if none is known.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Checked:
     faults: tuple[str, ...]
     words: tuple[str, ...] = ()
     reached: float | None = None
+    over: float = 1.0
 
     def __str__(self) -> str:
         if self.faults:

@@ -23,13 +23,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balance import across_of, stretches_of
 from perfplast_fenicsx.proof.balls import Balls, U, contracted, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.mechanism import Mechanism
-from perfplast_fenicsx.proof.pieces import joined
+from perfplast_fenicsx.proof.pieces import across_of, joined
 from perfplast_fenicsx.proof.places import numbers_in_cell
-from perfplast_fenicsx.proof.remainder import Shapes
+from perfplast_fenicsx.proof.remainder import Shapes, stretches_of
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}

@@ -34,7 +34,7 @@ OF_ONE_HALF = {
 
 
 CHECKER = (
-    *("exact", "cones", "body", "contact", "lower", "loose", "blocks"),
+    *("exact", "cones", "body", "contact", "lower", "blocks"),
     *("upper", "halves", "verdict"),
 )
 """Files of the checker, in the order in which they are read."""

@@ -196,8 +196,8 @@ def test_a_mechanism_of_points_alone_proves_nothing(read: Read) -> None:
     """Growth that suffices at inner points does not at vertices, and is not told as strict."""
     problem = footing(read, 20.0)
     bound = strict_upper_bound(problem, limit_load(problem).mechanism)
-    assert bound.value is None
-    assert "control = 'bounds'" in bound.why_not[0]
+    assert not bound.strict
+    assert any("control = 'bounds'" in why for why in (*bound.why_not, *bound.doubts))
 
 
 @pytest.mark.parametrize(("seed", "dim"), STACKS)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from perfplast_fenicsx.proof.balance import QUADRATIC
 from perfplast_fenicsx.proof.checker import check_lower
-from perfplast_fenicsx.proof.ring_balance import SIZE
 from perfplast_fenicsx.proof.rings import PAIRS
 from tests.proof.test_balance import RADIUS, regular, strip
 
@@ -221,15 +221,35 @@ def test_sizes_of_stresses_on_the_regular_triangle(axis: int | None) -> None:
     of_sides, of_force = sizes_on(axis)
     exact = (3.6901, 1.3946) if axis is None else (2.7690, 1.5461)
     assert (of_sides, of_force) == pytest.approx(exact, abs=1e-4)
-    assert SIZE[0] > of_sides
-    assert SIZE[1] > of_force
+    assert QUADRATIC[0] > of_sides
+    assert QUADRATIC[1] > of_force
+
+
+def test_a_stress_is_zero_where_tractions_are() -> None:
+    """At a vertex where both sides have no traction, in both parts of the triangle there."""
+    stress = stresses_on(None, bare=0)
+    assert np.abs(stress[[6, 12]]).max() < 1e-12  # first of six coefficients of each part
+    assert np.abs(stress).max() > 1
 
 
 def sizes_on(axis: int | None) -> tuple[float, float]:
-    """The largest coefficient for tractions of size 1 on a side, and for a force of size 1.
+    """The largest coefficient for tractions of size 1 on a side, and for a force of size 1."""
+    found = stresses_on(axis)
+
+    def size(at: npt.NDArray, start: int, count: int) -> float:
+        columns = range(start, start + 2 * count, 2)
+        return float(sum(np.linalg.norm(at[:, k : k + 2], 2) for k in columns))
+
+    of_sides = max(size(at, 6 * s, 3) for at in found for s in range(3))
+    return of_sides, max(size(at, 18, 3) for at in found)
+
+
+def stresses_on(axis: int | None, bare: int | None = None) -> npt.NDArray:
+    """Coefficients of stresses for unit tractions and forces, projected on what is in balance.
 
     Args:
         axis: The side on which the stress is zero, with the tractions at its ends; None for none.
+        bare: A vertex at which tractions are zero; None for none.
     """
     corners = regular(2)
     centre, whole = corners.mean(axis=0), np.sqrt(3.0) / 4
@@ -292,19 +312,16 @@ def sizes_on(axis: int | None) -> tuple[float, float]:
         for number, (s, a, b) in enumerate(places):
             if s == axis or (a == b and a in ends):
                 known += list(np.eye(given)[2 * number : 2 * number + 2])
+    if bare is not None:
+        for number, (_, a, b) in enumerate(places):
+            if a == b == bare:
+                known += list(np.eye(given)[2 * number : 2 * number + 2])
     values, turned = np.linalg.svd(np.array(known))[1:]
     kept = turned[(values > 1e-9).sum() :]
     left, right = np.array(rows), np.array(sides) @ (kept.T @ kept)
     found = np.linalg.lstsq(left, right, rcond=None)[0]
     assert np.abs(left @ found - right).max() < 1e-12  # such a stress exists
-    stress = found.reshape(18, 3, given)
-
-    def size(at: npt.NDArray, start: int, count: int) -> float:
-        columns = range(start, start + 2 * count, 2)
-        return float(sum(np.linalg.norm(at[:, k : k + 2], 2) for k in columns))
-
-    of_sides = max(size(at, 6 * s, 3) for at in stress for s in range(3))
-    return of_sides, max(size(at, 18, 3) for at in stress)
+    return np.asarray(found.reshape(18, 3, given))
 
 
 def _balance(points: npt.NDArray, places: list[tuple[int, int, int]]) -> npt.NDArray:

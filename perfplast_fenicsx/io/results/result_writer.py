@@ -359,6 +359,7 @@ def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
         "standing": standing,
         "least": body.least and {**body.least.table(), "in_words": body.least_in_words},
         "why_not": body.why_not,
+        "faults": body.faults,
         "friction": body.friction,
         "taken": list(body.taken),
         "certificates": dict(body.certificates),

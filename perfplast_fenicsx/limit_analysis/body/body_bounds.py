@@ -243,6 +243,12 @@ class BodyBounds(NotebookResult):
         """Return why one of them does not hold for the body; an empty list if both hold."""
         return [f"{bound.kind} bound: {why}" for bound in self._both for why in bound.why_not]
 
+    @property
+    def faults(self) -> list[str]:
+        """Return all faults that the proof checker found."""
+        bounds = (self.lower, self.upper)
+        return [f"{bound.kind} bound: {fault}" for bound in bounds for fault in bound.faults]
+
     def __repr__(self) -> str:
         return f"BodyBounds({self.lower!r}, {self.upper!r}; {self.factorisations} factorisations)"
 

@@ -58,6 +58,7 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import (
     Scope,
 )
 from perfplast_fenicsx.limit_analysis.stress.static_bound import (
+    StaticBound,
     bound_by_stress,
     check_straight,
     form_that_fits,
@@ -74,10 +75,14 @@ from perfplast_fenicsx.limit_analysis.velocity.strict_work import (
     strict_upper_bound,
 )
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
+from perfplast_fenicsx.outcome_words import percent
 from perfplast_fenicsx.problem.declared.loads import check_bounded
 from perfplast_fenicsx.problem.problem import Problem
 
 log = logging.getLogger(__name__)
+
+MOST_RESERVE = 0.1
+"""Largest share of the strengths that a lower bound beside constant loads keeps for rounding."""
 
 
 def limit_bounds(
@@ -106,10 +111,10 @@ def limit_bounds(
     """
     problem = admitted(problem, rtol)
     if are_blocks(problem):
-        bounds = block_bounds(problem, rtol)
+        bounds = proven(block_bounds(problem, rtol))
     else:
         bounds = _bounds(*weaker_and_stronger(problem), rtol, monitor)
-    return replace(proven(bounds), taken=taken_as(problem))
+    return replace(bounds, taken=taken_as(problem))
 
 
 def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
@@ -161,9 +166,10 @@ def _bounds(
     rtol: float,
     monitor: Callable[[InteriorStep], None] | None,
 ) -> BodyBounds:
-    """Return a lower bound of one problem and an upper bound of the other. Collective.
+    """Return a proven lower bound of one problem and an upper bound of the other. Collective.
 
-    Both problems share one mesh, and are mostly identical.
+    Both problems share one mesh, and are mostly identical. If the checker refuses a stress beside
+    constant loads only because it needs a reserve for rounding, it is sought again with that.
     """
     at_once = halves_at_once(below, above, rtol, monitor) if pays(below, above) else None
     if at_once is None:
@@ -179,26 +185,39 @@ def _bounds(
         static = at_once.static
         if bounds.question is not at_once.question:
             static = bound_by_stress(below, rtol, monitor, bounds.question, None)
-    certificates = {} if static.certificate is None else vars(static.certificate)
-    problem, stress, shares = bounds.problem, None, None
-    # without a split, the parts of a tetrahedron are not cells of any mesh
-    if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
-        stress = static.stress if split is None else on_parts(static.stress, split)
-        if bounds.upper.value is not None:
-            shares = gap_shares(problem, bounds.mechanism, stress, rates)
-            shares = shares if split is None else of_parents(shares, split)
-    bounds = with_displacements(above, bounds)
-    return replace(
-        bounds,
-        lower=static.bound,
-        static=static,
-        stress=stress,
-        shares=shares,
-        weaker=None if below is above else _split(below, split),
-        certificates={**bounds.certificates, **certificates},
-        steps=bounds.steps + len(static.steps),
-        factorisations=bounds.factorisations + static.factorisations,
-    )
+    above_only = bounds
+
+    def judged(static: StaticBound) -> BodyBounds:
+        """Return both bounds as the checker proves them. Collective."""
+        certificates = {} if static.certificate is None else vars(static.certificate)
+        problem, stress, shares = above_only.problem, None, None
+        # without a split, the parts of a tetrahedron are not cells of any mesh
+        if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
+            stress = static.stress if split is None else on_parts(static.stress, split)
+            if above_only.upper.value is not None:
+                shares = gap_shares(problem, above_only.mechanism, stress, rates)
+                shares = shares if split is None else of_parents(shares, split)
+        found = replace(
+            with_displacements(above, above_only),
+            lower=static.bound,
+            static=static,
+            stress=stress,
+            shares=shares,
+            weaker=None if below is above else _split(below, split),
+            certificates={**above_only.certificates, **certificates},
+            steps=above_only.steps + len(static.steps),
+            factorisations=above_only.factorisations + static.factorisations,
+        )
+        return proven(found)
+
+    found = judged(static)
+    lacking = 1.5 * (found.lower.over - 1)
+    if not 0 < lacking <= MOST_RESERVE:
+        return found
+    log.info("lower bound: again, with %.2g of the strengths in reserve for rounding", lacking)
+    again = bound_by_stress(below, rtol, monitor, found.question, None, lacking)
+    words = f"the lower bound keeps {percent(lacking)} of the strengths in reserve for rounding"
+    return replace(judged(again), advice=(*found.advice, words))
 
 
 def mechanism_bound(

@@ -488,6 +488,9 @@ def _kept(problem: Problem, of_cells: Ordering) -> Block:
 Ask = Callable[[LowerProof | None, VelocityProof | None], Mapping[str, Checked]]
 """Asks the checker. Collective; rank 0 has the answer."""
 
+Refusal = tuple[tuple[str, ...], float]
+"""The faults of a half, and the factor by which its stresses may exceed the strength."""
+
 
 def proven(bounds: BodyBounds) -> BodyBounds:
     """Return bounds that are strict where the checker proves them. Collective.
@@ -552,7 +555,7 @@ def proven_part(
     return low, high
 
 
-def _judged(bound: Bound, worse: Mapping[str, Bound], refused: Mapping[str, str]) -> Bound:
+def _judged(bound: Bound, worse: Mapping[str, Bound], refused: Mapping[str, Refusal]) -> Bound:
     """Return a bound after the checker has answered.
 
     Args:
@@ -566,21 +569,16 @@ def _judged(bound: Bound, worse: Mapping[str, Bound], refused: Mapping[str, str]
         return bound
     if not refused:
         return bound.proven() if bound.doubts else bound
-    return bound if worse or bound.kind not in refused else bound.refused(refused[bound.kind])
+    return bound if worse or bound.kind not in refused else bound.refused(*refused[bound.kind])
 
 
 def _answered(
     ask: Ask, lower: LowerProof | None, upper: VelocityProof | None
-) -> tuple[dict[str, str], dict[str, float | None]]:
-    """Return why the checker refuses halves, by kind, and the bounds that they prove."""
+) -> tuple[dict[str, Refusal], dict[str, float | None]]:
+    """Return why the checker refuses halves, by kind, and the bounds that halves prove."""
     try:
         found = ask(lower, upper)
     except ProofError as error:
-        why = f"the proof checker refuses it: {error}"
-        return dict.fromkeys(("lower", "upper"), why), {}
-    refused = {
-        kind: f"the proof checker refuses it: {'; '.join(half.faults)}"
-        for kind, half in found.items()
-        if half.faults
-    }
+        return dict.fromkeys(("lower", "upper"), ((str(error),), 1.0)), {}
+    refused = {kind: (half.faults, half.over) for kind, half in found.items() if half.faults}
     return refused, {kind: half.reached for kind, half in found.items()}

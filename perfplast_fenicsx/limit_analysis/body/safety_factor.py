@@ -300,11 +300,11 @@ def times_in_words(
     reasons = [
         f"{words[it.value is None].format(it.kind)}: {why}"
         for it in (lower, upper)
-        for why in it.why_not
+        for why in it.why_not[-1:]  # the checker's reason follows doubts
         if why not in (NOT_ASKED, *NOT_SOUGHT.why_not)
     ]
     told = "; ".join(dict.fromkeys(reasons)) or "none was sought"
-    return f"{divided} there is no bound on the multiple of the loads: {told}."
+    return f"{divided} there is no bound on the multiple of the loads: {told.rstrip('.')}."
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:

@@ -324,6 +324,14 @@ CONFINED = (
 )
 
 
+NOT_ADMISSIBLE = "the mechanism is not admissible"
+
+GROWS_TOO_LITTLE = (
+    "dilating bodies dilate enough only at the points of the mesh; control = 'bounds' looks"
+    " for a mechanism in which they do everywhere"
+)
+
+
 @dataclass(frozen=True)
 class Bound:
     """A bound of a limit load, and its scope.
@@ -336,6 +344,8 @@ class Bound:
         why_not: Reasons why it does not hold for the body; empty if it does.
         of_rounding: Share of an upper bound that may be rounding, in bodies that hardly strain.
         doubts: Reasons why it may not hold, until the proof checker has judged it.
+        faults: All faults that the proof checker found, if it refuses the bound.
+        over: The factor by which the stress of a refused bound may exceed the strength.
     """
 
     value: float | None
@@ -344,6 +354,8 @@ class Bound:
     why_not: tuple[str, ...] = ()
     of_rounding: float = 0.0
     doubts: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    over: float = 1.0
 
     @property
     def strict(self) -> bool:
@@ -359,11 +371,18 @@ class Bound:
         """Return the bound as the checker has proven it, with the value that the checker proves."""
         return replace(self, value=self.value if value is None else value, doubts=())
 
-    def refused(self, why: str) -> "Bound":
-        """Return the bound as one of the mesh; no value if its stress is not in equilibrium."""
-        value = None if self.doubts and self.kind == "lower" else self.value
+    def refused(self, faults: tuple[str, ...], over: float = 1.0) -> "Bound":
+        """Return the bound as one of the mesh, for the first of the faults that the checker found.
+
+        The result has no value if the stress is not in equilibrium, or if the mechanism is not
+        admissible even at the points of the mesh.
+        """
+        unfit = self.kind == "lower" or {NOT_ADMISSIBLE, GROWS_TOO_LITTLE} & {*self.doubts}
+        value = None if self.doubts and unfit else self.value
+        why = f"the proof checker refuses it: {faults[0]}"
         reasons = (*self.why_not, *self.doubts, why)
-        return replace(self, value=value, of=Scope.MESH, why_not=reasons, doubts=())
+        found = replace(self, value=value, of=Scope.MESH, why_not=reasons, doubts=())
+        return replace(found, faults=faults, over=over)
 
     @property
     def shown(self) -> str:

@@ -251,6 +251,7 @@ def strict_lower_bound(
     monitor: Callable[[InteriorStep], None] | None = None,
     question: Question = Question.LIMIT,
     form: StaticForm | None = None,
+    reserve: float | None = None,
 ) -> StaticBound:
     """Bound the limit load of the body from below. Collective.
 
@@ -264,6 +265,8 @@ def strict_lower_bound(
         question: The loads whose factor is sought.
         form: Form of the problem (:func:`form_that_fits`), which its owner keeps; by default it is
             made here, and destroyed in the end.
+        reserve: Share of the strengths that is kept for rounding beside constant loads; by default
+            :attr:`Start.reserve`.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move, there are no loads, or bounds
@@ -286,7 +289,8 @@ def strict_lower_bound(
             made.callback(form.destroy)
         reached: list[BalancedStress] = []
         given = problem, form, question, why_not, rtol, monitor, reached
-        found, start = _search(*given, Start.within(rtol))
+        first = Start.within(rtol) if reserve is None else Start(reserve=reserve)
+        found, start = _search(*given, first)
         while start is not None:
             before = found
             found, start = _search(*given, start)
@@ -480,6 +484,7 @@ def bound_by_stress(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
     form: StaticForm | None,
+    reserve: float | None = None,
 ) -> StaticBound:
     """Return a lower bound, or the cells with too few stresses if there is none. Collective.
 
@@ -493,8 +498,9 @@ def bound_by_stress(
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.
         form: Form of the problem, if it has been made.
+        reserve: Share of the strengths that is kept for rounding; small by default.
     """
-    static = strict_lower_bound(problem, rtol, monitor, question, form)
+    static = strict_lower_bound(problem, rtol, monitor, question, form, reserve)
     doubted = static.bound.value is None or static.bound.doubts
     if not doubted or question is Question.STANDS:
         return static

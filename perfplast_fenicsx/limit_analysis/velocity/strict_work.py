@@ -23,7 +23,7 @@ contact pressures on gaps that open. On surfaces with friction, the dissipation 
 their tractions is divided between the cells of both sides (:mod:`cell_dissipation`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -50,6 +50,8 @@ from perfplast_fenicsx.limit_analysis.facets.entering import (
 )
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_loads
 from perfplast_fenicsx.limit_analysis.statements.load_factor import (
+    GROWS_TOO_LITTLE,
+    NOT_ADMISSIBLE,
     Bound,
     Question,
     Scope,
@@ -72,14 +74,10 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_cur
 from perfplast_fenicsx.problem.problem import Problem
 
 ADMISSIBLE = 1e-9
-"""Share of ‖ε(v)‖ that is rounding: of volume changes in plastic bodies, of missing growth in
-dilating ones, and of strains in elastic ones.
+"""Share of ‖ε(v)‖ up to which a mechanism is admissible on its mesh: of volume changes in plastic
+bodies, of missing growth in dilating ones, and of strains in elastic ones. It does not make a bound
+strict: the proof checker corrects the mechanism, and raises the bound by the cost.
 """
-
-GROWS_TOO_LITTLE = (
-    "dilating bodies dilate enough only at the points of the mesh; control = 'bounds' looks"
-    " for a mechanism in which they do everywhere"
-)
 
 
 def strict_upper_bound(
@@ -101,8 +99,8 @@ def strict_upper_bound(
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:
-        The bound. It has no value if the mechanism is not admissible at the points or does no work.
-        It holds only for the mesh if there are reasons.
+        The bound. It has no value if the mechanism does no work. It is in doubt if the mechanism is
+        not admissible at the points, and holds only for the mesh if there are reasons.
 
     Raises:
         InputError: If ζ moves supports or obstacles, or there is no load.
@@ -124,11 +122,12 @@ def strict_upper_bound(
     whole = flow.whole + slip.squares
     if problem.loads.has_dead():  # bodies may separate as rigid ones, without any strain
         whole = max(whole, flow.slowest)
+    none = Bound(None, "upper", Scope.MESH, (NOT_ADMISSIBLE,))
+    if not (whole > 0 and work > 0):
+        return none
     moves = _ends(problem, velocity, question, work, aside) and flow.is_held
-    if not (moves and whole > 0 and flow.part <= ADMISSIBLE**2 * whole and work > 0):
-        return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
-    if not flow.lacking <= ADMISSIBLE**2 * whole:
-        return Bound(None, "upper", Scope.MESH, (GROWS_TOO_LITTLE,))
+    unfit = [] if moves and flow.part <= ADMISSIBLE**2 * whole else [NOT_ADMISSIBLE]
+    unfit += [] if flow.lacking <= ADMISSIBLE**2 * whole else [GROWS_TOO_LITTLE]
     cost = _cost(flow, whole, subdivisions)
     body = bound_body(problem)
     loose = cost.loose + any_loose(problem)
@@ -146,12 +145,15 @@ def strict_upper_bound(
     # strains of elastic bodies count as work. If pressures nearly balance each other, a strain of
     # 1e-12 is 1e-6 of the work.
     mean_stresses = 10.0
-    excess += mean_stresses * cost.lost * at_zero
-    work -= np.copysign(mean_stresses * cost.lost * at_one, excess)
+    lost = 0.0 if unfit else mean_stresses * cost.lost  # what is in doubt, the checker corrects
+    excess += lost * at_zero
+    work -= np.copysign(lost * at_one, excess)
     if not work > 0:
-        return Bound(None, "upper", Scope.MESH, ("the mechanism is not admissible",))
+        return none
     doubts = [] if provable else ["volume changes of the mechanism are more than rounding"]
-    why_not, doubts = _reasons(problem, mechanism, [*doubts, *slip.why_not])
+    why_not, doubts = _reasons(problem, mechanism, [*unfit, *doubts, *slip.why_not])
+    if why_not and unfit:
+        return replace(none, why_not=tuple(why_not))
     of = Scope.MESH if why_not else Scope.BODY
     share = float(cost.allowed / dissipation) if dissipation > 0 else 0.0
     return Bound(float(excess / work), "upper", of, tuple(why_not), share, tuple(doubts))

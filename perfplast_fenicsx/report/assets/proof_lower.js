@@ -36,8 +36,10 @@ class Left {
   size(v) { return norm(v.map((y) => sizeOf(y, this.e))) * UP; }
 
   /** Let −r act on a side, r at its vertices (or coefficients), with errors of `off`. */
-  act(side, vertices, r, off) {
+  act(side, vertices, r, off, bare = null) {
     const { body, F, M } = this, { X, d, w } = body, c = Math.floor(side / w);
+    if (bare && vertices.some((v, j) => bare(c, range(w).find((k) => body.cells[c * w + k] === v)) &&
+      this.size(r[j]))) refuse("forces act where ground with c = 0 has no stress");
     if (body.revolved) F[c][1] -= 2n * r.reduce((sum, y) => sum + y[1], 0n);
     else {
       const sum = range(d).map((i) => vertices.reduce((y, v) => y + X[v * d + i], 0n));
@@ -53,6 +55,7 @@ class Left {
   /** Let a force, and a moment about the origin, act through a side. */
   carry(side, F, M, off = 0) {
     const c = Math.floor(side / this.body.w);
+    if (this.body.bareEnds?.[side]) refuse("a rigid surface ends where ground with c = 0 has no stress");
     F.forEach((y, i) => { this.F[c][i] += y; });
     M.forEach((y, i) => { this.M[c][i] += y; });
     this.onSides[c] += this.traction(side, F, M, off, 2 * off * this.body.reach[c]);
@@ -72,18 +75,35 @@ class Left {
 }
 
 /** The lower bound that forces on joints or a stress prove. */
-function lowerBound(body, half) {
-  if (body.blocks) return blockBound(body, half);
-  if (!body.cone.some((c) => c >= 0 && !body.cones[c].c)) return stressBound(body, half, null);
-  try { return stressBound(body, half, null); } catch (error) { // c = 0, and no room at some vertex
-    if (!(error instanceof Refused)) throw error;
+function lowerBound(body, half) { return body.blocks ? blockBound(body, half) : stressBound(body, half); }
+
+/**
+ * Which vertices of cells must have no stress: with c = 0 those of free surfaces. `body.bareEnds` has
+ * the number of such ends of each side.
+ */
+function bareOf(body) {
+  const { d, w, n, f, cells, across } = body, at = new Set();
+  const loose = range(n).map((c) => d === 2 && body.cone[c] >= 0 && !body.cones[body.cone[c]].c);
+  const touched = new Set([...body.contacts, ...body.obstacles, ...body.rigid]);
+  for (let i = 0; i < f; i++) {
+    if (!loose[Math.floor(body.outer[i] / w)] || touched.has(body.surface[i]) ||
+      [...row(body.guided, d, i), ...row(body.held, d, i)].some((y) => y)) continue;
+    body.ofFacet(i).forEach((v, j) => {
+      if (body.loads.every((of) => range(d).every((a) => !of.traction[(i * d + j) * d + a]))) at.add(v);
+    });
   }
-  return stressBound(body, half, new Limits(body, half.stress, half.factors));
+  for (let k = 0; k < n * w; k++) {
+    if (loose[Math.floor(k / w)] && body.loads.some((of) => of.pore_pressure[k])) at.delete(cells[k]);
+  }
+  body.bareEnds = range(n * w).map((side) => (loose[Math.floor(side / w)] ||
+    (across[side] >= 0 && loose[Math.floor(across[side] / w)])
+    ? body.ends(side).filter((v) => at.has(v)).length : 0));
+  return (c, k) => loose[c] && at.has(cells[c * w + k]);
 }
 
-/** The lower bound that a stress proves; `limits` of its residuals, or null if they reduce it. */
-function stressBound(body, half, limits) {
-  const { stress, factors } = half;
+/** The lower bound that a stress proves. */
+function stressBound(body, half) {
+  const { factors } = half, stress = half.stress.slice();
   const { d, w, n, f, N, D, X, across, facets, cells, revolved } = body, [factor] = factors;
   if (!stress.every(Number.isFinite)) refuse("the stress is not finite");
   for (let at = 0; at < stress.length; at += d * d) for (let j = 0; j < d; j++) for (let k = 0; k < j; k++) {
@@ -92,7 +112,10 @@ function stressBound(body, half, limits) {
   if (revolved && range(n).some((c) => body.timesRadius(c, [1, 1, 1]).some((rho, k) => rho === 0
     && largest(stress.subarray((c * 6 + k) * 4,
       (c * 6 + k + 1) * 4))))) refuse("the stress is not zero on the axis");
-  const load = loadsAt(body, factors);
+  const bare = bareOf(body), load = loadsAt(body, factors);
+  for (let c = 0; c < n; c++) for (let k = 0; k < w; k++) {
+    if (bare(c, k)) stress.fill(0, (c * w + k) * d * d, (c * w + k + 1) * d * d);
+  }
   const [force, traction, pores] =
     [load("body_force", n * d), load("traction", f * d * d), load("pore_pressure", n * w)];
   const ring = revolved ? 1 : 0, es = Math.min(Math.floor(Math.log2(largest(stress) || 1)) - 160,
@@ -122,7 +145,6 @@ function stressBound(body, half, limits) {
       Object.assign(left.F, { [c]: rest });
       Object.assign(left.M, { [c]: cross(middle, rest) });
       left.within[c] = left.size(rest) / left.factorial;
-      limits?.ofCell(c, left.within[c]);
     }
   }
   for (let side = 0; side < n * w; side++) {
@@ -133,9 +155,8 @@ function stressBound(body, half, limits) {
       const pulled = pull(o, there[j], other);
       return pull(c, k, side).map((y, i) => y + pulled[i]);
     });
-    limits?.ofSide(side, jumps.map((y) => left.size(y) / norm(body.area[side]) / (d - 1)), [c, o]);
     const bears = (y) => body.radius(y) * (1 + 1e-3 * Math.sign(body.volume[y] - body.volume[c]));
-    left.act(bears(o) > bears(c) ? other : side, vertices, jumps, 0);
+    left.act(bears(o) > bears(c) ? other : side, vertices, jumps, 0, bare);
   }
   const rest = range(f).map((i) => {
     const side = body.outer[i], root = rootOf(dot(N[side], N[side])), vertices = body.ofFacet(i);
@@ -146,72 +167,63 @@ function stressBound(body, half, limits) {
     return body.on(Math.floor(side / w), vertices).map((k, j) => pull(Math.floor(side / w), k, side).map(
       (y, a) => y - loads[j][a] * root));
   });
-  const given = limits && rest.map((of) => [...of]), { anchors, rows } = exerted(body, rest, e);
-  const opposite = new Map(rows.flatMap(({ a, b }) => [[a, b], [b, a]]));
+  const anchors = exerted(body, rest, e, bare);
   for (let i = 0; i < f; i++) { // what nothing exerts, and the error of the roots
-    const bare = range(d).map((a) => (body.held[i * d + a] ? 0 : 1)), c = Math.floor(body.outer[i] / w);
+    const frees = range(d).map((a) => (body.held[i * d + a] ? 0 : 1)), c = Math.floor(body.outer[i] / w);
     for (let j = 0; j < d * d; j++) if (t[i * d * d + j] !== 0n &&
       !body.glued[i]) left.acts[c * d + (j % d)] = 1;
     const size = Math.max(...range(d).map((j) =>
-      norm(bare.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es)))));
+      norm(frees.map((is, a) => is * sizeOf(t[(i * d + j) * d + a], es)))));
     const off = size * 2 ** (body.e * (d - 1)) * UP;
-    const lost = rest[i].map((r) => r.map((y, a) => (bare[a] ? y : 0n)));
-    if (limits) {
-      const cells = [i, opposite.get(i) ?? -1].filter((k) => k >= 0).map((k) =>
-        Math.floor(body.outer[k] / w));
-      if (!body.glued[i]) limits.ofSide(body.outer[i],
-        lost.map((r) => left.size(r) / norm(body.area[body.outer[i]]) / (d - 1)), cells);
-      const exerts = given[i].map((r, j) =>
-        left.size(r.map((y, a) => (body.glued[i] ? y : y - rest[i][j][a]))));
-      limits.act(c, exerts.reduce(add, 0) / d / (d - 1), false);
-    }
-    if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), lost, off);
+    const lost = rest[i].map((r) => r.map((y, a) => (frees[a] ? y : 0n)));
+    if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), lost, off, bare);
     else left.loose[c] += off; // of which a plate asks
   }
-  anchors.push(...plates(body, left, rest, factors, limits));
-  if (!limits) reactions(body, anchors, left).forEach((p, i) => {
+  anchors.push(...plates(body, left, rest, factors));
+  reactions(body, anchors, left).forEach((p, i) => {
     const c = Math.floor(body.outer[i] / w);
     left.onSides[c] += p;
     left.loose[c] += p;
   });
-  if (!limits) passOn(body, left);
-  const forces = limits?.check() ?? 0;
+  passOn(body, left);
   let over = 0;
   for (let c = 0; c < n; c++) {
     if (body.cone[c] < 0) continue;
     const cone = body.cones[body.cone[c]];
-    const tau = limits ? 0 : revolved ? ofRing(body, left, c) : ofCell(body, left, c);
+    const tau = revolved ? ofRing(body, left, c) : ofCell(body, left, c);
     const theta = revolved ? body.timesRadius(c, hoop[c]) : [],
       most = revolved ? Math.max(...hoop[c].map(Math.abs)) : 0;
     const rho = revolved ? body.timesRadius(c, [1, 1, 1]) : new Array(w).fill(1);
+    const used = new Array(w).fill(0), own = range(w).map((k) => bare(c, k));
     for (let k = 0; k < body.values; k++) {
       if (!(rho[k] > 0)) continue;
       const at = (c * body.values + k) * d * d;
       const v = vector(stress.subarray(at, at + d * d), d, theta[k]).map((y) => y / rho[k]);
-      const size = limits ? 0 : tau + 256 * U * (norm(v) + most);
-      if (!cone.c && !limits) { // no scale helps at c = 0
-        if (!(cone.excess(v) + size * cone.growth <= 0)) refuse("there is no room where c is 0");
-        continue;
-      }
+      const off = 256 * U * (norm(v) + most), size = tau + off;
+      if (!cone.c) { used[k] = cone.excess(v) + off * cone.growth; continue; } // no scale helps
       const ratio = cone.ratio(v) + (size && size * cone.weak);
       over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
       if (!(over < Infinity)) refuse("what the stress leaves cannot be balanced");
     }
+    if (cone.c) continue;
+    const bares = own.some((is) => is); // τ is zero there too, and its coefficients at most twice as steep
+    const closest = Math.max(...used.filter((_, k) => !own[k]), ...(bares ? [used.reduce(add, 0) / w] : []));
+    if (!(closest + (bares ? 2 : 1) * tau * cone.growth <= 0)) refuse("there is no room where c is 0");
   }
   const proven = over <= 1 ? factor : (factor / over) * (1 - 4 * U);
-  if ((body.loads[1].some || limits) &&
-    over > 1) refuse(`stresses are ${over} times as large as they may be`);
-  return { proven, power: 0, forces };
+  if (body.loads[1].some && over > 1) refuse(`stresses are ${over} times as large as they may be`);
+  return { proven, power: 0 };
 }
 
 /**
  * Let supports and contact exert on `rest` what leaves least. Returns forces that they can exert
  * besides: { i, j, o, p, way, e, most } at a value j of facet i, and opposite at p of o, along way 2^e.
  */
-function exerted(body, rest, e) {
+function exerted(body, rest, e, bare) {
   const { d, w, f } = body, s = d - 1, anchors = [], axes = axesOf(d);
   const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
   const radii = (i, j) => (body.revolved ? body.radiiOn(i)[j] : 1);
+  const isBare = (i, j) => i >= 0 && j < d && bare(Math.floor(body.outer[i] / w), body.places[i][j]);
   /** What contact presses with: the factor of a direction that leaves least. */
   const press = (i, j, along, free, ea) => {
     const a = along.map((y, k) => num(y, ea) * free[k]), square = a.reduce((sum, y) => sum + y * y, 0);
@@ -251,7 +263,9 @@ function exerted(body, rest, e) {
       (times[i] || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
   }
   for (const { a, b: o, order, normal, e: ea, c, mu } of rows) for (let j = 0; j < rest[a].length; j++) {
-    const p = o < 0 ? 0 : order[j], back = normal.map((y) => -y), unit = normal.map((y) => num(y, ea));
+    const p = o < 0 ? 0 : order[j];
+    if (isBare(a, j) || isBare(o, p)) continue;
+    const back = normal.map((y) => -y), unit = normal.map((y) => num(y, ea));
     if (c > 0 || mu > 0) { rub(a, o, j, p, unit, c, mu); continue; }
     let q = press(a, j, normal, frees(a), ea);
     if (q === null && o >= 0) q = press(o, p, back, frees(o), ea);
@@ -269,9 +283,10 @@ function exerted(body, rest, e) {
       if (q !== null) exert(i, j, g.v, q, g.e);
       ways.push({ way: g.v, e: g.e });
     }
-    for (const of of radii(i, j) > 0 ? ways : []) anchors.push({ i, j, o: -1, p: 0, ...of, most: Infinity });
+    const some = radii(i, j) > 0 && !isBare(i, j) ? ways : [];
+    for (const of of some) anchors.push({ i, j, o: -1, p: 0, ...of, most: Infinity });
   }
-  return { anchors, rows };
+  return anchors;
 }
 
 /**
@@ -279,7 +294,7 @@ function exerted(body, rest, e) {
  * through its largest facet. Returns forces along axes k < d, or moments, that they can exert
  * besides through facets i, and with the other sign o: where they are held, or joined to more pieces.
  */
-function plates(body, left, rest, factors, limits) {
+function plates(body, left, rest, factors) {
   const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [],
     high = d + (body.revolved ? 0 : turns);
   const load = loadsAt(body, factors);
@@ -324,12 +339,6 @@ function plates(body, left, rest, factors, limits) {
     const off = (facets.reduce((sum, i) => sum + left.loose[Math.floor(body.outer[i] / body.w)], 0)
       + 4 * 2 ** e) * (1 + extent / body.reach[at]);
     for (const k of pushed) left.acts[at * d + k] = 1;
-    if (limits) {
-      const lack = norm(F.map((y) => num(y, e) / unit)) + norm(turned.map((y) =>
-        num(y, e + body.e) / body.w / left.factorial)) / extent;
-      limits.leave(at, lack, lack / facets.reduce((sum, i) => sum + area(i), 0),
-        Math.min(...facets.map((i) => limits.radii[Math.floor(body.outer[i] / body.w)])));
-    }
     left.carry(body.outer[through], F, none ?? arms.map((y, i) => y + turned[i]), off);
     const every = range(high).filter((k) => (k < d ? !(body.revolved && k === 0) : true));
     const besides = (i, o, ks) =>
@@ -509,14 +518,17 @@ function reactions(body, anchors, left) {
 function passOn(body, left) {
   const { d, w, n, cells, across } = body, { F, M, loose, onSides } = left,
     towards = new Int32Array(n).fill(-1);
-  const order = [], seen = new Uint8Array(n),
+  const order = [], seen = new Uint8Array(n), rooted = new Set(),
     roots = [...range(n)].sort((a, b) => body.volume[b] - body.volume[a]);
   for (const root of roots) {
     if (seen[root]) continue;
     seen[root] = 1;
+    const piece = body.pieces.of(root);
+    if (rooted.has(piece)) refuse("cells touch others only where ground with c = 0 has no stress");
+    rooted.add(piece);
     for (let at = order.push(root) - 1; at < order.length; at++) for (let k = 0; k < w; k++) {
       const other = across[order[at] * w + k], c = Math.floor(other / w);
-      if (other < 0 || seen[c]) continue;
+      if (other < 0 || seen[c] || body.bareEnds[other] > 1) continue;
       seen[c] = 1; towards[c] = other; order.push(c);
     }
   }
@@ -526,7 +538,8 @@ function passOn(body, left) {
   for (const c of order.reverse()) {
     if (towards[c] < 0) continue;
     const there = Math.floor(across[towards[c]] / w);
-    const passed = left.traction(towards[c], F[c], M[c], all[c], bent[c]);
+    const times = body.bareEnds[towards[c]] ? 3 : 1; // quadratic tractions are zero at one end
+    const passed = times * left.traction(towards[c], F[c], M[c], all[c], bent[c]);
     onSides[c] += passed; onSides[there] += passed;
     F[c].forEach((y, i) => { F[there][i] += y; });
     M[c].forEach((y, i) => { M[there][i] += y; });
@@ -539,7 +552,8 @@ function passOn(body, left) {
 
 /** The size of a stress that balances what acts on a cell. */
 function ofCell(body, left, c) {
-  const [ofSides, ofForce] = OF_STRESS[body.d], [large, inverse] = body.stretch[c];
+  const curved = range(body.w).some((k) => body.bareEnds[c * body.w + k]);
+  const [ofSides, ofForce] = OF_STRESS[curved ? "rings" : body.d], [large, inverse] = body.stretch[c];
   const regular = body.volume[c] / (body.d === 2 ? Math.sqrt(3) / 4 : Math.SQRT2 / 12);
   const inside = ofSides * left.onSides[c] + ofForce * left.within[c];
   return inside > 0 ? (large * large * inverse * inside * UP) / regular : 0;

@@ -418,7 +418,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   // Loads of any factor may do as much work as rounding of the velocity makes of them.
   if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads of any factor do work");
   const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
-  return { speed: flow.top / (work - off), proven: proven + Math.abs(proven) * 4 * U,
+  return { proven: proven + Math.abs(proven) * 4 * U,
     power: Math.max(dissipation, Math.abs(excess)) / (work - off),
     others: body.loads[2].some ? (1e-3 * Math.abs(proven) * (work - off)) / (Math.abs(other) + otherOff)
       : null };

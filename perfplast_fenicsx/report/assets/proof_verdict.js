@@ -129,13 +129,10 @@ async function verdictOn(halves) {
   });
   const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
   if (low !== undefined && high !== undefined) caught(kinds, () => {
-    const { speed, power } = ready.upper.result, { forces = 0 } = ready.lower.result;
+    const { power } = ready.upper.result;
     if (!(low <= high + 1e-8 * Math.abs(high) + 1e-12 * power)) {
       refuse(`the lower bound ${low} is above the upper one ${high}`);
     }
-    // What forces without balance, beside c = 0, may change of a bound by their work on the mechanism
-    if (forces && !(forces * speed <= 1e-6 * Math.max(high - low,
-      1e-4 * power))) refuse("forces without balance change the bound");
   });
   if (kinds.every((kind) => found[kind].fault === found[kinds[0]].fault && found[kind].fault)) {
     found.sentence = `Not proven in this browser: ${found[kinds[0]].fault}.`;
