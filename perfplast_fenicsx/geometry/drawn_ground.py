@@ -132,6 +132,12 @@ class DrawnGround:
         """Return name and corners of each body, shape (num_corners, 2)."""
         return [(one.name, one.corners) for one in self._shapes() if not one.opening]
 
+    @property
+    def named(self) -> list[str]:
+        """Return names of its surfaces: lines, openings, and then the sides of the ground."""
+        openings = [one.name for one in self.regions if one.opening]
+        return [*(line.name for line in self.lines), *openings, *SIDES]
+
     def with_kinks(self, kinks: Sequence[Floats]) -> "DrawnGround":
         """Return the same ground with other lines that the mesh follows."""
         return replace(self, kinks=kinks)
@@ -363,10 +369,11 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
             if near.any():
                 p, s = np.argwhere(near)[0]
                 whose = "itself" if name == other else f"'{other}'"
+                more = "" if name == other else f", or add this corner to {whose}"
                 raise InputError(
                     f"'{name}' has the corner {place_of(points[p])}, which is {apart[p, s]:.3g}"
                     f" away from {whose} at {place_of(nearest[p, s])}; give both the same"
-                    " coordinates."
+                    f" coordinates{more}."
                 )
 
 

@@ -11,7 +11,6 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.face_labels import hex_of, word_of
 from perfplast_fenicsx.geometry.free_faces import FaceSet, FreeFace, round_of, shape_of
 from perfplast_fenicsx.geometry.joints import Seam
-from perfplast_fenicsx.geometry.part_names import cracks_among
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, NamedFaces
 from perfplast_fenicsx.rounding import ROUNDING
@@ -148,6 +147,7 @@ def measured_sets(
     sets: Sequence[FaceSet],
     seams: Sequence[Seam],
     of_file: Mapping[str, AbstractSet[int]],
+    cracks: Sequence[tuple[str, str]],
 ) -> tuple[list[NamedFaces], list[str]]:
     """Return named sets of faces, after making each a physical group, and remarks.
 
@@ -159,15 +159,16 @@ def measured_sets(
         seams: Places where bodies touch.
         of_file: Faces by their names in the file; those at seams have a name for each side, such as
             ``lower_seam`` and ``upper_seam``.
+        cracks: Names of both sides of each open crack.
     """
     found, remarks = [], list[str]()
     free = {one.name: one for one in sets}
-    cracks = {name for pair in cracks_among(of_file) for name in pair} if dim == 2 else set[str]()
+    open_ = {name for pair in cracks for name in pair}
     for name in dict.fromkeys([*free, *of_file]):
         one = free.get(name, FaceSet(0, name, (), ""))
         tags = [faces[k].tag for k in one.faces]
         sides = _sides_of_seams(seams, of_file.get(name, frozenset()))
-        if not tags and not sides and name in cracks:
+        if name in open_:
             along = sorted(of_file[name])
             gmsh.model.addPhysicalGroup(dim - 1, along, name=name)
             area = sum(mesh_measure(dim - 1, tag) for tag in along)

@@ -400,6 +400,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     of_file = _by_name(dim - 1, drawing, marked)
     if of_file:
         marked = {}
+    cracks = cracks_among(of_file, _inside_bodies(parts)) if dim == 2 else []
     faces, alike = numbered_faces(dim - 1, free, extent, marked)
     names, sets = face_names(dim - 1, parts, faces, alike, options, of_file)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
@@ -412,9 +413,9 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     bodies = [measured_body(dim, part) for part in parts]
     joints = [measured_joint(dim, parts, k, s, shared) for k, s in enumerate(seams, start=1)]
     measured = measured_faces(dim, parts, faces, names, extent)
-    named, left_out = measured_sets(dim, parts, faces, sets, seams, of_file)
+    named, left_out = measured_sets(dim, parts, faces, sets, seams, of_file, cracks)
     np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured, seams))
-    write_split(target, cracks_among(of_file) if dim == 2 else ())
+    write_split(target, cracks)
     remarks += left_out + [
         f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"
         " smaller size, or a geometry without tiny faces, gives a better one"
@@ -439,9 +440,19 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
             " circles, and so are the forces of pressures on them; more elements around a circle"
             " (--curvature) are more accurate, and total = true keeps the force of a traction"
         )
-    nodes = sum(nodes_of(dim, part) for part in parts)
     told = (joints, near, measured, remarks, longest, named)
-    return Survey(dim, options.order, nodes, bodies, *told)
+    return Survey(dim, options.order, sum(nodes_of(dim, part) for part in parts), bodies, *told)
+
+
+def _inside_bodies(parts: Sequence[Part]) -> set[int]:
+    """Return the curves of gmsh's plane model with the same body on both sides."""
+    body = {tag: number for number, part in enumerate(parts) for tag in part.tags}
+    found = set[int]()
+    for _, curve in gmsh.model.getEntities(1):
+        beside = [body.get(int(tag), -1) for tag in gmsh.model.getAdjacencies(1, curve)[0]]
+        if len(beside) != 1 and len({*beside}) <= 1:  # no surface ends at it, or two of a body
+            found.add(curve)
+    return found
 
 
 def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:

@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 
+from perfplast_fenicsx.errors import InputError
+
 LEFT, RIGHT = "_left", "_right"
 """Ends of the names of the sides of an open crack inside a body."""
 
@@ -32,13 +34,32 @@ def unique_names(wanted: Iterable[str]) -> list[str]:
     return names
 
 
-def cracks_among(curves: Mapping[str, AbstractSet[int]]) -> list[tuple[str, str]]:
+def cracks_among(
+    curves: Mapping[str, AbstractSet[int]], inside: AbstractSet[int]
+) -> list[tuple[str, str]]:
     """Return the names of both sides of each open crack inside a body, the left one first.
 
+    A crack consists of curves inside bodies that have two names, ``NAME_left`` and ``NAME_right``.
+    On boundaries and between bodies such names are ordinary ones.
+
     Args:
-        curves: Curves by their names. The sides of a crack have the same ones.
+        curves: Curves by their names.
+        inside: Curves inside a body, not on its boundary.
+
+    Raises:
+        InputError: If both names have curves inside bodies, but not the same ones, or also others.
     """
-    pairs = [(name, f"{name.removesuffix(LEFT)}{RIGHT}") for name in curves if name.endswith(LEFT)]
-    return [
-        (left, right) for left, right in pairs if curves[left] and curves[left] == curves.get(right)
-    ]
+    found = []
+    for left in curves:
+        right = f"{left.removesuffix(LEFT)}{RIGHT}"
+        both = curves[left] | curves.get(right, frozenset())
+        if not left.endswith(LEFT) or right not in curves or not both & inside:
+            continue
+        if curves[left] != curves[right] or not both <= inside:
+            raise InputError(
+                f"the curves '{left}' and '{right}' are the sides of an open crack, but not each of"
+                " them has both names and lies inside a body; give both names to the curves of the"
+                " crack only, or other names."
+            )
+        found.append((left, right))
+    return found

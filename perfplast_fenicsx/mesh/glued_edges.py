@@ -35,6 +35,7 @@ class GluedEdges:
         opposite: Longs,
         metric: Floats | None = None,
         stretches: Floats | None = None,
+        shapeless: npt.NDArray[np.bool_] | None = None,
     ) -> None:
         """Find coinciding edges. Collective.
 
@@ -45,6 +46,8 @@ class GluedEdges:
             metric: Metric M of each owned cell, shape (num_cells, gdim, gdim), for the length
                 √(e·Me) of an edge e, averaged over its cells; the default is the identity.
             stretches: Factors of the lengths of local edges for their order; 1 by default.
+            shapeless: Owned cells whose shape does not matter, shape (num_cells,). Edges of such
+                cells alone count as short, and edges of others as if these cells were not there.
         """
         topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
         topology.create_entities(1)
@@ -65,7 +68,10 @@ class GluedEdges:
         self._twins = np.flatnonzero(both)
         self._meeting = _Meeting(comm, np.sort(labels[self.vertices[self._twins]], axis=1))
         along = ends[:, 1] - ends[:, 0]
-        own = np.linalg.norm(along, axis=1) if metric is None else self._mean(along, metric)
+        if metric is None and shapeless is None:
+            own = np.linalg.norm(along, axis=1)
+        else:
+            own = self._mean(along, metric, shapeless)
         own = own if stretches is None else own * stretches
         self.length = length = self._largest(own[: self._owned])
         place = self._largest(_place(self.middles[: self._owned]))
@@ -103,20 +109,33 @@ class GluedEdges:
         """Return the points with these indices, in their order, shape (num_new, 3)."""
         return self.middles[: self._owned][marks[: self._owned]]
 
-    def _mean(self, along: Floats, metric: Floats) -> Floats:
+    def _mean(
+        self, along: Floats, metric: Floats | None, shapeless: npt.NDArray[np.bool_] | None
+    ) -> Floats:
         """Return lengths of owned edges, averaged over the metrics of their cells. Collective.
 
         Args:
             along: Vectors from end to end of local edges, shape (num_edges, gdim).
             metric: See the constructor.
+            shapeless: See the constructor.
         """
         edges = along[self.of_cell]
-        lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
-        sums = la.vector(self._map, 2, dtype=np.float64)
-        table = sums.array.reshape(-1, 2)
-        np.add.at(table, self.of_cell, np.stack([lengths, np.ones_like(lengths)], axis=2))
+        if metric is None:
+            lengths = np.linalg.norm(edges, axis=2)
+        else:
+            lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
+        short = 1e-6  # factor of the length of edges of such cells alone
+        weights = np.ones_like(lengths)
+        if shapeless is not None:
+            weights[shapeless] = short
+        sums = la.vector(self._map, 3, dtype=np.float64)
+        table = sums.array.reshape(-1, 3)
+        columns = [weights * lengths, weights, np.ones_like(lengths)]
+        np.add.at(table, self.of_cell, np.stack(columns, axis=2))
         sums.scatter_reverse(la.InsertMode.add)
-        mean: Floats = table[: self._owned, 0] / table[: self._owned, 1]
+        total, weight, count = table[: self._owned].T
+        shaped = weight > 0.5  # at least one cell whose shape matters
+        mean: Floats = total / np.where(shaped, weight, count)
         return mean
 
     def _largest(self, values: Floats) -> Floats:

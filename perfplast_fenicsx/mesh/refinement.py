@@ -65,6 +65,7 @@ def refine(
     opposite: Longs | None = None,
     metric: Floats | None = None,
     gradients: Floats | None = None,
+    shapeless: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
     """Return the mesh with marked cells cut at all their edges, and others so that it conforms.
 
@@ -85,6 +86,7 @@ def refine(
         metric: Metric of the owned cells (:class:`glued_edges.GluedEdges`).
         gradients: Gradients of changing fields in each owned cell, in space, shape (num_cells, 3,
             m).
+        shapeless: Owned cells whose shape does not matter (:class:`glued_edges.GluedEdges`).
 
     Raises:
         InputError: If cells are curved.
@@ -92,7 +94,7 @@ def refine(
     check_refinable(tagged_mesh)
     mesh = tagged_mesh.mesh
     stretches = None if gradients is None else edge_stretches(mesh, gradients)
-    edges = GluedEdges(mesh, _pairs(opposite), metric, stretches)
+    edges = GluedEdges(mesh, _pairs(opposite), metric, stretches, shapeless)
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     faces = edges.of_cell[:, edges_of_faces(mesh.topology.dim)]
     if stretches is None:
@@ -114,6 +116,7 @@ def spread(
     corners_to_cut: npt.NDArray[np.bool_],
     centres: npt.NDArray[np.bool_],
     opposite: Longs | None = None,
+    shapeless: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
     """Return a plane mesh with cells cut in two at some corners, which keeps them long. Collective.
 
@@ -125,9 +128,10 @@ def spread(
         corners_to_cut: Corners of the owned cells, shape (num_cells, 3).
         centres: Corners at which cells remain long, same shape.
         opposite: See :func:`refine`.
+        shapeless: See :func:`refine`.
     """
     check_refinable(tagged_mesh)
-    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
+    edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite), shapeless=shapeless)
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     marks[edges.of_cell[corners_to_cut]] = True  # edge k is opposite corner k
     marks = _with_longest(tagged_mesh.mesh.comm, edges, edges.of_cell, marks, centres)

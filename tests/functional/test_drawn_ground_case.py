@@ -13,11 +13,12 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.geometry import mesh_geometry
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import read_case
 from perfplast_fenicsx.io.case.mesh_table import GroundInCase
 from perfplast_fenicsx.limit_analysis import limit_bounds
-from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.problem.assembled.spread_forces import area_of
 from perfplast_fenicsx.problem.judged.resultants import load_resultants
 from perfplast_fenicsx.problem.variant import variant
@@ -111,10 +112,12 @@ def test_bodies_sides_and_joints(shared_tmp_path: Path, drawn: str) -> None:
 
 @pytest.mark.serial
 def test_what_is_glued_moves_together(tmp_path: Path) -> None:
-    read = case(tmp_path, REGIONS)
+    read = case(tmp_path, REGIONS + LOADED)
     meant = understood(read, read.problem(MPI.COMM_SELF))
     assert meant is not None
     lines = "\n".join(meant.lines)
+    surface = 20 + float(np.hypot(20, 10))  # without the road
+    assert f"(length): 'road' (10), 'surface' ({surface:.5g})" in lines
     assert "the drawing has one face for both" in lines and "all together" not in lines
     assert not {"clay_joint_1", "fill_joint_1"} & {*meant.marked}
 
@@ -248,6 +251,47 @@ def test_cracks_in_a_region_that_are_refused(tmp_path: Path, drawn: str, words: 
     drawn = drawn if "crack = true" in drawn else drawn + "crack = true\n"
     with pytest.raises(InputError, match=re.escape(words)):
         case(tmp_path, drawn, **(OF_TWO if '"b"' in drawn else OF_ONE))
+
+
+@pytest.mark.serial
+def test_names_of_a_joint_that_end_in_left_and_right_make_no_crack(tmp_path: Path) -> None:
+    """Two lines between two regions are joints, with a name for each region."""
+    lines = CRACKED[CRACKED.index("[[line]]") :]
+    drawn = CRACKED.replace(lines, "") + "".join(
+        lines.replace('"crack"', f'"seam_{side}"') for side in SIDES_OF_IT
+    )
+    mesh = case(tmp_path, drawn, **OF_TWO).tagged_mesh(MPI.COMM_SELF)
+    names = {f"{body}_seam_{side}" for body in "ab" for side in SIDES_OF_IT}
+    assert names <= {*mesh.surfaces}
+
+
+SCRIPT = """
+Point(1) = {0, 0, 0, 0.5}; Point(2) = {2, 0, 0, 0.5}; Point(3) = {2, 1, 0, 0.5};
+Point(4) = {0, 1, 0, 0.5}; Point(5) = {1, 0.4, 0, 0.5}; Point(6) = {1, 0.7, 0, 0.5};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Line(5) = {5, 6};
+Curve Loop(1) = {1, 2, 3, 4};
+Plane Surface(1) = {1};
+Curve {5} In Surface {1};
+Physical Surface("soil") = {1};
+"""
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("curves", ["5", "5, 2", "2"])
+def test_a_crack_of_a_script_lies_inside_a_body(tmp_path: Path, curves: str) -> None:
+    """On the boundary two names are two names."""
+    named = "".join(f'Physical Curve("c_{side}") = {{{curves}}};\n' for side in SIDES_OF_IT)
+    script, target = tmp_path / "soil.geo", tmp_path / "soil.msh"
+    script.write_text(SCRIPT + named, encoding="utf-8")
+    if "," in curves:
+        with pytest.raises(InputError, match="'c_left' and 'c_right' are"):
+            mesh_geometry(script, target, trust=True)
+        return
+    mesh_geometry(script, target, trust=True)
+    mesh = read_gmsh(MPI.COMM_SELF, target)
+    one, other = (mesh.facets(f"c_{side}") for side in SIDES_OF_IT)
+    assert len(one) == len(other) > 0
+    assert (curves == "2") == bool({*one.tolist()} & {*other.tolist()})
 
 
 @pytest.mark.serial

@@ -98,6 +98,50 @@ def test_marks_in_one_body_refine_the_other_at_their_contact(comm: MPI.Intracomm
     assert quality(coarse) > quality(two_blocks(comm, 2)) / 20
 
 
+@pytest.mark.mpi3
+def test_cells_of_any_shape_are_cut_at_their_contact_alone(comm: MPI.Intracomm, read: Read) -> None:
+    """A punch has one more cell for each edge of its contact; the ground is refined as before."""
+    contacts = [Contact("ground_footing", "punch_footing")]
+    made: dict[bool, TaggedMesh] = {}
+    for any_shape in (False, True):
+        mesh = read(write_strip_footing, punch=True, width=2.0, depth=1.0, size=0.4, grading=1.0)
+        start = {name: cells_of(mesh, name) for name in mesh.volumes}
+        edges = facets_of(mesh, "punch_footing")
+        for _ in range(3):
+            marked = near(mesh, (1.0, 0.0), "ground") | near(mesh, (0.0, 0.0), "ground")
+            shapeless = np.zeros(len(marked), dtype=np.bool_)
+            shapeless[owned(mesh, "punch")] = any_shape
+            pairs = opposite_vertices(mesh, contacts)
+            finer = refine(mesh, marked, pairs, shapeless=shapeless)
+            check_finer(mesh, finer)
+            check_interface(finer.tagged_mesh, "ground_footing", "punch_footing")
+            mesh = finer.tagged_mesh
+        made[any_shape] = mesh
+        more = cells_of(mesh, "punch") - start["punch"]
+        new = facets_of(mesh, "punch_footing") - edges
+        assert new > 4 and (more == new) == any_shape
+    assert cells_of(made[True], "ground") <= cells_of(made[False], "ground")
+
+
+def owned(mesh: TaggedMesh, body: str) -> npt.NDArray[np.int32]:
+    """Cells of a body that this rank owns."""
+    cells = mesh.cells(body)
+    return cells[cells < mesh.mesh.topology.index_map(2).size_local]
+
+
+def cells_of(mesh: TaggedMesh, body: str) -> int:
+    """Cells of a body on all ranks."""
+    return mesh.mesh.comm.allreduce(len(owned(mesh, body)))
+
+
+def facets_of(mesh: TaggedMesh, surface: str) -> int:
+    """Facets of a surface on all ranks."""
+    facets = mesh.facets(surface)
+    return mesh.mesh.comm.allreduce(
+        int((facets < mesh.mesh.topology.index_map(1).size_local).sum())
+    )
+
+
 def test_surfaces_apart_match_still(comm: MPI.Intracomm) -> None:
     """A gap far wider than the cells, at which each side keeps its place."""
     coarse = stacked_blocks(comm, 3)

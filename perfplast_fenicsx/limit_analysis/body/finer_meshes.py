@@ -26,6 +26,7 @@ from perfplast_fenicsx.limit_analysis.body.singular_points import (
     singular_points,
     wide_corners,
 )
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import varying_of
 from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
@@ -354,15 +355,19 @@ def refined(
     if in_space and found is not None and found.static is not None:
         dissipation = found.static.dissipation
         tagged_mesh, marked, changes = _with_fans(problem, marked, dissipation, changes)
-    at_once, metric, gap = False, None, None
+    at_once, metric, gap, rigid = False, None, None, None
     if not in_space:
         if found is not None:
             metric, gap = edge_metric(found), found.lower.apart(found.upper)
-        long = _with_long_fans(problem, marked, metric, gap)
+        cones = body_cones(problem)
+        rigid = ~np.array([cone.yields for cone in cones.cones])[cones.of_cells]
+        long = _with_long_fans(problem, marked, rigid, metric, gap)
         at_once = number_of_cells(long[0]) <= cells / 4 + number_of_cells(tagged_mesh)
-        tagged_mesh, marked, metric = long if at_once else (tagged_mesh, marked, metric)
+        tagged_mesh, marked, rigid, metric = (
+            long if at_once else (tagged_mesh, marked, rigid, metric)
+        )
     pairs = opposite_vertices(tagged_mesh, given.contacts)
-    finer = refine(tagged_mesh, marked, pairs, metric, changes).tagged_mesh
+    finer = refine(tagged_mesh, marked, pairs, metric, changes, rigid).tagged_mesh
     if in_space:
         return finer
     valence = 24  # final number of cells at points where the stress depends on the direction
@@ -385,9 +390,10 @@ def refined(
 def _with_long_fans(
     problem: Problem,
     marked: npt.NDArray[np.bool_],
+    rigid: npt.NDArray[np.bool_],
     metric: Floats | None,
     gap: float | None,
-) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
+) -> tuple[TaggedMesh, npt.NDArray[np.bool_], npt.NDArray[np.bool_], Floats | None]:
     """Return a plane mesh with fans of its long cells, with marks and metric. Collective.
 
     Cells that become parts of fans lose their mark: further refinement would shorten them.
@@ -399,12 +405,13 @@ def _with_long_fans(
         if not problem.comm.allreduce(int(wide.sum())):
             break
         pairs = opposite_vertices(tagged_mesh, given.contacts)
-        finer = spread(tagged_mesh, wide, there, pairs)
+        finer = spread(tagged_mesh, wide, there, pairs, rigid)
+        rigid = fetch_rows(problem.comm, rigid, finer.parents)
         marked = fetch_rows(problem.comm, marked & ~wide.any(axis=1), finer.parents)
         if metric is not None:
             metric = fetch_rows(problem.comm, metric, finer.parents)
         tagged_mesh = finer.tagged_mesh
-    return tagged_mesh, marked, metric
+    return tagged_mesh, marked, rigid, metric
 
 
 def _with_fans(
