@@ -258,3 +258,44 @@ def _names_of(node: ast.AST) -> list[str]:
     targets = node.targets if isinstance(node, ast.Assign) else []
     targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
     return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+def importers() -> dict[str, set[str]]:
+    """Return for each module of the package the files of the package that import from it."""
+    found: dict[str, set[str]] = {
+        ".".join(path.relative_to(ROOT / PACKAGE).with_suffix("").parts): set()
+        for _, path in modules()
+    }
+    for _, path in modules():
+        here = ".".join(path.relative_to(ROOT / PACKAGE).with_suffix("").parts)
+        for parts in imports(path):
+            for name in (".".join(parts), ".".join(parts[:-1])):
+                if name in found:
+                    found[name].add(here)
+    return found
+
+
+def test_no_thin_module_serves_one_neighbour() -> None:
+    """A module of less than 60 lines whose only importer is in its folder belongs into it."""
+    thin = set()
+    for name, users in importers().items():
+        folder, _, stem = name.rpartition(".")
+        lines = (ROOT / PACKAGE / f"{name.replace('.', '/')}.py").read_text(encoding="utf-8")
+        alone = len(users) == 1 and next(iter(users)).rpartition(".")[0] == folder
+        if alone and stem != "__init__" and len(lines.splitlines()) < 60:
+            thin.add(name)
+    assert thin == THIN_MODULES
+
+
+THIN_MODULES = {"controls.load_control"}
+"""One of several of a kind that has a file for each."""
+
+
+def test_a_bound_needs_at_most_50_modules_of_limit_analysis() -> None:
+    known = importers()
+    found, new = set(), {"limit_analysis.body.limit_bounds"}
+    while new:
+        found |= new
+        new = {name for name, users in known.items() if users & found} - found
+        new = {name for name in new if name.startswith("limit_analysis.")}
+    assert len(found) <= 50

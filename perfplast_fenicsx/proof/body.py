@@ -13,9 +13,19 @@ from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.guided import with_guided
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes, checked, equal
-from perfplast_fenicsx.proof.rigid_arrays import with_rigid
 from perfplast_fenicsx.proof.rubbing import OF as RUBBING
 from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
+
+
+def with_rigid(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
+    """Return arrays with empty rigid surfaces if a file has none."""
+    d = np.shape(arrays.get("vertices", ()))[1:]
+    none: dict[str, npt.NDArray] = {}
+    if "rigid" not in arrays:
+        none["rigid"] = np.zeros(0, dtype=np.int64)
+        none["rigid_held"] = np.zeros((0, *d), dtype=np.uint8)
+    return {**none, **arrays}
+
 
 Floats = npt.NDArray[np.float64]
 Longs = npt.NDArray[np.int64]

@@ -3,9 +3,30 @@
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
-from perfplast_fenicsx.proof.cuts import cuts_of
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
+
+
+def cuts_of(body: Body) -> Floats:
+    """Return the middle of each pair of such facets with the same vertices, shape (num_pairs, d).
+
+    Nothing prevents the bodies from separating or penetrating each other there. A stress that such
+    bodies bear is also one of the bodies without the cut; a velocity is not.
+    """
+    d = body.dim
+    touch = [*body.contacts.ravel(), *body.obstacles]
+    free = np.flatnonzero(~np.isin(body.surface, touch))
+    places = body.vertices[body.facets[free]]
+    # Distance of equal points, relative to the size of the bodies.
+    same = 1e-9 * max(float(np.ptp(body.vertices, axis=0).max(initial=0.0)), np.finfo(float).tiny)
+    keys = np.rint(places / same)
+    for axis in reversed(range(d)):
+        order = np.argsort(keys[..., axis], axis=1, kind="stable")
+        keys = np.take_along_axis(keys, order[..., None], axis=1)
+    rows = keys.reshape(len(keys), d * d)
+    _, first, counts = np.unique(rows, axis=0, return_index=True, return_counts=True)
+    return np.asarray(places[first[counts > 1]].mean(axis=1))
+
 
 MOST_WORDS = 6
 """Largest number of materials, surfaces and so on that are named individually."""

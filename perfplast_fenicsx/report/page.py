@@ -1,6 +1,7 @@
 """Build the page: put its parts into the template, with style and scripts inlined."""
 
 import re
+import shlex
 from collections.abc import Mapping
 from html import escape
 from string import Template
@@ -17,7 +18,6 @@ from perfplast_fenicsx.report.frame import WORKERS, asset, framed, scripts_of
 from perfplast_fenicsx.report.packing import size_of
 from perfplast_fenicsx.report.proof_again import prove_again
 from perfplast_fenicsx.report.proof_section import proof_section, proofs_of
-from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     GRADES,
     TIGHT,
@@ -34,6 +34,21 @@ from perfplast_fenicsx.report.verdict import Verdict, verdict_on
 from perfplast_fenicsx.report.view_data import ROOM, View
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
+
+OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
+"""Options that solvers set for themselves, each with its own number."""
+
+
+def command_of(summary: Summary) -> str:
+    """Return the shell command; empty if a Python program made the run."""
+    if not summary.case:
+        return ""
+    launch = f"mpirun -n {summary.ranks} " if summary.ranks > 1 else ""
+    words = ["perfplast", "run", summary.case["file"], "-o", "results"]
+    command = summary.surroundings.get("command") or shlex.join(words)
+    options = OF_SOLVERS.sub("", summary.surroundings.get("petsc_options", "")).strip()
+    return launch + command + (f" -- {options}" if options else "")
+
 
 VIEW = (
     *("decode", "camera", "shaders", "colours", "drawing", "viewer", "sides"),

@@ -1,24 +1,285 @@
 """Pack data of the page's view of the bodies: mesh, levels, mechanism.
 
 A page must be small enough for mail, so that a large run does not include every level.
+
+Read fields of a result file as numbers at the skin of the bodies. Single-process.
+The module reads a field in slabs of rows and keeps only the values on the skin.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
 
-from perfplast_fenicsx.arrays import Longs
-from perfplast_fenicsx.io.results.result_files import MECHANISM
+from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.io.results.result_files import BESIDE, BODY, CELL_DATA, MECHANISM, POINT_DATA
+from perfplast_fenicsx.pictures.annotations import load_arrows, spread
 from perfplast_fenicsx.pictures.boundary_surface import Surface
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
-from perfplast_fenicsx.report.field_words import rank_of, words_of
+from perfplast_fenicsx.problem.declared.supports import AXES
+from perfplast_fenicsx.proof.stored_file import stored_file
 from perfplast_fenicsx.report.packing import pack_integers, pack_numbers, size_of
-from perfplast_fenicsx.report.skin_fields import SkinState, read_state
-from perfplast_fenicsx.report.skin_lines import skin_lines
-from perfplast_fenicsx.report.view_marks import view_marks
 from perfplast_fenicsx.rounding import ROUNDING
+
+WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
+    "stress": ("von Mises stress", "stress"),
+    "yield_ratio": ("utilisation (1: yields)", ""),
+    "plastic": ("plastic share of each cell", ""),
+    "displacement": ("displacement", "length"),
+    "contact_pressure": ("contact pressure", "stress"),
+    "accumulated_plastic_strain": ("accumulated plastic strain", ""),
+    "plastic_strain": ("plastic strain", ""),
+    "back_stress": ("back stress (von Mises)", "stress"),
+    "slip": ("slip", "length"),
+    "friction_stress": ("friction", "stress"),
+    "mechanism": ("velocity of the collapse", ""),
+    "dissipation": ("plastic work of the collapse", ""),
+    "lower_bound_stress": ("von Mises stress of the lower bound", "stress"),
+    "gap_share": ("contribution to the gap between the bounds", ""),
+}
+"""Name and kind of number by field, in the order of the menu."""
+
+
+@dataclass(frozen=True)
+class FieldWords:
+    """The name of a field and the unit of its numbers."""
+
+    label: str
+    unit: str
+
+
+def words_of(name: str, units: Mapping[str, str]) -> FieldWords:
+    """Return the words for a field; an unknown field keeps its own name.
+
+    Args:
+        name: Name in the result files.
+        units: Units by quantity (:meth:`units.Units.table`).
+    """
+    label, kind = WORDS.get(name, (name.replace("_", " "), ""))
+    return FieldWords(label, units.get(kind, ""))
+
+
+def rank_of(name: str) -> int:
+    """Return the position of a field in the menu; unknown fields come last."""
+    order = list(WORDS)
+    return order.index(name) if name in order else len(order)
+
+
+def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
+    """Return edges of triangles that are drawn as lines.
+
+    Returns:
+        Indices of points, shape (num_lines, 2), and the body of each line, in ascending order.
+    """
+    corners = np.concatenate([surface.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    edges = np.sort(corners, axis=1)
+    triangle = np.tile(np.arange(len(surface.triangles)), 3)
+    key = edges[:, 0] * len(surface.points) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    _, first, count = np.unique(key[order], return_index=True, return_counts=True)
+    a, b = order[first], order[first + (count > 1)]
+    normals = _unit_normals(surface)
+    # Triangles at a larger angle meet at a line.
+    least_cosine = np.cos(np.radians(30.0))
+    smooth = np.einsum("ni,ni->n", normals[triangle[a]], normals[triangle[b]]) > least_cosine
+    same = surface.body[triangle[a]] == surface.body[triangle[b]]
+    shown = a[(count != 2) | ~smooth | ~same]
+    body = surface.body[triangle[shown]]
+    by_body = np.argsort(body, kind="stable")
+    return edges[shown[by_body]], body[by_body]
+
+
+def _unit_normals(surface: Surface) -> np.ndarray:
+    p, q, r = (surface.points[corner] for corner in surface.triangles.T)
+    normals = np.cross(q - p, r - p)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
+
+
+SLAB = 1 << 17
+"""Number of rows that are read at once."""
+
+
+@dataclass(frozen=True)
+class SkinField:
+    """A number at each point or triangle of the skin.
+
+    Attributes:
+        name: Name in the file.
+        at: Whether the values are at points or triangles.
+        values: Shape (num_points,) or (num_triangles,).
+    """
+
+    name: str
+    at: Literal["points", "cells"]
+    values: Floats
+
+
+@dataclass(frozen=True)
+class SkinState:
+    """The skin at a level, or of the mechanism.
+
+    Attributes:
+        motion: Displacement or velocity of its points, shape (num_points, 3).
+        fields: The other fields, as numbers.
+    """
+
+    motion: Floats
+    fields: list[SkinField]
+
+
+def read_state(reader: ResultReader, name: str) -> SkinState:
+    """Return all fields of a file at the skin.
+
+    Args:
+        reader: The results.
+        name: Name of a field file in the folder.
+
+    Raises:
+        InputError: If it cannot be read, or if it has no displacement or velocity.
+    """
+    skin = reader.skin
+
+    # Fields that give the motion of points; the second is a velocity.
+    motions = ("displacement", "mechanism")
+
+    def read(path: Path) -> SkinState:
+        fields, motion = [], None
+        with stored_file(path, BESIDE) as file:
+            places = [f"{POINT_DATA}/{a}" for a in file.get(POINT_DATA, ())]
+            places += [f"{CELL_DATA}/{a}" for a in file.get(CELL_DATA, ())]
+            for place in places:
+                if place == BODY:
+                    continue
+                nodal = place.startswith(POINT_DATA)
+                values = rows_of(file[place], skin.nodes if nodal else skin.cells)
+                label = place.rsplit("/", 1)[1]
+                if label in motions:
+                    motion = values
+                number = as_number(label, values)
+                fields.append(SkinField(label, "points" if nodal else "cells", number))
+        if motion is None:
+            raise KeyError(f"neither {' nor '.join(motions)} is in it")
+        return SkinState(motion, fields)
+
+    return reader.read(name, read)
+
+
+def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
+    """Return rows of a data set in single precision.
+
+    Args:
+        data: The data set.
+        rows: Their numbers, in ascending order.
+    """
+    found = np.empty((len(rows), *data.shape[1:]), dtype=np.float32)
+    for first in range(0, len(data), SLAB):
+        low, high = np.searchsorted(rows, [first, first + SLAB])
+        if high > low:
+            found[low:high] = data[first : first + SLAB][rows[low:high] - first]
+    return found
+
+
+def as_number(name: str, values: Floats) -> Floats:
+    """Return the displayed numbers of a field.
+
+    Args:
+        name: Name of the field.
+        values: Numbers, vectors (n, 3) or tensors (n, 9) or (n, 3, 3).
+
+    Returns:
+        Numbers unchanged; for vectors the norm; for stresses von Mises' stress √(3/2) ‖dev σ‖; for
+        other tensors, which are strains, √(2/3) ‖ε‖.
+    """
+    if values.ndim == 1:
+        return values
+    flat = values.reshape(len(values), -1)
+    if flat.shape[1] != 9:
+        return np.asarray(np.linalg.norm(flat, axis=1))
+    if "stress" not in name:
+        return np.asarray(np.sqrt(2 / 3) * np.linalg.norm(flat, axis=1))
+    deviator = flat.copy()
+    deviator[:, ::4] -= flat[:, ::4].mean(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(3 / 2) * np.linalg.norm(deviator, axis=1))
+
+
+HEAD, TICK = 0.25, 0.015
+"""Length of an arrow's head relative to its shaft, and half-length of a tick relative to the
+bodies."""
+
+
+def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
+    """Return lines that move with points of the skin, by kind.
+
+    Returns:
+        Each kind has a ``colour``, ``anchors`` (a point for each end of a line), and ``offsets``
+        from them, one axis after the other.
+    """
+    surface = reader.skin.surface
+    found = []
+    # Colours of lines: red, green and blue.
+    colours = {"loads": (0.72, 0.05, 0.05), "supports": (0.05, 0.3, 0.75)}
+    for kind, (ends, held) in {"loads": _arrows(reader), "supports": _ticks(reader)}.items():
+        if len(ends):
+            anchors = cKDTree(surface.points).query(held)[1]
+            offsets = ends - surface.points[anchors]
+            found.append(
+                {
+                    "kind": kind,
+                    "colour": colours[kind],
+                    "anchors": pack_integers(anchors),
+                    "offsets": [pack_numbers(axis) for axis in offsets.T],
+                }
+            )
+    return found
+
+
+def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
+    """Return ends of lines, shape (2 n, 3), and their anchor points on the skin."""
+    surface = reader.skin.surface
+    arrows = load_arrows(surface, surface.points, reader.scene.on_surfaces)
+    tails, tips = arrows.starts, arrows.starts + arrows.vectors
+    across = np.cross(arrows.vectors, [0.0, 0.0, 1.0])
+    steep = np.linalg.norm(across, axis=1) < 1e-6 * np.linalg.norm(arrows.vectors, axis=1)
+    across[steep] = np.cross(arrows.vectors[steep], [0.0, 1.0, 0.0])
+    backs = [tips - HEAD * arrows.vectors + side * HEAD / 2 * across for side in (-1, 1)]
+    ends = np.stack([tails, tips, backs[0], tips, backs[1], tips], axis=1)
+    tree = cKDTree(surface.points)
+    nearer = tree.query(tips)[0] <= tree.query(tails)[0]
+    touched = np.where(nearer[:, None], tips, tails)
+    return ends.reshape(-1, 3), np.repeat(touched, 6, axis=0)
+
+
+def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
+    """Return ticks of supports in the same form: a line along each held axis."""
+    surface, tags = reader.skin.surface, reader.skin.tags
+    ends, held = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    half = TICK * surface.size
+    most_marks = 20  # approximate number of points that show a support
+    for support in reader.summary.given.get("supports", []):
+        chosen = np.flatnonzero(np.isin(tags, reader.named.surfaces.get(support["on"], [])))
+        if not len(chosen):
+            continue
+        facets = surface.facets[chosen]
+        total = np.linalg.norm(surface.normals[chosen], axis=1).sum()
+        weights, facet = spread(
+            surface.points[facets], (total / most_marks) ** (1 / (facets.shape[1] - 1))
+        )
+        places = np.einsum("nc,nci->ni", weights, surface.points[facets[facet]])
+        letters = set(support.get("components", AXES)) & set(AXES)
+        axes = [np.eye(3)[AXES.index(one)] for one in letters if not surface.plane or one != "z"]
+        if support.get("components") == "normal":
+            normal = surface.normals[chosen].sum(axis=0)
+            axes = [normal / np.linalg.norm(normal)]
+        for along in half * np.array(axes):
+            ends.append(np.stack([places - along, places + along], axis=1).reshape(-1, 3))
+            held.append(np.repeat(places, 2, axis=0))
+    return np.concatenate(ends), np.concatenate(held)
+
 
 ROOM = 18_000_000
 """Largest number of characters of packed arrays; the whole page then stays below 20 MB."""

@@ -8,8 +8,8 @@ import pytest
 
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.box_pairs import box_pairs
+from perfplast_fenicsx.proof.checker import overlapping
 from perfplast_fenicsx.proof.halves import differences
-from perfplast_fenicsx.proof.overlap import overlapping
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.shared_cells import have_common_volume
 from perfplast_fenicsx.proof.shared_facets import shared_facets
@@ -77,7 +77,7 @@ def test_cells_in_one_place_are_seen_at_once(monkeypatch: pytest.MonkeyPatch) ->
         looked_at.append(len(ones))
         return have_common_volume(ones, others)
 
-    monkeypatch.setattr("perfplast_fenicsx.proof.overlap.have_common_volume", counted)
+    monkeypatch.setattr("perfplast_fenicsx.proof.checker.have_common_volume", counted)
     body = Body.of(plates((0.0,) * 2000, (), ()) | {"contacts": np.zeros((0, 2), dtype=int)})
     assert overlapping(body) > 0
     assert sum(looked_at) < 1_000_000

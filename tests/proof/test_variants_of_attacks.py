@@ -19,8 +19,7 @@ import pytest
 
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.proof.body import Body
-from perfplast_fenicsx.proof.checker import check_lower
-from perfplast_fenicsx.proof.overlap import overlapping
+from perfplast_fenicsx.proof.checker import check_lower, overlapping
 from perfplast_fenicsx.proof.shared_cells import have_common_volume
 from tests.proof.forging import Halves, blocks, copied, write
 from tests.proof.test_shadowed_contact import Arrays, only_on_plate, plates
@@ -122,7 +121,7 @@ def test_many_cells_in_one_place(name: str, monkeypatch: pytest.MonkeyPatch) -> 
         looked_at.append(len(ones))
         return have_common_volume(ones, others)
 
-    monkeypatch.setattr("perfplast_fenicsx.proof.overlap.have_common_volume", counted)
+    monkeypatch.setattr("perfplast_fenicsx.proof.checker.have_common_volume", counted)
     monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.AT_ONCE", 3000)
     arrays = plates((0.0,) * COUNT, (), ()) | {"contacts": np.zeros((0, 2), dtype=int)}
     squares = arrays["vertices"].reshape(COUNT, 4, 2)

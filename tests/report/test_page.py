@@ -17,10 +17,8 @@ from perfplast_fenicsx.pictures.result_reader import StoredLimit
 from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
-from perfplast_fenicsx.report.field_words import words_of
-from perfplast_fenicsx.report.page import _warnings, head_of, mesh_in_words
+from perfplast_fenicsx.report.page import _warnings, command_of, head_of, mesh_in_words
 from perfplast_fenicsx.report.proof_section import proof_section
-from perfplast_fenicsx.report.run_again import command_of
 from perfplast_fenicsx.report.tables import (
     bolt_table,
     force_table,
@@ -29,6 +27,7 @@ from perfplast_fenicsx.report.tables import (
     pairs,
     reaction_table,
 )
+from perfplast_fenicsx.report.view_data import words_of
 from perfplast_fenicsx.units import Units
 from tests.io.results.test_result_folder import report
 

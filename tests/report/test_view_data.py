@@ -16,9 +16,14 @@ from perfplast_fenicsx.mesh.sample_meshes import build
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.report.packing import size_of
-from perfplast_fenicsx.report.skin_fields import as_number, rows_of
-from perfplast_fenicsx.report.skin_lines import skin_lines
-from perfplast_fenicsx.report.view_data import _offered, chosen_levels, view_data
+from perfplast_fenicsx.report.view_data import (
+    _offered,
+    as_number,
+    chosen_levels,
+    rows_of,
+    skin_lines,
+    view_data,
+)
 from perfplast_fenicsx.units import Units
 from tests.report.test_packing import unpacked
 
@@ -171,6 +176,6 @@ def test_numbers_of_vectors_and_tensors() -> None:
 
 
 def test_rows_are_read_slab_by_slab(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("perfplast_fenicsx.report.skin_fields.SLAB", 4)
+    monkeypatch.setattr("perfplast_fenicsx.report.view_data.SLAB", 4)
     data, rows = np.arange(40.0).reshape(20, 2), np.array([0, 3, 4, 4, 11, 19])
     assert rows_of(data, rows) == pytest.approx(data[rows])
