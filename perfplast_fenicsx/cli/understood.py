@@ -14,7 +14,6 @@ from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.load_table import load_in_words
-from perfplast_fenicsx.io.case.mesh_table import GroundInCase
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     divided_strengths,
     kept_strengths,
@@ -237,10 +236,6 @@ class _Told:
     def rest(self, volumes: dict[str, float]) -> None:
         """Print surfaces that the case does not name, and bodies without load or support."""
         areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
-        if isinstance(self.case.mesh, GroundInCase):  # the user knows the names of the drawing
-            surfaces = self.problem.tagged_mesh.surfaces
-            for name in reversed([it for it in self.case.mesh.ground.named if it in surfaces]):
-                of_tags |= dict.fromkeys(self.problem.tagged_mesh.tags_of([name]), name)
         used = self.problem.tagged_mesh.tags_of([*self.marked, *self.glued])
         free: dict[str, float] = {}
         for tag, name in self.sides.names_of_all(of_tags.keys() - set(used)).items():

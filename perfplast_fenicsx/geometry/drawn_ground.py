@@ -132,12 +132,6 @@ class DrawnGround:
         """Return name and corners of each body, shape (num_corners, 2)."""
         return [(one.name, one.corners) for one in self._shapes() if not one.opening]
 
-    @property
-    def named(self) -> list[str]:
-        """Return names of its surfaces: lines, openings, and then the sides of the ground."""
-        openings = [one.name for one in self.regions if one.opening]
-        return [*(line.name for line in self.lines), *openings, *SIDES]
-
     def with_kinks(self, kinks: Sequence[Floats]) -> "DrawnGround":
         """Return the same ground with other lines that the mesh follows."""
         return replace(self, kinks=kinks)

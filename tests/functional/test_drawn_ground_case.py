@@ -116,8 +116,8 @@ def test_what_is_glued_moves_together(tmp_path: Path) -> None:
     meant = understood(read, read.problem(MPI.COMM_SELF))
     assert meant is not None
     lines = "\n".join(meant.lines)
-    surface = 20 + float(np.hypot(20, 10))  # without the road
-    assert f"(length): 'road' (10), 'surface' ({surface:.5g})" in lines
+    surface = 30 + float(np.hypot(20, 10))
+    assert f"(length): 'surface' ({surface:.5g})" in lines
     assert "the drawing has one face for both" in lines and "all together" not in lines
     assert not {"clay_joint_1", "fill_joint_1"} & {*meant.marked}
 
