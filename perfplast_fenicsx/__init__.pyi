@@ -39,6 +39,7 @@ from .materials.elastic import Elastic as Elastic
 from .materials.elastic import Rigid as Rigid
 from .materials.hardening import Hardening as Hardening
 from .materials.hill import Hill as Hill
+from .materials.hoek_brown import HoekBrown as HoekBrown
 from .materials.plastic_flow import Flow as Flow
 from .materials.von_mises import VonMises as VonMises
 from .mesh.sample_meshes import build as build

@@ -15,10 +15,14 @@ from .hill import Hill as Hill
 from .hill import HillForm as HillForm
 from .hill import HillLaw as HillLaw
 from .hill import HillSet as HillSet
+from .hoek_brown import HoekBrown as HoekBrown
+from .hoek_brown import HoekBrownLaw as HoekBrownLaw
+from .hoek_brown import HoekBrownSet as HoekBrownSet
 from .law import Cone as Cone
 from .law import Law as Law
 from .law import Material as Material
 from .law import NeverYields as NeverYields
+from .law import ParabolicCone as ParabolicCone
 from .law import PrincipalCone as PrincipalCone
 from .law import YieldSet as YieldSet
 from .law import deviators as deviators

@@ -55,6 +55,21 @@ class PrincipalCone:
     tension: Expr | None = None
 
 
+@dataclass(frozen=True)
+class ParabolicCone:
+    """R² ≤ curvature (tension − p − R), with the in-plane mean stress p and radius R of Mohr.
+
+    It must be the only cone of its set. The out-of-plane stress is in no condition.
+
+    Args:
+        curvature: Positive (stress), shape ().
+        tension: Positive (stress), shape (); the tensile strength.
+    """
+
+    curvature: Expr
+    tension: Expr
+
+
 class YieldSet(Protocol):
     """A closed convex set of stresses with zero inside.
 
@@ -78,12 +93,12 @@ class YieldSet(Protocol):
         """
         ...
 
-    def cones(self, size: int) -> Sequence[Cone | PrincipalCone] | None:
+    def cones(self, size: int) -> Sequence[Cone | PrincipalCone | ParabolicCone] | None:
         """Return the cones whose intersection is the set; () without yield, None if there are none.
 
         The interior point method, strict bounds and their proofs support only one cone: of
-        principal stresses, or with a matrix of rank m − 1 or m and zero inside. For limit loads of
-        meshes it may also be an object of another class
+        principal stresses, a parabola in plane strain, or with a matrix of rank m − 1 or m and zero
+        inside. For limit loads of meshes it may also be an object of another class
         (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
 
         Args:
@@ -194,11 +209,13 @@ class Law(Protocol):
         dilates: Whether the volume of bodies grows where they flow, so that confinement may carry
             any load.
         carries_any_load: Whether hardening is unlimited, so that there is no limit load.
+        plane_strain_only: Whether the law has no meaning in space and around an axis.
     """
 
     projects: ClassVar[bool]
     dilates: ClassVar[bool] = False
     carries_any_load: ClassVar[bool] = False
+    plane_strain_only: ClassVar[bool] = False
 
     @property
     def elastic(self) -> Elasticity:

@@ -5,6 +5,7 @@ from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
 from perfplast_fenicsx.materials.elastic import Elastic, Rigid
 from perfplast_fenicsx.materials.hardening import Hardening
 from perfplast_fenicsx.materials.hill import Hill
+from perfplast_fenicsx.materials.hoek_brown import HoekBrown
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.materials.von_mises import VonMises
 
@@ -15,6 +16,7 @@ MATERIALS: dict[str, type[Material]] = {
     "hill": Hill,
     "mohr-coulomb": MohrCoulomb,
     "tresca": Tresca,
+    "hoek-brown": HoekBrown,
     "elastic": Elastic,
     "rigid": Rigid,
 }

@@ -49,6 +49,8 @@ class Body:
             and M = 0, NaN for others; shape (num_cones,).
         cone_tension: Tensile strength f of each additional condition σ₁ ≤ f, NaN without one; same
             shape.
+        cone_curvature: k of each parabola R² ≤ k (c − σ₁) of in-plane stresses, which has q = 0 and
+            M = 0 (:mod:`parabola`), NaN for others; same shape.
         cell_strength: Factor of c at the vertices of each cell, positive and linear between them,
             shape (num_cells, d + 1); 1 for a uniform strength.
         sought: Loads of λ = 1.
@@ -79,6 +81,7 @@ class Body:
     cone_matrix: Floats
     cone_sine: Floats
     cone_tension: Floats
+    cone_curvature: Floats
     cell_strength: Floats
     sought: Loads
     constant: Loads
@@ -221,7 +224,7 @@ class Body:
     def cones(self) -> Cones:
         """Return the cones that bound stresses."""
         quadratic = self.cone_bound, self.cone_slope, self.cone_matrix
-        return Cones(*quadratic, self.cone_sine, self.cone_tension)
+        return Cones(*quadratic, self.cone_sine, self.cone_tension, self.cone_curvature)
 
     @cached_property
     def yield_radius(self) -> Floats:
@@ -333,7 +336,8 @@ class Body:
         if not self.varies:
             return
         changed = (strength != 1).any(axis=1)
-        if self.is_revolved or self.cones.is_cut[self.cone[changed & self.plastic]].any():
+        fixed = self.cones.is_cut | self.cones.is_curved
+        if self.is_revolved or fixed[self.cone[changed & self.plastic]].any():
             raise ProofError(
                 "cell_strength is given for bodies of revolution, or for cones with a "
                 "tensile strength."

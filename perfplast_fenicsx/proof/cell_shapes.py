@@ -14,12 +14,12 @@ Longs = npt.NDArray[np.int64]
 def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
     """Return arrays with defaults: cells are not sections of rings.
 
-    By default no cone has a tensile strength, and strengths do not vary in a cell.
+    By default no cone has a tensile strength or a curvature, and strengths do not vary in a cell.
     """
-    cuts = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
+    none = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
     ones = np.ones(np.shape(arrays.get("cells", ())))
-    without = {"revolved": np.zeros((), dtype=bool), "cone_tension": cuts, "cell_strength": ones}
-    return {**without, **arrays}
+    without = {"revolved": np.zeros((), dtype=bool), "cell_strength": ones}
+    return {**without, "cone_tension": none, "cone_curvature": none, **arrays}
 
 
 def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]) -> None:

@@ -13,7 +13,8 @@ class Strengths(NamedTuple):
 
     Attributes:
         family: Index of the pair of MᵀM and the direction of q, for a matrix M of size 1, or of all
-            cones of principal stresses with the same ratio of c to a tensile strength.
+            cones of principal stresses with the same ratio of c to a tensile strength, or of all
+            parabolas with the same ratio of k to f.
         slope: |q|, or the sine.
         bound: Bound of cones whose M has size 1.
         axial: Whether M q = 0, or the cone bounds principal stresses: a smaller slope and an apex
@@ -61,10 +62,10 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
     plain[:n, :n] -= 1 / n
-    none: Floats = np.zeros((1, m + 2))
+    none: Floats = np.zeros((1, m + 3))
     shapes, cones = [np.append(_shape(plain[None]), none, axis=1)], []
     for body in bodies:
-        principal = body.cones.is_principal
+        principal = body.cones.is_pointwise
         sizes = np.where(principal, 1.0, np.linalg.norm(body.cone_matrix, axis=(1, 2)))
         slopes = body.cone_slope / sizes[:, None]
         steep = np.linalg.norm(slopes, axis=1)
@@ -74,8 +75,9 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
         axial = principal | (lost <= 1e-11 * sizes)
         along[principal] = 0.0
         cuts = np.nan_to_num(body.cone_bound / body.cone_tension)
-        shapes.append(np.column_stack([_shape(matrices), along, principal, cuts]))
-        steep = np.where(principal, body.cone_sine, steep)
+        bends = np.nan_to_num(body.cone_curvature / body.cone_bound)
+        shapes.append(np.column_stack([_shape(matrices), along, principal, cuts, bends]))
+        steep = np.where(body.cones.is_principal, body.cone_sine, steep)
         cones.append((steep, body.cone_bound / sizes, axial))
     numbers = _alike_rows(np.concatenate(shapes))
     found, first = [], 1

@@ -3,7 +3,8 @@
 Another form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). Rates are then
 admissible if tr ε ≥ s Σ|ε_i|, and dissipate (c/2s) tr ε. For s = 0 they need tr ε = 0, and
 dissipate (c/2) Σ|ε_i|. With σ₁ ≤ f as well, rates need tr ε ≥ s Σ|ε_i| for any s ≥ 0, and dissipate
-(f − h) tr ε + h Σ|ε_i| with h = (c/2 − sf)/(1 − s).
+(f − h) tr ε + h Σ|ε_i| with h = (c/2 − sf)/(1 − s). A third form is a parabola of in-plane
+principal stresses (:mod:`parabola`), whose tensile strength is c.
 
 Stresses are vectors of the in-plane components (σ_xx, σ_yy, √2σ_xy) in the plane, (σ_rr, σ_zz,
 σ_θθ, √2σ_rz) in axisymmetry, and (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy) in space. Strain rates
@@ -23,6 +24,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from perfplast_fenicsx.proof import parabola
 from perfplast_fenicsx.proof.balls import U
 from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
 from perfplast_fenicsx.proof.principal import (
@@ -68,6 +70,7 @@ class Cones:
         sine: s of bounds of principal stresses, whose M and q are zero; NaN for others; shape
             (num_cones,).
         tension: Tensile strength f of these cones; NaN without one, and for other cones.
+        curvature: k of parabolas, whose M and q are zero; NaN for others.
     """
 
     bound: Floats
@@ -75,6 +78,17 @@ class Cones:
     matrix: Floats
     sine: Floats
     tension: Floats
+    curvature: Floats
+
+    @property
+    def is_curved(self) -> Flags:
+        """Return which cones are parabolas."""
+        return ~np.isnan(self.curvature)
+
+    @property
+    def is_pointwise(self) -> Flags:
+        """Return which cones have their dissipation from :meth:`principal_power`."""
+        return self.is_principal | self.is_curved
 
     @property
     def is_cut(self) -> Flags:
@@ -102,23 +116,26 @@ class Cones:
             raise ProofError("a cone's bound is not finite, or is negative.")
         if not (np.isfinite(self.slope).all() and np.isfinite(self.matrix).all()):
             raise ProofError("a cone's slope or matrix is not finite.")
-        if self.sine.shape != (n,) or self.tension.shape != (n,):
-            raise ProofError("the shape of cone_sine or cone_tension is not valid.")
-        principal = self.is_principal
+        if not self.sine.shape == self.tension.shape == self.curvature.shape == (n,):
+            raise ProofError("the shape of cone_sine, _tension or _curvature is not valid.")
+        principal, curved = self.is_principal, self.is_curved
+        parabola.check_parabolas(self.curvature[curved], self.bound[curved], m)
+        if (principal & curved).any():
+            raise ProofError("cone_curvature is given for a cone with a sine.")
         if self.is_cut[~principal].any():
             raise ProofError(
                 "cone_tension is given for a cone that does not bound principal stresses."
             )
         bound, sine, tension = self.bound[principal], self.sine[principal], self.tension[principal]
         check_principal(bound, sine, tension, (RANK, STEEPEST))
-        if self.slope[principal].any() or self.matrix[principal].any():
+        if self.slope[self.is_pointwise].any() or self.matrix[self.is_pointwise].any():
             raise ProofError("a cone of principal stresses has a slope or a matrix.")
         sizes = [
             np.abs(part).max(axis=tuple(range(1, part.ndim)), initial=0.0)
             for part in (self.slope, self.matrix)
         ]
         check_sizes("a cone", np.max([self.bound, *sizes], axis=0))
-        Cones(*(part[~principal] for part in vars(self).values()))._check_quadratic()
+        Cones(*(part[~self.is_pointwise] for part in vars(self).values()))._check_quadratic()
 
     def _check_quadratic(self) -> None:
         """Check the second-order cones, whose numbers are finite."""
@@ -158,12 +175,12 @@ class Cones:
     def grows(self) -> Flags:
         """Return whether the bound falls along the matrix's null vector: such bodies dilate."""
         falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
-        return falls | (self.sine > 0) | self.is_cut
+        return falls | (self.sine > 0) | self.is_cut | self.is_curved
 
     @property
     def is_linear(self) -> Flags:
         """Return whether the dissipation of such bodies is linear in the rates."""
-        return self.grows & ~self.is_cut
+        return self.grows & ~self.is_cut & ~self.is_curved
 
     @cached_property
     def _back(self) -> Floats:
@@ -186,7 +203,10 @@ class Cones:
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         sines = np.where(self.is_principal, self.sine, 0.0)
         steepest = np.where(self.is_principal, np.sqrt(2 * (1 + sines**2)), values)
+        steepest[self.is_curved] = 1.0
         found = self.bound / steepest
+        here = self.is_curved
+        found[here] = 1 / parabola.most_gauge(self.curvature[here], self.bound[here])
         return np.where(self.is_cut, np.minimum(found, self.tension), found)
 
     @property
@@ -258,6 +278,10 @@ class Cones:
             cut, pulled = self.is_cut[at[here]], self.bound[at[here]] / self.tension[at[here]]
             pulled = np.where(cut, pulled, 0.0)[:, None] * values[..., 2]
             along[here] = np.where(cut[:, None], np.maximum(along[here], pulled), along[here])
+        curved = self.is_curved[at]
+        if curved.any():  # c times the gauge
+            k, f = (of[at[curved], None] for of in (self.curvature, self.bound))
+            along[curved] = f * parabola.gauges(k, f, stress[curved])
         loose = self.bound[at] == 0
         found: Floats = (sizes + along) / np.where(loose, 1.0, self.bound[at])[:, None]
         if loose.any():
@@ -269,7 +293,7 @@ class Cones:
     def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
         """Return z and ‖y‖ of dilating cells; meaningless in others."""
         free = np.einsum("ci,cvi->cv", self._null[at], rates)
-        pull = np.where(self.grows, self._pull, 1.0)[at, None]
+        pull = np.where(self.grows & ~self.is_curved, self._pull, 1.0)[at, None]
         heads: Floats = free / pull
         rest = rates - heads[..., None] * self.slope[at][:, None]
         sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self._back[at], rest), axis=2)
@@ -286,12 +310,19 @@ class Cones:
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """Return the dissipation of other cells with principal stresses, convex in the rates."""
+        """Return the dissipation of other cells with principal stresses, or with parabolas.
+
+        It is convex in admissible rates.
+        """
         factors = power_factors(self.bound[at], self.sine[at], self.tension[at])
         of_trace, of_sizes = (factor[:, None] for factor in factors)
         (traces, sizes), s = rate_sizes(rates), self.sine[at, None]
         short = np.where(self.is_cut[at, None], np.maximum(s * sizes - traces, 0.0), 0.0)
         found: Floats = of_trace * traces + np.abs(of_trace) * short + of_sizes * sizes
+        here = self.is_curved[at]
+        if here.any():
+            k, f = (of[at[here], None] for of in (self.curvature, self.bound))
+            found[here] = parabola.powers(k, f, rates[here])
         return found
 
     @cached_property
@@ -299,8 +330,8 @@ class Cones:
         """Return the relative rounding error of numbers computed from a cone and a rate."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         last = np.where(self.has_null, values[:, -2], values[:, -1])
-        last = np.where(self.is_principal, 1.0, last)
-        worst = np.where(self.is_principal, 1.0, values[:, 0]) / last
+        last = np.where(self.is_pointwise, 1.0, last)
+        worst = np.where(self.is_pointwise, 1.0, values[:, 0]) / last
         return np.asarray(256 * U * worst)
 
     @cached_property
@@ -318,7 +349,10 @@ class Cones:
         some = np.sqrt(3.0) * (np.abs(of_trace) * (2 + self.sine) + of_sizes)
         apex = np.sqrt(3.0) * self.bound / (2 * np.where(self.sine > 0, self.sine, 1.0))
         some = np.where(self.is_linear, apex, some)
-        return np.asarray(np.where(self.is_principal, some, found) * (1 + self.digits))
+        found = np.where(self.is_principal, some, found)
+        here = self.is_curved
+        found[here] = parabola.steepest(self.curvature[here], self.bound[here])
+        return np.asarray(found * (1 + self.digits))
 
     @cached_property
     def alertness(self) -> Floats:
@@ -327,12 +361,14 @@ class Cones:
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         found = 1 / pull + back * (1 + np.linalg.norm(self.slope, axis=1) / pull)
         principal = np.sqrt(3.0) * (1 + np.where(self.is_principal, self.sine, 0.0))
-        return np.asarray(np.where(self.is_principal, principal, found) * (1 + self.digits))
+        found = np.where(self.is_principal, principal, found)
+        found = np.where(self.is_curved, np.sqrt(2.0) * (1 + parabola.GENTLEST), found)
+        return np.asarray(found * (1 + self.digits))
 
     def short(self, at: Longs, rates: Floats) -> Floats:
         """Return ‖y‖ − z of dilating cells, at most zero for an admissible rate.
 
-        For principal stresses it is s Σ|ε_i| − tr ε.
+        For principal stresses it is s Σ|ε_i| − tr ε, and for parabolas δ(ε₁ − ε₃) − tr ε.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -344,6 +380,10 @@ class Cones:
         if here.any():
             traces, sizes = rate_sizes(rates[here])
             found[here] = self.sine[at[here], None] * sizes - traces
+        here = self.is_curved[at]
+        if here.any():
+            growth, shear = parabola.sizes(rates[here])
+            found[here] = parabola.GENTLEST * shear - growth
         return np.asarray(found)
 
     def keeps_volume(self, normals: int) -> Flags:

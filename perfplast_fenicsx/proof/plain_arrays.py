@@ -12,7 +12,7 @@ from perfplast_fenicsx.proof.load_kinds import EVERY
 
 FLOATS = (
     *("vertices", "cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"),
-    *("cell_strength", "obstacle_normals", "guided"),
+    *("cone_curvature", "cell_strength", "obstacle_normals", "guided"),
     *EVERY,
     *("contact_adhesion", "contact_friction", "obstacle_adhesion", "obstacle_friction"),
     *("stress", "velocity", "joint_force", "joint_traction", "inner_force", "inner_traction"),

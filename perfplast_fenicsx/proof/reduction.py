@@ -54,6 +54,8 @@ def reduction_of(
         if kept[name].shape != flags.shape:
             raise ProofError(f"the shape of {name} does not fit the bodies.")
     cells = kept["cell_kept"]
+    if body.cones.is_curved[body.cone[~cells & body.plastic]].any():
+        raise ProofError("strength_factor divides a parabola, which does not remain one.")
     both = np.intersect1d(body.cone[cells & body.plastic], body.cone[~cells & body.plastic])
     if len(both):
         raise ProofError("cell_kept divides a strength in some cells but not in others.")

@@ -90,6 +90,9 @@ def _strengths(body: Body) -> str:
         where = f"in a volume of {volumes[number + 1]:.6g}"
         words.append(f"{cone}{body.varies_by(number)} {where}")
     what = "‖dev σ‖" + (", or ‖Mσ‖" if any("M" in cone for cone in cones.values()) else "")
+    if (curved := body.cones.is_curved[used]).all():
+        return f"strength {_listed(words)}"
+    what += ", or a limit of (σ₁ − σ₃)²" if curved.any() else ""
     return f"yield radii (the largest {what}) {_listed(words)}"
 
 
@@ -138,6 +141,9 @@ def _cone(body: Body, number: np.int64) -> str:
         words = f"{body.cone_bound[number]:.6g} as the largest {what}"
         cut, tension = body.cones.is_cut[number], body.cone_tension[number]
         return words + (f" and {tension:.6g} as the largest σ₁" if cut else "")
+    if body.cones.is_curved[number]:
+        k, f = body.cone_curvature[number], body.cone_bound[number]
+        return f"(σ₁ − σ₃)² at most {4 * k:.6g} times ({f:.6g} − σ₁)"
     d, M, q = normals_of(body), body.cone_matrix[number], body.cone_slope[number]
     unit = np.append(np.ones(d), np.zeros(len(q) - d))
     size = np.sqrt((M**2).sum() / (len(q) - 1))

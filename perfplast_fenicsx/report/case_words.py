@@ -14,6 +14,7 @@ LAWS = {
     "drucker-prager": "elastic, perfectly plastic (Drucker–Prager)",
     "mohr-coulomb": "elastic, perfectly plastic (Mohr–Coulomb)",
     "tresca": "elastic, perfectly plastic (Tresca)",
+    "hoek-brown": "elastic, perfectly plastic (Hoek–Brown, a = ½)",
     "hill": "elastic, perfectly plastic (Hill 1948)",
     "elastic": "elastic, never plastic",
 }
@@ -25,6 +26,9 @@ NUMBERS = {
     "cohesion": ("cohesion", "stress"),
     "friction_angle": ("friction angle in degrees", ""),
     "tensile_strength": ("tensile strength", "stress"),
+    "compressive_strength": ("uniaxial compressive strength of intact rock", "stress"),
+    "m_b": ("m_b of the rock mass", ""),
+    "s": ("s of the rock mass", ""),
     "dilatancy_angle": ("dilatancy angle in degrees", ""),
     "nonassociated": ("for ground with less dilatancy", ""),
     "match": ("strength of Mohr–Coulomb in", ""),

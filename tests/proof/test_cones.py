@@ -52,7 +52,7 @@ def cone(k: int, m: int, steep: float, seed: int) -> Cones:
     matrix[:k] = random.normal(size=(k, m))
     inside = random.normal(size=k)
     slope = steep * matrix[:k].T @ inside / np.linalg.norm(inside)
-    return Cones(np.array([2.0]), slope[None], matrix[None], NONE, NONE)
+    return Cones(np.array([2.0]), slope[None], matrix[None], NONE, NONE, NONE)
 
 
 def best(cones: Cones, rate: np.ndarray, seed: int) -> float:
@@ -89,7 +89,7 @@ def test_dissipation_of_what_grows(seed: int) -> None:
     random = np.random.default_rng(seed)
     flat = cone(2, 3, 0.5, seed)
     free = np.linalg.svd(flat.matrix[0])[2][-1]
-    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix, NONE, NONE)
+    cones = Cones(flat.bound, flat.slope + 0.8 * free, flat.matrix, NONE, NONE, NONE)
     cones.check(3)
     assert cones.grows.all()
     M, q = cones.matrix[0], cones.slope[0]
@@ -158,7 +158,7 @@ def steeper(them: Arrays) -> None:
 
 def more_cones(them: Arrays) -> None:
     """One that no cell has, which is none."""
-    for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"):
+    for name in (name for name in them if name.startswith("cone_")):
         them[name] = np.concatenate([them[name], -them[name][:1]])
 
 

@@ -16,6 +16,7 @@ from perfplast_fenicsx.arrays import Floats, Longs, matrices
 from perfplast_fenicsx.contact.declared.obstacles import Plane
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
+from perfplast_fenicsx.limit_analysis.conic.cone import Provable
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
     Side,
@@ -58,29 +59,36 @@ def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str,
     m = 4 if tagged_mesh.axisymmetric else d * (d + 1) // 2
     numbers = np.full(len(found.cones), -1)
     rows: list[tuple[Any, ...]] = []
+    none = (np.zeros(m), np.zeros((m, m)))
     for number, cone in enumerate(found.cones):
         if (principal := cone.principal) is not None:
             cut = principal.tension if np.isfinite(principal.tension) else np.nan
-            rows.append((principal.bound, np.zeros(m), np.zeros((m, m)), principal.sine, cut))
+            rows.append((principal.bound, *none, principal.sine, cut, np.nan))
         elif (plain := cone.plain) is not None:
             matrix = np.pad(plain.matrix, ((0, m - len(plain.matrix)), (0, 0)))
-            rows.append((plain.bound, plain.slope, matrix, np.nan, np.nan))
+            rows.append((plain.bound, plain.slope, matrix, np.nan, np.nan, np.nan))
+        elif isinstance(cone.other, Provable):
+            told = cone.other.on_file()
+            rest = [told.get(f"cone_{name}", np.nan) for name in ("sine", "tension", "curvature")]
+            rows.append((told["cone_bound"], *none, *rest))
         else:
             continue
         numbers[number] = len(rows) - 1
-    columns = zip(*rows, strict=True) if rows else ((),) * 5
-    bounds, slopes, forms, sines, cuts = map(np.array, columns)
+    columns = zip(*rows, strict=True) if rows else ((),) * 6
+    bounds, slopes, forms, sines, cuts, bends = map(np.array, columns)
     of_each = numbers[found.of_cells]
     if (steepness := steepness_of_cells(problem, side)) is not None:
         of_each, kinds, steep = _unlike(problem, of_each, steepness)
-        bounds, slopes, forms, sines, cuts = (
-            it[kinds] for it in (bounds, slopes, forms, sines, cuts)
+        bounds, slopes, forms, sines, cuts, bends = (
+            it[kinds] for it in (bounds, slopes, forms, sines, cuts, bends)
         )
         slopes *= steep[:, None]
     profile = profiles_of_cells(problem, side)
-    varies = {} if profile is None else {"cell_strength": block(of_cells, profile)}
+    some = {} if profile is None else {"cell_strength": block(of_cells, profile)}
+    if not np.isnan(bends).all():
+        some["cone_curvature"] = table_of(problem, bends, (), np.float64)
     return {
-        **varies,
+        **some,
         "cone": block(of_cells, of_each),
         "cone_bound": table_of(problem, bounds, (), np.float64),
         "cone_slope": table_of(problem, slopes, (m,), np.float64),

@@ -397,6 +397,18 @@ class LawSet(Protocol):
         ...
 
 
+@runtime_checkable
+class Provable(Protocol):
+    """A :class:`LawSet` that a proof file can state, so that strict bounds support it."""
+
+    def on_file(self) -> dict[str, float]:
+        """Return the numbers of the set by the names of arrays of the proof file.
+
+        Without a name, ``cone_slope`` and ``cone_matrix`` are zero and the other numbers NaN.
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Products:
     """Products of static and kinematic members, block by block.

@@ -9,7 +9,8 @@ import ufl
 
 from perfplast_fenicsx.arrays import Floats, Longs, matrices
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.conic.cone import LawSet, PointSets
+from perfplast_fenicsx.limit_analysis.conic.cone import LawSet, PointSets, Provable
+from perfplast_fenicsx.limit_analysis.conic.parabolas import Parabola
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     PlainCone,
@@ -20,7 +21,13 @@ from perfplast_fenicsx.limit_analysis.discrete.standard_cones import (
     shadow,
     standard_cone,
 )
-from perfplast_fenicsx.materials.law import Cone, Material, PrincipalCone, in_plane_stress
+from perfplast_fenicsx.materials.law import (
+    Cone,
+    Material,
+    ParabolicCone,
+    PrincipalCone,
+    in_plane_stress,
+)
 from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
 from perfplast_fenicsx.materials.varying_friction import FrictionSine
 from perfplast_fenicsx.problem.once import once_a_problem
@@ -269,17 +276,21 @@ def check_cones_are_provable(problem: Problem) -> None:
     Raises:
         InputError: Naming the first such body.
     """
-    if all(cone.other is None for cone in body_cones(problem).cones):
+    if all(_is_provable(cone) for cone in body_cones(problem).cones):
         return
     flat, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):
         cone = _cone_of(material, size, flat, problem.tagged_mesh.is_thin)
-        if cone is not None and cone.other is not None:
+        if cone is not None and not _is_provable(cone):
             raise InputError(
                 f"strict bounds have no proof for the yield set of {material.law.__name__} (volume"
                 f" '{name}'); ask for the limit load of the mesh (control = 'work', until ="
                 " 'limit')."
             )
+
+
+def _is_provable(cone: BodyCone) -> bool:
+    return cone.other is None or isinstance(cone.other, Provable)
 
 
 def check_whole_cones(problem: Problem) -> None:
@@ -402,9 +413,10 @@ def _of_numbers(
     if not cones:
         return BodyCone(None, never_yields(n, normal), none)
     if not isinstance(cones[0], Cone | PrincipalCone):
-        radius, slope = cones[0].around(flat)
+        other = _parabola(cones[0]) if isinstance(cones[0], ParabolicCone) else cones[0]
+        radius, slope = other.around(flat)
         around = replace(never_yields(n, normal), radius=radius, slope=slope, isotropic=False)
-        return BodyCone(None, around, none, other=cones[0])
+        return BodyCone(None, around, none, other=other)
     if isinstance(cones[0], PrincipalCone):
         principal = _principal(cones[0], law)
         by_matrices = not flat or np.isfinite(principal.tension)
@@ -438,6 +450,11 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
             "its yields.cones returns."
         )
     return plain
+
+
+def _parabola(cone: ParabolicCone) -> Parabola:
+    """Return the numbers of a parabola."""
+    return Parabola(float(numbers_of(cone.curvature)), float(numbers_of(cone.tension)))
 
 
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:

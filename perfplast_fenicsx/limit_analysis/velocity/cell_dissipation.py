@@ -24,7 +24,7 @@ And w lies in the cone w_n ≥ μ‖w_t‖ of associated Coulomb friction if its
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations, permutations, product
@@ -36,6 +36,7 @@ from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags, matrices
 from perfplast_fenicsx.compat import interpolation_points
+from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
 from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones, principal_of
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import (
@@ -79,6 +80,7 @@ class MechanismRates:
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
         principal: Bounds of principal stresses at their points.
+        others: Sets of other kinds at their points.
         profile: Factor of γ, and of bounds of principal stresses, by which strengths vary in space,
             shape (count,); None if no strength varies.
         above: Linear functions that are nowhere below the profile, at the vertices of the cells
@@ -96,6 +98,7 @@ class MechanismRates:
     slopes: Floats
     tilts: Floats | None
     principal: PrincipalCones
+    others: tuple[PointSets, ...]
     profile: Floats | None = None
     above: Floats | None = None
 
@@ -116,7 +119,9 @@ def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates
     above = None
     if at.profile is not None and not has_curved_cells(problem.tagged_mesh.mesh):
         above = profiles_of_cells(problem, "above")
-    bounded = at.weights, at.radii, at.slopes, at.tilts, principal_of(at.sets), at.profile, above
+    others = tuple(it for it in at.sets if not isinstance(it, PrincipalCones))
+    sets = principal_of(at.sets), others
+    bounded = at.weights, at.radii, at.slopes, at.tilts, *sets, at.profile, above
     return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)
 
 
@@ -174,7 +179,42 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
     count = there.shape[1]
     for vertex in range(count if cones.count else 0):
         missing[here, vertex] = cones.lacking(there[here, vertex, 0], there[here, vertex, 1:])
+    for one in _others_of_cells(problem, rates):
+        for vertex in range(count):
+            values = one.at_points(there[one.cells, vertex])
+            missing[one.cells, vertex] = one.sets.lacking(values[:, 0], values[:, 1:])
     return missing
+
+
+@dataclass(frozen=True, eq=False)
+class _SetsOfCells:
+    """Sets of another kind, each at the first point of its cell.
+
+    Attributes:
+        sets: The sets, in the order of the cells.
+        cells: Numbers of the cells, shape (num,).
+        count: Number of points.
+    """
+
+    sets: PointSets
+    cells: Longs
+    count: int
+
+    def at_points(self, values: Floats) -> Floats:
+        """Return values of the cells at their first points, and zero at all others."""
+        found: Floats = np.zeros((self.count, values.shape[1]))
+        found[self.sets.at] = values
+        return found
+
+
+def _others_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsOfCells]:
+    """Yield the sets of other kinds at the cells that this rank owns."""
+    of_points = np.full(rates.count, -1)
+    first = points_of_cells(problem)[:, 0]
+    of_points[first] = np.arange(len(first))
+    for sets in rates.others:
+        chosen = np.flatnonzero(of_points[sets.at] >= 0)
+        yield _SetsOfCells(sets.those(chosen), of_points[sets.at[chosen]], rates.count)
 
 
 def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[PrincipalCones, Longs]:
@@ -239,7 +279,23 @@ def dissipation_of_cells(
         missing = _mean(missing_growth(problem, rates)[here], above)
         powers[here] = _of_principal(problem, rates, cones, here, subdivisions)
         powers[here] += volumes[here] * sum(map(np.abs, cones.factors)) * missing
+    for one in _others_of_cells(problem, rates):
+        powers[one.cells] = _of_others(problem, rates, one, subdivisions)
     return powers
+
+
+def _of_others(
+    problem: Problem, rates: MechanismRates, one: _SetsOfCells, subdivisions: int
+) -> Floats:
+    """Return the dissipation of cells with sets of another kind, by its convexity."""
+    there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[one.cells]
+    volumes = rates.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
+
+    def power(some: Floats) -> Floats:
+        values = one.at_points(some)
+        return one.sets.powers(values[:, 0], values[:, 1:])
+
+    return work_of_cells(volumes, there, subdivisions, None, power)
 
 
 def _mean(values: Floats, profile: Floats | None) -> Floats:

@@ -111,6 +111,12 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
                 f"the material of volume '{name}' is {material!r}, which names no law and no"
                 " parameters; give one of perfplast_fenicsx.materials."
             )
+        plane = tagged_mesh.mesh.geometry.dim == 2 and not tagged_mesh.axisymmetric
+        if getattr(material.law, "plane_strain_only", False) and not plane:
+            raise InputError(
+                f"the law of volume '{name}', {type(material).__name__}, is for plane strain only;"
+                " give a plane mesh without axisymmetry, or law = 'mohr-coulomb'."
+            )
     _check_numbers(materials, mandel_size(tagged_mesh.mesh.geometry.dim))
     missing = sorted(set(tagged_mesh.volumes) - set(materials))
     if missing:

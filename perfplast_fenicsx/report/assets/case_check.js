@@ -145,6 +145,7 @@ const count = (value) => (Number.isInteger(value) && value > 0 ? "" : "is not a 
 const RANGES = {
   young: positive, yield_stress: positive, size: positive, sizes: positive, thickness: positive, design: positive,
   radius: positive, coulomb: atLeast0, tresca: atLeast0, cohesion: atLeast0, tensile_strength: positive,
+  compressive_strength: positive,
   friction_angle: angle, dilatancy_angle: angle, limit_tolerance: share, tolerance: share,
   cells: count, max_iterations: count, steps: count, density: atLeast0, strength: positive,
   curvature: between(0, 360), close_gaps: atLeast0, patience: positive, isotropic: atLeast0, kinematic: atLeast0,
