@@ -51,6 +51,7 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
     ("py:.*", r"perfplast_fenicsx(\.\w+)+\._\w+"),  # private
     ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function|AnyGround|Rubs)"),  # type variables
+    ("py:class", "DataFrame|Axes"),  # of pandas and matplotlib
 ]
 
 html_theme = "furo"

@@ -289,7 +289,7 @@ def test_why_the_factors_are_further_apart_than_requested() -> None:
         return roots
 
     def told(curves: list[factor_roots.FactorRoots], until: float, ended: str = "") -> str:
-        return safety_factor._wider(1.3, 1.32, curves, Adaptation(until, 500), ended)
+        return safety_factor._missed(1.3, 1.32, curves, Adaptation(until, 500), ended)
 
     coarse, fine = of_mesh(90, 1.2, 1.32, found), of_mesh(400, 1.3, 1.31, none)
     last = of_mesh(400, 1.3, 1.32, found)
@@ -300,8 +300,9 @@ def test_why_the_factors_are_further_apart_than_requested() -> None:
     )
     assert "until = 0.01: too many cells. The" in told([coarse, last], 0.01, "too many cells")
     assert "limit_tolerance = 0.001" in told([coarse, last], 0.01)
-    assert safety_factor._wider(1.3, 1.32, [fine], None, "") == ""
-    assert safety_factor._wider(None, 1.32, [fine], Adaptation(0.01, 500), "") == ""
+    assert safety_factor._missed(1.3, 1.32, [fine], None, "") == ""
+    none_found = "No upper factor was found: it locks."
+    assert safety_factor._missed(1.3, None, [fine], None, "") == none_found
 
 
 def test_what_is_refused(read: Read) -> None:

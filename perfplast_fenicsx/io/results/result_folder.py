@@ -98,7 +98,7 @@ def _told(value: Any) -> Any:
 
 
 DATA = ("summary.json", "path.csv", "run.log", "scene.json", SERIES)
-"""Files that are listed before the pictures of :func:`figures`."""
+"""Files that are listed before the pictures of :func:`result_files.figures`."""
 
 BESIDE = (
     *("loading.gif", MECHANISM, PROOF, LEAST, POINT_SERIES, MECHANISM_POINTS, STANDS, FALLS, KNOWN),

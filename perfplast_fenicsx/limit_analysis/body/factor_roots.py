@@ -192,7 +192,8 @@ class FactorRoots:
         """Return in a clause why the last search for a bound of this kind has no usable result."""
         bounds = list(self.found[kind].values())[-1]
         bound = bounds.lower if kind == "lower" else bounds.upper
-        return "; ".join(bound.why_not) or "no search on the last mesh gave a better one"
+        better = "no search on the last mesh gave a better one"
+        return bound.why_not[-1].rstrip(".") if bound.why_not else better
 
     def is_strict(self, kind: str) -> bool:
         """Return whether a bound of this kind is strict at any F so far."""

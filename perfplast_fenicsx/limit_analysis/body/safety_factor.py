@@ -69,8 +69,8 @@ class FactorOfSafety(NotebookResult):
             bounds.
         path: The curve of F over work on the mesh of the upper factor, if requested.
         kept: Strengths that F does not divide, in words.
-        wider: Why the factors are further apart than requested, in a sentence; empty if they are
-            not, or if nothing is requested.
+        missed: Why a factor is missing, or both are further apart than requested, in a sentence;
+            empty if neither is so.
     """
 
     lower: float | None
@@ -85,7 +85,7 @@ class FactorOfSafety(NotebookResult):
     estimate: bool = False
     path: StrengthPath | None = None
     kept: tuple[str, ...] = ()
-    wider: str = ""
+    missed: str = ""
 
     def table(self) -> dict[str, Any]:
         """Return the table for ``summary.json``."""
@@ -127,8 +127,7 @@ class FactorOfSafety(NotebookResult):
         body = "By Davis' estimate the body" if self.estimate else "The body"
         but = f" but {' and '.join(self.kept)}" if self.kept else ""
         said = f"{body} {', and '.join(sides)}, if all strengths{but} are divided by F."
-        wider = f" {self.wider}" if self.wider and len(sides) == 2 else ""
-        return said + wider + sentences(self.taken)
+        return said + (self.missed and f" {self.missed}") + sentences(self.taken)
 
     def news(self) -> str:
         """Return a sentence on the last result: the curve if there is one, else the bounds."""
@@ -186,29 +185,36 @@ def factor_of_safety(
         taken=taken_as(problem),
         estimate=by_davis(given.materials),
         kept=tuple(kept_strengths(given.materials, rubbing)),
-        wider=_wider(lower, upper, curves, adaptation, ended),
+        missed=_missed(lower, upper, curves, adaptation, ended),
     )
 
 
-def _wider(
+def _missed(
     lower: float | None,
     upper: float | None,
     curves: Sequence[FactorRoots],
     adaptation: Adaptation | None,
     ended: str,
 ) -> str:
-    """Return why the factors are further apart than requested, in a sentence; empty if not.
+    """Return why a factor is missing, or why both are further apart than requested.
 
     Args:
-        lower: Factor with which the bodies stand.
-        upper: Factor at which they fall.
+        lower: Factor with which the bodies stand; None if it is missing.
+        upper: Factor at which they fall; None if it is missing.
         curves: Results on all meshes.
         adaptation: The request.
         ended: Why there is no finer mesh; empty if ``until`` was met at one F.
+
+    Returns:
+        A sentence; empty if neither is so, or if nothing is requested.
     """
-    if adaptation is None or isinstance(adaptation.until, str) or lower is None or upper is None:
+    last = curves[-1]
+    if lower is None or upper is None:
+        kind = "upper" if upper is None else "lower"
+        return f"No {kind} factor was found: {last.failed(kind)}."
+    if adaptation is None or isinstance(adaptation.until, str):
         return ""
-    apart, last = upper / lower - 1, curves[-1]
+    apart = upper / lower - 1
     if apart <= adaptation.until:
         return ""
     cells = number_of_cells(last.problem.tagged_mesh)
