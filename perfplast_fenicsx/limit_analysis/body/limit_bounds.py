@@ -26,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.body.bound_problems import (
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once, pays
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proven
 from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_stress
-from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
     body_cones,
@@ -83,6 +83,9 @@ log = logging.getLogger(__name__)
 
 MOST_RESERVE = 0.1
 """Largest share of the strengths that a lower bound beside constant loads keeps for rounding."""
+
+MOST_TIMES = 3
+"""How often such a bound is sought again with more in reserve."""
 
 
 def limit_bounds(
@@ -210,14 +213,19 @@ def _bounds(
         )
         return proven(found)
 
-    found = judged(static)
-    lacking = 1.5 * (found.lower.over - 1)
-    if not 0 < lacking <= MOST_RESERVE:
-        return found
-    log.info("lower bound: again, with %.2g of the strengths in reserve for rounding", lacking)
-    again = bound_by_stress(below, rtol, monitor, found.question, None, lacking)
-    words = f"the lower bound keeps {percent(lacking)} of the strengths in reserve for rounding"
-    return replace(judged(again), advice=(*found.advice, words))
+    found, reserve = judged(static), Start.within(rtol).reserve
+    for _ in range(MOST_TIMES):
+        if found.lower.over <= 1:
+            break
+        reserve = 3 * reserve + 1.5 * (found.lower.over - 1)
+        if not reserve <= MOST_RESERVE:
+            break
+        log.info("lower bound: again, with %.2g of the strengths in reserve for rounding", reserve)
+        found = judged(bound_by_stress(below, rtol, monitor, found.question, None, reserve))
+        words = f"the lower bound keeps {percent(reserve)} of the strengths in reserve for rounding"
+        if found.lower.strict and reserve > 1e-3:
+            found = replace(found, advice=(*found.advice, words))
+    return found
 
 
 def mechanism_bound(
