@@ -43,7 +43,7 @@ class Triangulation:
     def __init__(
         self, name: str, points: Floats, values: Floats, cells: Longs | None = None
     ) -> None:
-        """Take the triangles of a file, or those of Delaunay.
+        """Store the simplices of a file, or compute those of Delaunay.
 
         Args:
             name: Of the file.
@@ -74,7 +74,7 @@ class Triangulation:
         Raises:
             InputError: As the constructor.
         """
-        from scipy.spatial import Delaunay, QhullError  # takes a while, and few cases need it
+        from scipy.spatial import Delaunay, QhullError  # slow to import, and few cases need it
 
         try:
             self._net = net = Delaunay(points)
@@ -94,7 +94,7 @@ class Triangulation:
         self.corners = x[kept]
 
     def _check_cells(self) -> None:
-        """Refuse cells of a file that have no area or overlap, and points that are there twice.
+        """Refuse cells of a file that have no area or overlap, and duplicate points.
 
         Raises:
             InputError: Naming the place of the first one.
@@ -131,7 +131,7 @@ class Triangulation:
             )
 
     def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
-        """Return pairs of places and simplices whose boxes have them, with barycentric coordinates.
+        """Return pairs of a place and a simplex whose box contains it.
 
         Args:
             x: Places, shape (n, d).
@@ -140,7 +140,7 @@ class Triangulation:
             Number of the place and of the simplex of each pair, shape (num_pairs,), and shares of
             the simplex's vertices, shape (num_pairs, d + 1).
         """
-        from scipy.spatial import cKDTree  # takes a while, and few cases need it
+        from scipy.spatial import cKDTree  # slow to import, and few cases need it
 
         low, high = self.corners.min(axis=1), self.corners.max(axis=1)
         middles = (low + high) / 2
@@ -191,7 +191,7 @@ class Triangulation:
         return self._net.simplices[found], np.where((found < 0)[:, None], -1.0, shares)
 
     def _in_cells(self, x: Floats) -> tuple[Longs, Floats]:
-        """Return the same property of the cells of a file."""
+        """Return the vertices of the file's simplex at each place, and its coordinates there."""
         found = np.zeros(len(x), dtype=np.int64)
         shares = np.full((len(x), x.shape[1] + 1), -1.0)
         for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
@@ -214,7 +214,7 @@ class Triangulation:
         least, most = np.zeros((2, len(corners)))
         boxes = [(x.min(axis=1), x.max(axis=1)) for x in (corners, self.corners)]
         (low, high), (others_low, others_high) = boxes
-        at_once = 200  # simplices whose neighbours are looked for together, for the memory
+        at_once = 200  # simplices whose neighbours are sought together, limited by memory
         for some in np.array_split(np.arange(len(corners)), len(corners) // at_once + 1):
             apart = (low[some, None] > others_high).any(axis=2)
             apart |= (high[some, None] < others_low).any(axis=2)
@@ -232,16 +232,16 @@ class Triangulation:
 def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     """Return barycentric coordinates of places whose convex hull is the overlap of two simplices.
 
-    They are the ends of the part of each edge of the one that lies in the other, and the other way
-    round. Every vertex of the overlap is such an end.
+    They are the ends of the part of each edge of either simplex that lies in the other. Every
+    vertex of the overlap is such an end.
 
     Args:
         ones: Vertices of simplices, shape (num_pairs, d + 1, d).
         others: Vertices of the adjacent simplices, of the same shape.
 
     Returns:
-        Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and which places there
-        are.
+        Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and flags of the places
+            that exist.
     """
     rounding, count = 1e-9, ones.shape[1]  # of barycentric coordinates
     pairs = np.array(list(combinations(range(count), 2)))
@@ -294,11 +294,11 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
 
     Args:
         path: The file.
-        name: Of an array at its points, with one component.
+        name: Name of an array at its points, with one component.
 
     Raises:
-        InputError: If the file cannot be read, has no such array, or has other cells than triangles
-            or tetrahedra.
+        InputError: If the file cannot be read, has no such array, or has cells that are neither
+            triangles nor tetrahedra.
     """
     try:
         file = _File(path.read_bytes())
@@ -374,7 +374,7 @@ class _File:
 
         Args:
             group: Such as ``PointData``.
-            name: Of the array; the first one without.
+            name: Name of the array; by default the first one.
 
         Raises:
             ValueError, KeyError: If it is missing or damaged.
@@ -419,7 +419,7 @@ class _File:
         blocks = int(head(1)[0])
         numbers = head(3 + blocks)
         length = len(numbers) * size
-        if coded:  # head and blocks are coded each by itself
+        if coded:  # head and blocks are encoded separately
             content = content[4 * -(-length // 3) :]
             content = _decoded_bytes(content, int(numbers[3:].sum()))
         else:

@@ -1,6 +1,6 @@
 """Write tables as CSV, and show them in a notebook as HTML, data frames and plots.
 
-pandas and matplotlib are optional, and imported when a data frame or a plot is asked for.
+pandas and matplotlib are optional; they are imported when a data frame or a plot is requested.
 """
 
 import csv
@@ -41,7 +41,7 @@ def notebook_table(title: str, rows: Sequence[tuple[str, object]]) -> str:
 
     Args:
         title: Caption of the table.
-        rows: Pairs of a name and a value; rows with an empty value are left out.
+        rows: Pairs of a name and a value; rows with an empty value are omitted.
     """
     body = "".join(
         f"<tr><th style='text-align:left'>{escape(name)}</th>"

@@ -39,10 +39,10 @@ def usual_names(
 ) -> tuple[list[str], list[FaceSet]]:
     """Return a name for each face, and the named sets of several faces.
 
-    All faces of a body with one label or colour, or on one side, have a name: ``plate_z_high`` is
-    the side, all free faces in the plane at which the body ends. A side on which some faces have
-    labels or colours has no name. Faces without such a name are named by their number,
-    ``plate_face_7``, and other sets ``plate_plane_7`` or ``plate_cylinder_7``.
+    All faces of a body with the same label or colour, or on the same side, share a name. The side
+    ``plate_z_high`` consists of all free faces in the plane at which the body ends. A side on which
+    some faces have labels or colours has no name. Faces without such a name are named by their
+    number, ``plate_face_7``, and other sets ``plate_plane_7`` or ``plate_cylinder_7``.
 
     Args:
         dim: Dimension of the faces.

@@ -64,7 +64,7 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     bend = np.linalg.norm(table[:, :2], axis=1) / 2  # each edge belongs to two triangles
     # Largest sum of the four unit vectors of exactly crossing lines: rounding.
     rounding = 1e-13
-    clear = 1e-3  # smallest sum at which edges are numerically no lines
+    clear = 1e-3  # smallest sum at which edges count as bent
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
     shifted = 0.05  # displacement of a vertex, relative to the harmonic mean length of its edges
     nearly &= True if stays is None else ~stays

@@ -1,4 +1,4 @@
-"""Use gmsh: a quiet session on one process, and a .msh file, read by a process of its own.
+"""Use gmsh: run a quiet session on one process, and read a .msh file in a separate process.
 
 This module does not use MPI.
 """

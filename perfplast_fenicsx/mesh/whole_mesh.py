@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WholeMesh(TaggedMesh):
-    """A mesh on this rank alone, with all cells of a shared mesh.
+    """A mesh that only this rank holds, with all cells of a shared mesh.
 
     Attributes:
         numbers: Global index of each cell in the shared mesh, shape (num_cells,).

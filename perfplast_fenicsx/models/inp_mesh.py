@@ -198,7 +198,7 @@ class MeshReader:
                 f"line {keyword.number}: *ELEMENT has a text that is not a number ({error})."
             ) from error
         if len(table) % width and kind.shape is LINE:
-            # beams sometimes have an extra node for their direction; they are left out in any case
+            # beams sometimes have an extra node for their direction; they are always omitted
             self._left_out[name] = self._left_out.get(name, 0) + len(keyword.lines)
             return
         if len(table) % width:

@@ -1,4 +1,4 @@
-"""Statements of an ``.inp`` file beside its mesh: materials, supports, loads, contacts."""
+"""Read materials, supports, loads and contacts of an ``.inp`` file."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -36,7 +36,7 @@ Room = dict[int, tuple[float, float, float]]
 """By the number of a face: a pixel (x, y) in it, and its distance from other faces (pixels)."""
 
 ENOUGH = 17.0
-"""Distance (pixels) from which a number is drawn on its face, not beside it."""
+"""Distance (pixels) from which a number is drawn on its face instead of next to it."""
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ def view_of(surface: Surface, axisymmetric: bool) -> View:
 
 
 def draw_axes(axes: Axes, view: View) -> None:
-    """Draw arrows in the directions of x, y and z, into axes of their own.
+    """Draw arrows in the directions of x, y and z, in separate axes.
 
     Args:
         axes: Empty axes to draw into.

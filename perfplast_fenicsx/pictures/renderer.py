@@ -71,8 +71,8 @@ def panels(
         frames: One skin in one or more states, with the same scales in all frames. They have
             ``displacement``, ``contact_pressure``, ``yield_ratio`` unless bodies are rigid, the
             mark ``contact``, and ``dissipation`` if it is to be shown. ``slip`` and
-            ``friction_stress`` are shown beside the displacement. An ``accumulated_plastic_strain``
-            is shown instead of the displacement.
+            ``friction_stress`` are shown in addition to the displacement. An
+            ``accumulated_plastic_strain`` is shown instead of the displacement.
         units: Units of the legends.
         largest_dissipation: Largest dissipation of all cells, inner ones too; only for mechanisms.
         middle: Whether to show displacement or dissipation.

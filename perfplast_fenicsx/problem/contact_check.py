@@ -1,4 +1,4 @@
-"""Check whether bodies can be in contact as declared, and find nodes that are left without."""
+"""Check whether bodies can be in contact as declared, and find nodes without contact."""
 
 import tomllib
 from pathlib import Path

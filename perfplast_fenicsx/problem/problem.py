@@ -190,8 +190,7 @@ class Problem:
     def with_rigid_motions(self) -> "Problem":
         """Return the same problem, whose rigid bodies move at levels. Collective.
 
-        It is for algorithms that follow levels. Bounds take rigid bodies as they are in the
-        problem itself.
+        It is for algorithms that follow levels. Bounds use the rigid bodies of the problem itself.
 
         Raises:
             InputError: If rigid bodies touch each other or obstacles, or supports do not fit them.

@@ -111,7 +111,7 @@ def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obst
 
 
 def halved(problem: Problem) -> Problem:
-    """Return the problem on a mesh all of whose edges are cut in half. Collective.
+    """Return the problem on a mesh in which all edges are halved. Collective.
 
     Coinciding vertices of bodies in contact coincide afterwards, and the bodies do not change:
     polygons that approximate circles remain polygons.

@@ -1,6 +1,6 @@
 """Pack data of the page's view of the bodies: mesh, levels, mechanism.
 
-A page must be small enough for mail, so that a large run does not include every level.
+A page must be small enough to send by mail. The page of a large run therefore omits some levels.
 
 Read fields of a result file as numbers at the skin of the bodies. Single-process.
 The module reads a field in slabs of rows and keeps only the values on the skin.
@@ -41,7 +41,7 @@ WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
     "lower_bound_stress": ("von Mises stress of the lower bound", "stress"),
     "gap_share": ("contribution to the gap between the bounds", ""),
 }
-"""Name and kind of number by field, in the order of the menu."""
+"""Title of each field and its kind of number, in the order of the menu."""
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
 def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
-    """Return a mesh that rank 0 makes unless it exists, and its remarks. Collective.
+    """Return the mesh, which rank 0 makes if it does not exist, and remarks on it. Collective.
 
-    That is, which surfaces are glued, and their areas in the drawing.
+    The remarks state which surfaces are glued, and their areas in the drawing.
     """
     on_rank0(comm, keep)
     glued, drawn = comm.bcast(on_rank0(comm, lambda: (glued_in(mesh), drawn_in(mesh))))

@@ -43,9 +43,9 @@ class FoundForces:
 
     Attributes:
         factor: λ.
-        aside: Factor of the loads of any factor.
+        aside: Factor of the free loads.
         forces: On the blocks at the vertices of owned outer facets, shape (num_outer, d, d).
-        tractions: By adhesion, at the same places, linear between.
+        tractions: Adhesive tractions at the same places, linear between them.
     """
 
     factor: float
@@ -62,7 +62,7 @@ class BlockLimit:
         lower: Outcome of the search for forces, and λ.
         upper: Upper bound of the motion.
         best: The best forces.
-        inner: Forces inside of their limits, at another λ; None where none were found.
+        inner: Forces inside their limits, at another λ; None where none were found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs.
         resists: Whether λ is above zero if there is no permanent load.
@@ -106,7 +106,7 @@ def _on_facets(
 
     Args:
         blocks: The blocks.
-        of: λ, the factor of the loads of any factor, and reactions of the blocks.
+        of: λ, the factor of the free loads, and reactions of the blocks.
         rows: Places, forces and tractions of joints.
     """
     (factor, aside, reactions), (places, on_joints, along_joints) = of, rows
@@ -130,7 +130,7 @@ class _OnJoints:
 
     Attributes:
         factor: λ.
-        aside: Factor of the loads of any factor.
+        aside: Factor of the free loads.
         forces: At the vertices of facets on the first side, shape (n, d, d).
         tractions: The same by adhesion.
         reactions: Forces of supports on blocks.

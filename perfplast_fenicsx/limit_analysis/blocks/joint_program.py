@@ -214,7 +214,7 @@ def best_of_joints(
 
 
 def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None:
-    """Return forces inside of the limits, with loads at a factor near the best; None without any.
+    """Return forces inside the limits, with loads at a factor near the best; None without any.
 
     A linear program makes a sum of their distances from the sides of the cones large. The first
     tenth of each distance counts ten times. Adhesive tractions use half of the adhesion.

@@ -169,8 +169,8 @@ def adaptive_bounds(
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
         design: Load factor of the design load, if the sequence ends once it is decided.
-        so_far: Called on every rank before each mesh but the first, with the bounds on the meshes
-            before, such as to write them.
+        so_far: Called on every rank before each mesh except the first, with the bounds so far, for
+            example to write them.
 
     Raises:
         InputError: If the mesh cannot be adapted, there is no design load to decide on, or

@@ -180,7 +180,7 @@ class BodyBounds(NotebookResult):
         upper: Upper bound.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero without a mechanism.
         by_flux: In axisymmetry v = ru (:mod:`ring_flux`), to which the upper bound belongs.
-        mesh: The limit load of this mesh, which bounds that of the body from neither side.
+        mesh: The limit load of this mesh, which is not a bound of that of the body.
         static: The lower bound with its stress; None if it was not computed.
         stress: The stress of the lower bound as Mandel vectors at the vertices of this rank's cells
             of ``problem``, shape (num_cells, d + 1, m). None without a lower bound, and in space

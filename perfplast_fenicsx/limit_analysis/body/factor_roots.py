@@ -273,7 +273,7 @@ def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float
 
 
 def _steepness(known: dict[float, float], guess: float) -> float:
-    """|d ln μ/d ln F|, between the two values next to μ = 1; a guess of a single one."""
+    """Return |d ln μ/d ln F| between the two values next to μ = 1, or the guess for one value."""
     pair = sorted(known, key=lambda factor: abs(known[factor]))[:2]
     if len(pair) < 2:
         return guess

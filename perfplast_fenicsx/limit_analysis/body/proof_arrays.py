@@ -519,8 +519,8 @@ def proven(bounds: BodyBounds) -> BodyBounds:
 
     low, high = proven_part(bounds, bounds, ask)
     if bounds.weaker is not None and not (low.lower.strict and high.upper.strict):
-        # The water of a slope that has an upper and a lower substitute is not one statement. A
-        # factor of safety has a file of each.
+        # Pore pressures of a slope with an upper and a lower substitute differ between the halves.
+        # A factor of safety therefore has a file for each half.
         lower, upper = (
             replace(of, value=None, of=Scope.MESH) for of in (bounds.lower, bounds.upper)
         )
@@ -568,8 +568,8 @@ def _judged(bound: Bound, worse: Mapping[str, Bound], refused: Mapping[str, Refu
 
     Args:
         bound: A bound.
-        worse: Those that the checker proves with a worse value, which it has to see again.
-        refused: Why it refuses others, by kind.
+        worse: Those that the checker proves with a worse value, which it has to check again.
+        refused: The reason of each refusal, by kind.
     """
     if bound.kind in worse:
         return worse[bound.kind]

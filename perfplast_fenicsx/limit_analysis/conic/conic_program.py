@@ -18,7 +18,7 @@ A :class:`discretisation.Discretisation` defines the velocities v: displacements
 
 Units come from the flow of viscous bodies under the same loads (:func:`choose_units`). This flow
 shows which strength matters: the one of the points where it dissipates. For example, a weak layer
-in a stack flows alone, and a weak column beside a strong one flows together with it. Bodies that
+in a stack flows alone, and a weak column next to a strong one flows together with it. Bodies that
 are far stronger are then treated as elastic. Both bounds remain bounds: the final stress is scaled
 into the true yield sets, and the dissipation of a velocity is computed with the true yield radii.
 The restriction affects only the search, and not its result if the stress is within yield in the
@@ -62,8 +62,10 @@ Stress: TypeAlias = tuple[Floats, Floats]
 """Pressure and deviator at the points, shapes (count,) and (count, m)."""
 
 SOFTEST = 1e-10
-"""Least modulus of points. Weak points that flow beside strong ones, which carry the loads, would
-have almost none. Without it K is singular in double precision with bulk moduli of 1e5.
+"""Least modulus of points.
+
+Weak points that flow next to strong ones, which carry the loads, would have almost none. Without it
+K is singular in double precision with bulk moduli of 1e5.
 """
 
 CONTRAST = 1e4
@@ -123,8 +125,8 @@ class Start:
 
 
 NO_STRAIN = 1e-4
-"""Share of the work of constant loads below which the dissipation of a flow is next to none. Loads
-on both sides of a contact drive a flow that opens it, and bodies move as rigid ones. The constant
+"""Share of the work of constant loads below which the dissipation of a flow is negligible. Loads on
+both sides of a contact drive a flow that opens it, and bodies move as rigid ones. The constant
 loads then limit it."""
 
 PRESSED = 10.0
@@ -427,8 +429,8 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         SingularStiffness: If K cannot be factorised.
     """
     flow = program.create_vector()
-    # With springs of contact so many times as stiff as the bodies, contact carries nearly its full
-    # share.
+    # If springs of contact are this many times as stiff as the bodies, contact carries nearly its
+    # full share.
     hard = 1e4
     try:
         if start.scale is not None:
@@ -531,7 +533,7 @@ def _divide(
     Collective.
 
     Uzawa's iteration, with the factors of the flow. The part that contact carries remains in the
-    loads, since its forces must not pull. In the end the flow is that of the remaining loads.
+    loads, since its forces must not pull. At the end, the flow is that of the remaining loads.
 
     Args:
         program: The program with the loads.

@@ -485,8 +485,8 @@ def check_directions(domain: LoadDomain, directions: int) -> None:
     """
     if directions and (directions < 3 or len(domain.names) != 2):
         raise InputError(
-            f"directions = {directions} with {len(domain.names)} varying names; give 3 or more"
-            " with two names, or leave it out."
+            f"directions = {directions} with {len(domain.names)} varying names does not define a "
+            "diagram; give 3 or more directions and exactly two names, or remove directions."
         )
 
 

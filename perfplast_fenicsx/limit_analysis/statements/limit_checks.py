@@ -27,10 +27,10 @@ def check_friction_has_limits(problem: Problem) -> None:
     if problem.friction.follows_pressure:
         check_slip_is_true(problem)
         raise InputError(
-            "with Coulomb's friction (coulomb = ...) no limit theorem holds, which the interior "
-            "point method needs; search along a loading path (control = 'work', until = 'limit', "
-            "limit_method = 'path'), bound it by Drucker's pair (control = 'bounds'), or give "
-            "tresca = ... instead."
+            "with Coulomb's friction (coulomb = ...) no limit theorem holds, so the interior "
+            "point method cannot be used; search along a loading path (control = 'work', "
+            "until = 'limit', limit_method = 'path'), bound it by Drucker's pair "
+            "(control = 'bounds'), or give tresca = ... instead."
         )
 
 

@@ -63,7 +63,7 @@ class BalancedStress:
         pressure: Mean stress in the coordinates of the cones, shape (count,).
         deviator: Deviator in these coordinates, shape (count, m).
         load: Load factor λ.
-        aside: Factor of the loads of any factor.
+        aside: Factor of the free loads.
     """
 
     pressure: Floats

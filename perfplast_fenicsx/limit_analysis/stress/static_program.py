@@ -62,7 +62,7 @@ class StaticProgram:
 
         Args:
             load: Load factor λ.
-            aside: Factor of the loads of any factor.
+            aside: Factor of the free loads.
         """
         return load * self.load + self.dead + aside * self.free
 
@@ -71,7 +71,7 @@ class StaticProgram:
 
         Args:
             load: Load factor λ.
-            aside: Factor of the loads of any factor.
+            aside: Factor of the free loads.
         """
         kinds = (load * self.load, self.dead, aside * self.free)
         return np.asarray(np.abs(kinds).sum(axis=0))
@@ -124,7 +124,7 @@ class StaticProgram:
         Args:
             stress: Stress in the user's units.
             load: Load factor λ.
-            aside: Factor of the loads of any factor.
+            aside: Factor of the free loads.
         """
         left = self.form.strains.create_vector()
         self.program.strains.forces(*stress, left)
@@ -239,7 +239,7 @@ def certify_stress(
         deviator: Deviator in these coordinates, shape (count, m); shear tractions at places of
             slip.
         load: Load factor λ.
-        aside: Factor of the loads of any factor.
+        aside: Factor of the free loads.
     """
     strains, comm = static.form.strains, static.program.comm
     left = strains.create_vector()

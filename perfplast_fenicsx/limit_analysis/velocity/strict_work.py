@@ -427,7 +427,7 @@ def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
 
     Args:
         problem: The bodies.
-        mechanism: A velocity, its ghosts up to date; changed.
+        mechanism: A velocity with up-to-date ghosts; the function changes it.
     """
     least = 1e-9  # share beyond which it is not rounding of points
     if not UNSEEN < _entered(problem, mechanism) <= least:

@@ -1,7 +1,7 @@
-"""Rigid bodies at levels: rows B u = 0 by which all nodes of a body follow few.
+"""Model rigid bodies at levels by rows B u = 0: a few nodes determine all others of a body.
 
-The motions q of a body are few: three in the plane, six in space. Some components that supports
-hold, and directions at up to three nodes, determine q. All other components are linear in these.
+A body has three motions q in the plane and six in space. Some components that supports hold, and
+directions at up to three nodes, determine q. All other components are linear functions of these.
 The rows do no work on rigid motions, so that their forces balance on each body, and the loads
 arrive at its supports, contacts and glued surfaces.
 """
@@ -33,10 +33,10 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Supported:
-    """Components that supports hold; arrays of local nodes, ghosts too.
+    """Components that supports hold, as arrays over local nodes including ghosts.
 
     Attributes:
-        fixed: Whether they do, shape (num_nodes, gdim).
+        fixed: Whether supports hold each component, shape (num_nodes, gdim).
         displacement: u_D (length), its constant part and that which ζ multiplies, shape (2,
             num_nodes, gdim).
         holder: Number of the support, −1 for none, shape (num_nodes, gdim).
@@ -52,9 +52,10 @@ class RigidBodies:
     """Bodies whose nodes follow rigid motions.
 
     Attributes:
-        of_node: Number of the rigid body of each local node, ghosts too; −1 for bodies that deform.
+        of_node: Number of the rigid body of each local node including ghosts; −1 for bodies that
+            deform.
         rows: The rows of each body.
-        moving: Nodes of bodies that supports do not hold altogether, shape (num_nodes,).
+        moving: Nodes of bodies that supports do not hold completely, shape (num_nodes,).
     """
 
     of_node: Ints
@@ -79,8 +80,8 @@ def rigid_bodies(
         supported: Components that supports hold, with their displacement.
 
     Raises:
-        InputError: If bodies are of revolution, or supports move a body in a way that is not a
-            rigid motion.
+        InputError: If bodies are of revolution, or the given motion of a body by its supports is
+            not rigid.
     """
     if tagged_mesh.axisymmetric:
         raise InputError(
@@ -163,7 +164,7 @@ class _Body:
         self._gdim, self._count = self._motions.shape[1:]
 
     def held_rows(self, fixed: npt.NDArray[np.bool_]) -> "_Leaders":
-        """Return as many independent components that supports hold as there are. Collective."""
+        """Return a largest set of independent components that supports hold. Collective."""
         found = _Leaders.none(self._gdim, self._count)
         held = fixed[self._nodes] & self._owned[:, None]
         node, axis = np.nonzero(held)
@@ -187,7 +188,7 @@ class _Body:
         """Hold all that these components imply, and move it as they move. Collective.
 
         Raises:
-            InputError: If supports move the body otherwise than as a rigid one.
+            InputError: If the given motion of the supports is not a rigid motion of the body.
         """
         if not len(held):
             return
@@ -225,7 +226,7 @@ class _Body:
         supported.fixed[nodes] = known | implied
 
     def rows(self, held: "_Leaders", fixed: npt.NDArray[np.bool_], number: int) -> Constraints:
-        """Return the rows of all that is not held and does not lead. Collective.
+        """Return the rows of components that are neither held nor leaders. Collective.
 
         Args:
             held: The components of supports that lead.
@@ -248,7 +249,7 @@ class _Body:
             axes = np.eye(gdim)[loose]
             motions = self._kinematics.rigid_modes(at[None])[0]
             parts, strengths, _ = np.linalg.svd(axes @ motions @ leaders.complement())
-            # Directions that the other leaders leave with less freedom, of the most, follow.
+            # Directions whose freedom, relative to the largest, is smaller do not become leaders.
             least = 1e-6
             lead = int((strengths > least * strengths[0]).sum())
             directions = parts.T @ axes
@@ -295,14 +296,17 @@ class _Leaders:
 
     @classmethod
     def none(cls, gdim: int, count: int) -> "_Leaders":
-        """Return no leaders of a body with so many motions."""
+        """Return an empty set of leaders of a body with this number of motions."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, gdim)), np.zeros((0, count)))
 
     def __len__(self) -> int:
         return len(self.number)
 
     def and_at(self, number: int, along: Floats, motions: Floats) -> "_Leaders":
-        """Return these and directions at a node, which has these motions, (gdim, num_motions)."""
+        """Return the leaders with more directions at a node.
+
+        ``motions`` are the motions of the node, shape (gdim, num_motions).
+        """
         return _Leaders(
             np.append(self.number, np.full(len(along), number)),
             np.concatenate([self.along, along]),
