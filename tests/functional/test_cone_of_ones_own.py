@@ -77,6 +77,7 @@ def test_a_whole_run(tmp_path: Path, sign: float, ranks: int) -> None:
     assert done.returncode == 0, done.stderr
     limit = json.loads((tmp_path / "r" / "summary.json").read_text())["limit"]
     assert limit["method"] == "interior-point"
+    assert "a proof file cannot contain the yield set" in done.stdout
     assert limit["lower"] == pytest.approx(carried(sign), rel=2e-6)
     assert limit["upper"] == pytest.approx(carried(sign), rel=2e-6)
 

@@ -29,6 +29,8 @@ from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import (
+    NO_PROOF,
+    are_provable,
     body_cones,
     check_cones_are_provable,
 )
@@ -309,6 +311,8 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
         why = UNLIMITED if limit.reason.startswith(UNLIMITED) else why
         upper = Bound(None, "upper", Scope.MESH, (why,))
         advice = held_bodies(problem)
+    elif not are_provable(problem):
+        upper = Bound(None, "upper", Scope.MESH, (NO_PROOF,))
     else:
         let_rest(problem, limit.mechanism)
         keep_apart(problem, limit.mechanism)

@@ -41,6 +41,8 @@ OfField: TypeAlias = Callable[[SpatialField, Longs], Floats]
 NOMINAL_SINE = 0.5
 """sin φ of the cones of ground whose friction angle varies."""
 
+NO_PROOF = "a proof file cannot contain the yield set of a body"
+
 OUT_OF_PLANE = 2
 """Index of the Mandel component that is in no equation in plane strain."""
 
@@ -276,7 +278,7 @@ def check_cones_are_provable(problem: Problem) -> None:
     Raises:
         InputError: Naming the first such body.
     """
-    if all(_is_provable(cone) for cone in body_cones(problem).cones):
+    if are_provable(problem):
         return
     flat, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):
@@ -287,6 +289,11 @@ def check_cones_are_provable(problem: Problem) -> None:
                 f" '{name}'); ask for the limit load of the mesh (control = 'work', until ="
                 " 'limit')."
             )
+
+
+def are_provable(problem: Problem) -> bool:
+    """Return whether a proof file can state the yield sets of all bodies. Not collective."""
+    return all(_is_provable(cone) for cone in body_cones(problem).cones)
 
 
 def _is_provable(cone: BodyCone) -> bool:
