@@ -14,6 +14,7 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.report.frame import asset
 from tests.functional.browser_page import Page, alone
@@ -438,6 +439,26 @@ def test_wrong_entries_are_named_at_their_field(prop: Path, browser: Any) -> Non
     assert "write 1.5" in page.part("e-load-0-pressure-fault").text
     options = "[...document.getElementById('e-element--degree').options].map((a) => a.value)"
     assert page(options) == ["", "1", "2"]
+
+
+def test_another_law_keeps_what_both_have(prop: Path, browser: Any) -> None:
+    """All laws are offered; numbers of the old one alone go, those of the new one are missing."""
+    page = SetupPage(browser, prop / "setup.html")
+    page.drop(rich(prop))
+    page.wait(COMPLETE)
+    law = "e-material-beam--law"
+    offered = page(f"[...document.getElementById('{law}').options].map((a) => a.value)")
+    assert set(offered) == {"", *MATERIALS}
+    page.choose(law, "mohr-coulomb")
+    page.wait(f"{LEFT}.length === 2")
+    assert tomllib.loads(page.case)["material"]["beam"] == {
+        "law": "mohr-coulomb",
+        "young": 210000.0,
+        "poisson": 0.3,
+        "expansion": 1.2e-5,
+    }
+    for line, key in zip(page(LEFT), ("cohesion", "friction_angle"), strict=True):
+        assert key in line
 
 
 @pytest.mark.long

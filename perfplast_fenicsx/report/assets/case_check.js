@@ -5,9 +5,12 @@ function resolved(schema, value) {
   let found = { ...schema, properties: { ...schema.properties } };
   const join = (part) => {
     const other = resolved(part, value);
+    const mine = found.properties;
+    // A key that decides which shape the value has, such as law, keeps all of its choices.
+    const theirs = Object.entries(other.properties).filter(([key, one]) => !("const" in one && mine[key]?.enum));
     found = {
       ...found, ...other,
-      properties: { ...found.properties, ...other.properties },
+      properties: { ...mine, ...Object.fromEntries(theirs) },
       required: [...(found.required ?? []), ...(other.required ?? [])],
     };
   };

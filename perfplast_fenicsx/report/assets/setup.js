@@ -522,7 +522,8 @@ function changeField(path, number, key, schema, input) {
   pending.delete(idOf(table));
   let text;
   try {
-    text = withKey(caseText, table, key, found.toml);
+    text = path[0] === "material" && key === "law"
+      ? withMaterial(caseText, path[1], { law: found.toml }) : withKey(caseText, table, key, found.toml);
   } catch (error) {
     if (!(error instanceof CaseFault)) throw error;
     wrongFields.set(input.id, { text: input.value, words: error.message, place: cardWords(table) });
