@@ -3,5 +3,5 @@ from .drawing_process import animate as animate
 from .drawing_process import draw as draw
 from .drawing_process import plot as plot
 from .envelope_picture import save_envelope as save_envelope
-from .result_figures import save_shakedown as save_shakedown
+from .envelope_picture import save_shakedown as save_shakedown
 from .result_reader import ResultReader as ResultReader

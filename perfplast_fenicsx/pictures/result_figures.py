@@ -2,27 +2,19 @@
 
 Modules that need matplotlib or VTK are imported on use. So the loading curve is drawn without VTK,
 and a message names a missing package.
-
-Draw the multiple of constant loads that is carried, over the factor that divides all strengths.
-If there is a path, the factor over the work of the loads is drawn beside it. Single-process.
 """
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.result_files import Drawing, figures
 from perfplast_fenicsx.outcome_words import MeshEstimate
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.picture_file import drawable, heading, replace_picture
 from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLimit
 from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
@@ -116,7 +108,7 @@ def strength(reader: ResultReader) -> Drawing | None:
         return None
 
     def draw(picture: Path) -> None:
-        from perfplast_fenicsx.pictures.result_figures import save_strength
+        from perfplast_fenicsx.pictures.envelope_picture import save_strength
 
         save_strength(table, reader.scene.title, picture)
 
@@ -145,7 +137,7 @@ def shakedown(reader: ResultReader) -> Drawing | None:
         return None
 
     def draw(picture: Path) -> None:
-        from perfplast_fenicsx.pictures.result_figures import save_shakedown
+        from perfplast_fenicsx.pictures.envelope_picture import save_shakedown
 
         save_shakedown(table["diagram"], table["names"], reader.scene.title, picture)
 
@@ -336,99 +328,3 @@ def _drawing(path: Path) -> Iterator[Path]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(f"'{path}' cannot be written ({reason}); give another -o.") from error
-
-
-def save_shakedown(
-    rows: Sequence[Mapping[str, Any]], names: Sequence[str], title: str, path: Path
-) -> None:
-    """Draw the edge of the region of shakedown, and the failures beyond it.
-
-    Args:
-        rows: Rows of :class:`~perfplast_fenicsx.limit_analysis.shakedown.shakedown_load.Direction`.
-        names: Names of the two varying loads.
-        title: Heading.
-        path: The PNG file.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    marks = {"alternating plasticity": ("^", "#d62020"), "incremental collapse": ("s", "#3b6ea5")}
-    figure = Figure(figsize=(6, 6), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    known = [row for row in rows if row["first"] is not None]
-    x, y = [row["first"] for row in known], [row["second"] for row in known]
-    axes.fill([0.0, *x], [0.0, *y], color="#3b6ea5", alpha=0.12)
-    axes.plot(x, y, color="#555555", linewidth=1.0)
-    for failure in dict.fromkeys(row["failure"] for row in known):
-        marker, colour = marks.get(failure, ("D", "#7a3fa0"))
-        some = [(a, b) for a, b, row in zip(x, y, known, strict=True) if row["failure"] == failure]
-        points = zip(*some, strict=True)
-        axes.plot(*points, marker, color=colour, label=f"beyond: {failure}", clip_on=False)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(drawable(f"times {names[0]}"), parse_math=False)
-    axes.set_ylabel(drawable(f"times {names[1]}"), parse_math=False)
-    axes.set_title(heading(f"{title}: shakedown (estimate)"), parse_math=False)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="best")
-    replace_picture(path, figure)
-
-
-SIDES = {
-    "lower": ("#3b6ea5", "carried for certain", "stands with F = "),
-    "upper": ("#d62020", "carried at most", "falls at F = "),
-}
-"""Colour, label of a bound of the loads, and label of the factor that follows from it."""
-
-
-def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
-    """Draw both strict bounds over the factor, with the two factors at which they are 1.
-
-    Args:
-        table: Table of :meth:`safety_factor.FactorOfSafety.table`; the legend marks an estimate.
-        title: Heading.
-        path: The PNG file.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    path_of_mesh = table.get("path") or {}
-    points = path_of_mesh.get("points", [])
-    figure = Figure(figsize=(13 if points else 7, 5), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot(1, 1 + bool(points), 1)
-    if points:
-        _over_work(figure.add_subplot(1, 2, 2), points, table)
-    estimate = bool(table.get("estimate"))
-    for side, (colour, carried, proves) in SIDES.items():
-        says = (
-            f"{carried.removesuffix(' for certain')} (estimate by Davis)" if estimate else carried
-        )
-        known = [(row["factor"], row[side]) for row in table["curve"] if row[side] is not None]
-        if known:
-            axes.plot(*zip(*known, strict=True), "o-", color=colour, markersize=4, label=says)
-        if (factor := table[side]) is not None:
-            shown = (rounded_down if side == "lower" else rounded_up)(factor)
-            label = f"{proves}{shown}"
-            axes.axvline(factor, color=colour, linestyle="--", linewidth=1.0, label=label)
-    axes.axhline(1.0, color="black", linewidth=0.8)
-    axes.set(xlabel="F, by which strengths are divided", ylabel="times that the loads are carried")
-    axes.set_title(heading(title), parse_math=False)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="best")
-    replace_picture(path, figure)
-
-
-def _over_work(axes: Axes, points: Sequence[Mapping[str, Any]], table: Mapping[str, Any]) -> None:
-    """Draw the curve of the mesh, together with the factors that are proven."""
-    work, factor = ([point[key] for point in points] for key in ("work", "factor"))
-    axes.plot(work, factor, "o-", color="black", markersize=4, label="mesh: an estimate")
-    for side, (colour, _, proves) in SIDES.items():
-        if table[side] is not None:
-            label = proves.removesuffix(" with F = ").removesuffix(" at F = ")
-            axes.axhline(table[side], color=colour, linestyle="--", linewidth=1.0, label=label)
-    axes.set_xscale("log")
-    axes.set(xlabel="work of the loads", ylabel="F, by which strengths are divided")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right")

@@ -232,7 +232,7 @@ def test_bolts_with_nuts() -> None:
         (
             "teapot.msh",
             "$MeshFormat",
-            "a case, by file = 'teapot.msh'",
+            "a case, as file = 'teapot.msh'",
         ),
     ],
 )
