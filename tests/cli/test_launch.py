@@ -146,6 +146,7 @@ def test_forms_that_lack_and_cannot_be_compiled_are_one_sentence(tmp_path: Path)
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.long
 def test_the_doctor_finds_this_environment_well() -> None:
     """How fast this machine factorises is not asked."""
     run = perfplast("doctor")

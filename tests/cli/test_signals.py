@@ -111,6 +111,7 @@ class Run:
         return self.process.returncode, err
 
 
+@pytest.mark.long
 def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: Path) -> None:
     """kill -9 of a rank of three, SIGTERM to one of two, and one finishes."""
     case, folder = whole[0], tmp_path / "results"

@@ -86,6 +86,7 @@ def alone(comm: MPI.Intracomm, factors: dict[str, float], divided: float) -> Any
     return limit_bounds(problem, NEAR)
 
 
+@pytest.mark.long
 def test_each_is_as_if_it_were_alone(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,

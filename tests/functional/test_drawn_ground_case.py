@@ -214,6 +214,7 @@ def test_a_crack_inside_one_region(shared_tmp_path: Path) -> None:
 
 
 @pytest.mark.serial
+@pytest.mark.long(but=["[60, 24], [62, 30]-1", "[50, 35], [50, 20]-2"])
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("points", ["[60, 24], [62, 30]", "[50, 35], [50, 20]"])
 def test_a_crack_parts_nodes_but_those_of_its_tips(tmp_path: Path, points: str, order: int) -> None:

@@ -203,6 +203,7 @@ def test_passes(resource):
     assert "\n1 passed, 1 error in " in shown
 
 
+@pytest.mark.long
 def test_all_ranks_wait_for_ever(tmp_path: Path) -> None:
     tests = """
 def test_waits():

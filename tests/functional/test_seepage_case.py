@@ -23,6 +23,7 @@ def coarse() -> str:
     return text.replace("size = 1.5", "size = 3.0").replace("until = 0.02", "until = 0.3")
 
 
+@pytest.mark.long
 def test_factor_of_safety_of_an_earth_dam(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

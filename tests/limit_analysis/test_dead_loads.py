@@ -190,6 +190,7 @@ def test_green(shared_tmp_path: Path) -> None:
     checked(found.low, found.high, shared_tmp_path)
 
 
+@pytest.mark.long(but=["live1"])
 @pytest.mark.parametrize("live", [(0.0, -1.0), (0.0, 0.0)])
 def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[float, float]) -> None:
     """A shear of 2k on a strip that bears k: no pressure helps, strengths lack a factor of 2."""

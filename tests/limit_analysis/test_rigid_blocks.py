@@ -373,6 +373,7 @@ def dome(thickness: float, count: int = 20) -> Problem:
     return chain(mesh, [Support(f"{count}_x1")], loads, [crown], coulomb=1.0)
 
 
+@pytest.mark.long
 def test_least_thickness_of_a_dome(shared_tmp_path: Path) -> None:
     """It is 0.042 of the radius (J. Heyman, On shell solutions for masonry domes,
     doi:10.1016/0020-7683(67)90072-8), where slices lean against each other alone. A line of thrust

@@ -220,6 +220,7 @@ def test_exact_limit_loads_of_ground_that_dilates(
     check(limit_bounds(problem(read)), exact, width)
 
 
+@pytest.mark.long
 def test_a_smooth_circular_footing_beside_a_surcharge(read: Read) -> None:
     """Stresses less cot φ times what c gains, so that N_q = 1 + N_c tan φ holds for both bounds."""
     mesh = read(write_strip_footing, size=0.5, punch=True, width=3.0, depth=3.0).turned()

@@ -221,6 +221,7 @@ def test_rounding_beside_all_but_no_cohesion(
     assert half.proven > 1
 
 
+@pytest.mark.long
 def test_a_slope_with_a_skin_of_sand(read: Read) -> None:
     """F is sought again on each mesh, as the first one carries its weight far too long."""
     factors = []

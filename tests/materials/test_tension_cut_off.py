@@ -16,6 +16,7 @@ GROUND = MohrCoulomb(1e4, 0.3, 10.0, 20.0, tensile_strength=4.0)
 METAL = Tresca(1e4, 0.3, 10.0, tensile_strength=3.0)
 
 
+@pytest.mark.long(but=["material1-2"])
 @pytest.mark.parametrize(("material", "gdim"), [(GROUND, 3), (METAL, 2)])
 def test_what_is_true_of_every_law(material: MohrCoulomb | Tresca, gdim: int) -> None:
     check_all(material, 0.1 * material.cohesion / material.shear, gdim)

@@ -78,6 +78,7 @@ def declared(
     return Problem(tagged, {body: steel}, [Support(held)], [load], degree=2)
 
 
+@pytest.mark.long
 def test_limit_loads_agree(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     """Within the error of the mesh, which a coarser one shows."""
     coarse, fine, other = (

@@ -23,6 +23,11 @@ NEWTONS = 9810.0
 """Unit weight of water (N/m³)."""
 
 
+MOST_WATER = 3.0
+"""Largest density of saturated ground relative to the same ground with air in its pores. Beyond it
+one of them has another unit, such as a weight beside a mass."""
+
+
 @dataclass(frozen=True)
 class WaterTable:
     """Water in the pores of ground and above the ground.
@@ -288,11 +293,18 @@ class _Given:
                     f"saturated has '{body}', which has no density in [gravity]; give "
                     "there the density of the ground above the table."
                 )
-            more = density - self.gravity.density[body]
+            bulk = self.gravity.density[body]
+            more = density - bulk
             if more < 0:
                 raise InputError(
                     f"saturated has {density:g} for '{body}', less than its density"
-                    f" {self.gravity.density[body]:g} in [gravity]; exchange them."
+                    f" {bulk:g} in [gravity]; exchange them."
+                )
+            if density > MOST_WATER * bulk:
+                raise InputError(
+                    f"saturated has {density:g} for '{body}', {density / bulk:.3g} times its"
+                    f" density {bulk:g} in [gravity]; give both in the same unit, and"
+                    " 'acceleration' multiplies both."
                 )
             if more > 0 and self.reaches(body, self.table):
                 force = tuple(more * g for g in self.gravity.acceleration)

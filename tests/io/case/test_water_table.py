@@ -118,6 +118,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
             "'soil' is in piezometric and in dry",
         ),
         ({"table": INSIDE, "saturated": {"soil": 18.0}}, "18 for 'soil', less than its density 19"),
+        ({"table": INSIDE, "saturated": {"soil": 196.0}}, "10.3 times its density 19"),
         ({"ru": {"soil": 1.5}}, r"1\.5 for 'soil'"),
         ({"piezometric": {"soil": POND}, "saturated": {"soil": 20.0}}, "there is no table"),
     ],
