@@ -52,6 +52,7 @@ nitpick_ignore_regex = [
     ("py:.*", r"perfplast_fenicsx(\.\w+)+\._\w+"),  # private
     ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function|AnyGround|Rubs)"),  # type variables
     ("py:class", "DataFrame|Axes"),  # of pandas and matplotlib
+    ("py:obj", r"perfplast_fenicsx\.problem\.judged\.state\.(Iteration|LevelReport)"),
 ]
 
 html_theme = "furo"

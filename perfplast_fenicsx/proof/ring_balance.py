@@ -10,9 +10,9 @@ Only forces along the axis and jumps of tractions remain.
 4. Consider tractions that are quadratic on each side of a triangle, in equilibrium with forces that
    are linear in it. They belong to a stress that is quadratic in each of the three parts into which
    the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta, doi:10.1007/BF01379659).
-   On the regular triangle :data:`QUADRATIC` bounds its coefficients. The stress is zero at vertices
-   on the axis where the tractions are zero, and can be zero on a side on the axis, too. Then S/r is
-   at most 2C/r' with the largest coefficient C and the least positive radius r' of vertices and
+   On the regular triangle ``balance.QUADRATIC`` bounds its coefficients. The stress is zero at
+   vertices on the axis where the tractions are zero, and can be zero on a side on the axis, too.
+   Then S/r is at most 2C/r' with the largest coefficient C and the least positive radius r' of vertices and
    centre.
 """
 
