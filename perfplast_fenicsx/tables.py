@@ -63,7 +63,7 @@ def data_frame(rows: Sequence[Mapping[str, Any]]) -> "DataFrame":
     except ImportError as error:
         raise InputError(
             "data frames need pandas, which is not installed (pip install pandas); rows() of a"
-            " result, and perfplast export DIR --csv of a run, give the same numbers without it."
+            " result and `perfplast export DIR --csv` give the same numbers without it."
         ) from error
     return DataFrame(list(rows))
 

@@ -81,7 +81,7 @@ EXPLAINED = """
 - A number is **not decided** if a bound is missing, or if it is not certain which problem was
   solved.
 - The rounding is half a unit of the last printed digit. The percentage is the least one within it.
-  A percentage below 0.01 % is printed with two digits. Such a verdict holds only if the source has
+  A percentage below 0.01 % has two significant digits. Such a verdict holds only if the source has
   rounded to the nearest digit.
 
 The bounds hold for plane strain, the law in the case file (Mohr–Coulomb's without a limit of

@@ -340,7 +340,7 @@ class _Once(logging.Filter):
 
 @contextmanager
 def _handled(comm: MPI.Intracomm, handler: logging.Handler, level: str) -> Iterator[None]:
-    """Send the package's records of at least a level from rank 0 to a handler."""
+    """Send the package's log records of a level or higher from rank 0 to a handler."""
     handler.setLevel(level.upper())
     handler.addFilter(lambda record: comm.rank == 0)
     handler.addFilter(_Once())

@@ -122,7 +122,7 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
             )
     kept = [part for part in parts if part.name not in names]
     if not kept:
-        raise InputError("without leaves out all bodies; leave one of them in.")
+        raise InputError("without leaves out all bodies; keep at least one of them.")
     gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
     kernels = (gmsh.model.occ, gmsh.model.geo)
     for kernel in kernels:

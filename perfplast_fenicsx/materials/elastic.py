@@ -186,7 +186,7 @@ def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
 
 
 def check_deforms(materials: Mapping[str, object]) -> None:
-    """Refuse problems with rigid bodies only, if stresses and strains are computed.
+    """Refuse problems that have only rigid bodies, if stresses are to be computed.
 
     With rigid blocks only, a level has only the trivial solution. The functional J_ζ is positively
     homogeneous on a cone of motions. So its infimum is 0, at rest, or −∞ above the limit load. All

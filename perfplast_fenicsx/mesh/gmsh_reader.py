@@ -334,7 +334,7 @@ def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> 
         at = place_of(middle)
         raise InputError(
             f"{np.count_nonzero(counts > 2)} facets of '{path}' belong to more than two "
-            f"cells, one at {at}: cells are repeated or overlap; mesh the bodies again"
+            f"cells (one is at {at}): cells are repeated or overlap; mesh the bodies again."
         )
 
 

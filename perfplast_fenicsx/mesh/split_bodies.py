@@ -83,7 +83,10 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
         adjacent = gmsh.model.getAdjacencies(dim - 1, entity)[0]
         sides = sorted({bodies[int(volume)][0] for volume in adjacent})
         if not sides:
-            raise InputError(f"'{names[0]}' is on an entity of the gmsh model that bounds no body")
+            raise InputError(
+                f"'{names[0]}' names an entity of the gmsh model that bounds no body; remove the"
+                " name, or name a surface of a body."
+            )
         for tag in sides:
             body = f"{_name(dim, tag)}_" if len(sides) > 1 else ""
             side = tuple(f"{body}{name}" for name in names)

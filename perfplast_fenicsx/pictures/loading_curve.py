@@ -23,7 +23,7 @@ from perfplast_fenicsx.problem.judged.report import LevelReport
 def draw_history(
     axes: Axes, reports: Sequence[LevelReport], unit: str = "", now: LevelReport | None = None
 ) -> None:
-    """Draw the factor of each load over the work that it does with the factor 1.
+    """Plot the factor of each load against the work that the load does with a factor of 1.
 
     If no load has a factor, the driving forces of motions are drawn over their factors.
 

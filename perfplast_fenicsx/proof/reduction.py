@@ -169,7 +169,7 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
 def _whole(body: Body, number: np.int64, factor: float) -> str:
     """Return an undivided strength in words.
 
-    Without a slope the bound is multiplied. With a slope, cohesion and tan φ are multiplied.
+    ``factor`` multiplies the bound or, if a slope is given, cohesion and tan φ.
     """
     bound, slope = body.cone_bound[number], body.cone_slope[number]
     principal = bool(body.cones.is_principal[number])

@@ -12,8 +12,8 @@ Only forces along the axis and jumps of tractions remain.
    the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta, doi:10.1007/BF01379659).
    On the regular triangle ``balance.QUADRATIC`` bounds its coefficients. The stress is zero at
    vertices on the axis where the tractions are zero, and can be zero on a side on the axis, too.
-   Then S/r is at most 2C/r' with the largest coefficient C and the least positive radius r' of vertices and
-   centre.
+   Then S/r is at most 2C/r' with the largest coefficient C and the least positive radius r' of
+   vertices and centre.
 """
 
 from collections.abc import Sequence

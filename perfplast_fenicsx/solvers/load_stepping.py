@@ -106,7 +106,7 @@ SMALLEST_FACTOR = 1.2
 
 @dataclass(frozen=True)
 class Reached:
-    """Progress of a loading by chosen steps: all data for the next step.
+    """Progress of a loading whose steps the program chooses: all data for the next step.
 
     Attributes:
         last: State of the last level.

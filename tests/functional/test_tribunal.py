@@ -322,7 +322,7 @@ def test_a_problem_is_solved_and_its_proofs_are_checked(tmp_path: Path) -> None:
     text = CASES["pruska_01"].read_text(encoding="utf-8")
     case = tmp_path / "pruska_01.toml"
     case.write_text(text.replace("until = 0.007", "until = 0.2, cells = 300"), encoding="utf-8")
-    found = tribunal.solve(case, tmp_path / "out")
+    found = tribunal.with_spiral(tribunal.solve(case, tmp_path / "out"), case)
     low, high = found.sides
     assert low is not None and high is not None
     assert 1.0 < low < high < 1.5 and low < Decimal(found.spiral)

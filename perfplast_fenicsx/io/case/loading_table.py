@@ -36,7 +36,7 @@ def read_loading(top: Document, name: str) -> Control:
         return StageControl([convert(table, Stage, place) for table, place in tables])
     if top.loading is None:
         raise InputError(
-            f"{name}: 'loading' is missing; give a table, headed [loading], or [[stage]] tables."
+            f"{name}: 'loading' is missing; give a table headed [loading], or [[stage]] tables."
         )
     place = f"{name}, [loading]"
     _, schema, rest = choose(top.loading, "control", CONTROLS, place, default="load")

@@ -146,6 +146,9 @@ def _index(entries: Sequence[Any], part: str, key: str) -> int:
     if part.isdecimal() and int(part) < len(entries):
         return int(part)
     if called:
-        raise InputError(f"--vary {key}: several entries are called '{part}'; give its number.")
+        raise InputError(
+            f"--vary {key}: several entries are called '{part}'; use the number of the entry in"
+            " place of its name (the first one is 0)."
+        )
     known = [name for all_ in names for name in all_] or [str(i) for i in range(len(entries))]
     raise InputError(f"--vary {key}: there is no '{part}' in the case; {nearest(part, known)}")

@@ -142,7 +142,7 @@ def check_claim(
     again = "run the case again"
     half = halves.get(kind)
     if half is None:
-        raise InputError(f"{said} with its proof is missing; {again}.")
+        raise InputError(f"{said}, which has the proof, is missing; {again}.")
     if half.proven is None:
         raise InputError(f"{said} does not prove it ({'; '.join(half.faults)}); {again}.")
     excess = claimed - half.claimed if kind == "lower" else half.claimed - claimed

@@ -151,7 +151,8 @@ def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
             error = str(fault)
         except (OSError, ValueError, KeyError, TypeError) as fault:
             error = (
-                f"{path} cannot be read ({fault}); start again with --force instead of --restart."
+                f"{path} cannot be read ({fault}); start again with -o DIR --force instead of"
+                " --restart."
             )
     raise_together(folder.comm, error)
     return list(folder.comm.bcast(found))
@@ -171,7 +172,10 @@ def _check(folder: ResultFolder, found: Sequence[Proven]) -> None:
             along = float(ray @ one.carried)
             off = float(np.linalg.norm(one.carried - along * ray))
             if off > 1e-9 * abs(along):
-                raise InputError(f"{KNOWN} has a point that is not along {one.angles} degrees.")
+                raise InputError(
+                    f"{KNOWN} has a point that does not lie in the direction of {one.angles}"
+                    " degrees; start again with -o DIR --force."
+                )
             check_claim(KNOWN, name, "lower", along, halves)
         if one.side is not None:
             check_claim(KNOWN, name, "upper", one.side[-1] / float(ray @ one.side[:-1]), halves)

@@ -270,7 +270,7 @@ def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats
     """Return jumps of chosen pairs at all their nodes, and flags of these nodes. Collective.
 
     Returns:
-        Values for each local node, ghosts too; 0 and False at other nodes.
+        Values for each local node, including ghosts; 0 or False at nodes that are not on the face.
     """
     shares = problem.constraints.shares
     on_nodes, on_rows = shares.createVecs()

@@ -55,7 +55,7 @@ class Bolt:
         if not rises or not all(map(math.isfinite, self.shank)):
             raise InputError(
                 f"{where} has shank = {list(self.shank)}, which is not a range along the "
-                "axis; give where the shank begins and ends, the smaller number first."
+                "axis; give the positions of its begin and end, the smaller number first."
             )
 
     @property
