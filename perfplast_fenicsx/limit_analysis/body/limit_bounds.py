@@ -86,7 +86,7 @@ log = logging.getLogger(__name__)
 MOST_RESERVE = 0.1
 """Largest share of the strengths that a lower bound beside constant loads keeps for rounding."""
 
-MOST_TIMES = 3
+MOST_TIMES = 6
 """How often such a bound is sought again with more in reserve."""
 
 
@@ -216,10 +216,12 @@ def _bounds(
         return proven(found)
 
     found, reserve = judged(static), Start.within(rtol).reserve
+    over = found.lower.over
     for _ in range(MOST_TIMES):
         if found.lower.over <= 1:
             break
-        reserve = 3 * reserve + 1.5 * (found.lower.over - 1)
+        over = min(over, found.lower.over)  # one search may stall far from equilibrium
+        reserve = 3 * reserve + 1.5 * (over - 1)
         if not reserve <= MOST_RESERVE:
             break
         log.info("lower bound: again, with %.2g of the strengths in reserve for rounding", reserve)
