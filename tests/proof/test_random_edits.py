@@ -22,6 +22,7 @@ import pytest
 from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     BodyForce,
+    HoekBrown,
     MohrCoulomb,
     PorePressure,
     Pressure,
@@ -104,6 +105,20 @@ def combined(path: Path) -> Problem:
     return Problem(mesh, {"ground": law}, held, loads, degree=2)
 
 
+def footing_on_rock(path: Path) -> Problem:
+    """Half of a strip footing on rock of Hoek and Brown, between rollers and a pressure."""
+    sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 2 - 1e-9}
+    ends = {
+        "bottom": lambda x: x[1] < 1e-9,
+        "strip": lambda x: (x[1] > 1 - 1e-9) & (x[0] < 1 + 1e-9),
+    }
+    mesh = rectangle((4, 2), (2.0, 1.0), {"rock": lambda x: x[0] > -1}, sides | ends)
+    law = HoekBrown(1e4, 0.25, compressive_strength=20.0, m_b=1.5, s=0.01)
+    loads = [Pressure("strip", 1.0), Pressure("right", 0.5, constant=True)]
+    held = [Support("left", "x"), Support("bottom")]
+    return Problem(mesh, {"rock": law}, held, loads, degree=2)
+
+
 WET = [PorePressure(name, U) for name in ("lower", "upper")]
 
 KINDS: dict[str, Callable[[Path], Halves]] = {
@@ -123,6 +138,7 @@ KINDS: dict[str, Callable[[Path], Halves]] = {
     "a cut with friction": of(lambda path: cut_column(0.3, 0.0, 2.0)),
     "rigid stones in space": of(lambda path: in_space()),
     "water in the pores": of(lambda path: square(Pressure("top", 1.0), *WET)),
+    "rock": of(footing_on_rock),
     "an elastic body on a hinge": of(lambda path: random_case(HINGED).problem),
 }
 SHORT = ("blocks", "adhesion")
@@ -133,7 +149,7 @@ OF_PROOFS = {
 OF_BODIES = (
     *("vertices", "cells", "cone", "cone_bound", "cone_matrix", "body_force", "traction", "held"),
     *("surface", "facets", "contacts", "contact_adhesion", "contact_friction", "obstacle_normals"),
-    *("constant_traction", "obstacle_adhesion"),
+    *("constant_traction", "obstacle_adhesion", "cone_curvature"),
 )
 
 

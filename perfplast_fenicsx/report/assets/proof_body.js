@@ -4,10 +4,10 @@ const LOADS = ["body_force", "traction", "pore_pressure", "rigid_force", "rigid_
 const KINDS = ["", "constant_", "any_"];
 
 const KNOWN = new Set([...KINDS.flatMap((kind) => LOADS.map((name) => kind + name)),
-  ..."vertices cells cone cone_bound cone_slope cone_matrix cone_sine cone_tension cell_strength".split(" "),
-  ..."facets surface held guided contacts contact_adhesion contact_friction obstacles".split(" "),
-  ..."obstacle_normals obstacle_adhesion obstacle_friction rigid rigid_held cell_kept".split(" "),
-  ..."contact_kept obstacle_kept stress velocity nodes".split(" "),
+  ..."vertices cells cone cone_bound cone_slope cone_matrix cone_sine cone_tension".split(" "),
+  ..."cone_curvature cell_strength facets surface held guided contacts contact_adhesion".split(" "),
+  ..."contact_friction obstacles obstacle_normals obstacle_adhesion obstacle_friction rigid".split(" "),
+  ..."rigid_held cell_kept contact_kept obstacle_kept stress velocity nodes".split(" "),
   ..."joint_force joint_traction inner_force inner_traction numbers".split(" ")]);
 
 /** Bodies from the arrays of a half; refuses what is not one, or is not known here. */

@@ -1,4 +1,5 @@
-// Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, and what flow dissipates.
+// Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, or parabolas R² ≤ k(c − σ₁) with
+// R = (σ₁ − σ₃)/2 in the plane, and what flow dissipates.
 
 /** σ or ε of d × d numbers as a vector: normal components, also hoop ones, and √2 times shear ones. */
 function vector(t, d, hoop) {
@@ -26,8 +27,8 @@ function principal(v, out) {
 function conesOf(A, m) {
   const rows = (name) => A[name]?.data ?? refuse(`${name} is missing`);
   const bound = rows("cone_bound"), sine = rows("cone_sine"), cut = A.cone_tension?.data;
-  const [slope, matrix] = [rows("cone_slope"), rows("cone_matrix")];
-  for (const [of, size] of [[sine, 1], [slope, m], [matrix, m * m], [cut ?? sine, 1]]) {
+  const [slope, matrix] = [rows("cone_slope"), rows("cone_matrix")], bend = A.cone_curvature?.data;
+  for (const [of, size] of [[sine, 1], [slope, m], [matrix, m * m], [cut ?? sine, 1], [bend ?? sine, 1]]) {
     if (of.length !== bound.length * size) refuse("the shape of a cone's arrays fits nothing");
   }
   return range(bound.length).map((k) => {
@@ -35,12 +36,13 @@ function conesOf(A, m) {
     const M = range(m).map((i) => row(matrix, m, k * m + i));
     if (![c, ...q, ...M.flat()].every(Number.isFinite)) refuse("a cone is not finite");
     if (!(c >= 0 && c < 1e60)) refuse("a cone's bound is negative or too large");
-    const f = cut ? cut[k] : NaN;
-    if (!Number.isNaN(sine[k])) {
-      if (largest([...q, ...M.flat()])) refuse("a cone of principal stresses has a matrix");
-      return principalCone(c, sine[k], f);
-    }
-    return Number.isNaN(f) ? roundCone(c, q, M, m) : refuse("cone_tension without cone_sine");
+    const f = cut ? cut[k] : NaN, curved = !Number.isNaN(bend?.[k] ?? NaN), straight = !Number.isNaN(sine[k]);
+    if ((curved || straight) &&
+      largest([...q, ...M.flat()])) refuse("a cone of principal stresses has a matrix");
+    if (curved && straight) refuse("cone_curvature is given for a cone with a sine");
+    if (straight) return principalCone(c, sine[k], f);
+    if (!Number.isNaN(f)) refuse("cone_tension without cone_sine");
+    return curved ? parabola(c, bend[k], m) : roundCone(c, q, M, m);
   });
 }
 
@@ -69,6 +71,35 @@ function principalCone(c, s, f) {
       const [trace, size] = sums(v), lacks = Math.max(s * size - trace, 0);
       if (s && !cut) return mean * (trace + lacks);
       return mean * trace + half * size + (cut ? Math.abs(mean) * lacks : 0);
+    },
+  };
+}
+
+/**
+ * The set R² ≤ k(c − σ₁). Its gauge is the root g ≥ 0 of kcg² − kσ₁g − R² = 0. A rate of growth v and
+ * shear γ = ε₁ − ε₃ dissipates cv + (k/4)(γ − v)₊²/v; it is admissible if v ≥ δγ.
+ */
+function parabola(c, k, m) {
+  const gentlest = 0.01;
+  if (m !== 3) refuse("cone_curvature is given for bodies that are not in plane strain");
+  if (!(k > 0 && k < 1e60 && c > 0)) refuse("cone_curvature or its bound is not positive and finite");
+  if (!(k <= 1e12 * c && c <= 1e12 * k)) refuse("cone_curvature is too far from the tensile strength");
+  const weak = ((k + Math.sqrt(k * k + 2 * k * c)) / (2 * k * c)) * UP; // as σ₁ ≤ 1 and R² ≤ 1/2
+  const sizes = (v) => { const e = principal(v, 0); return [e[0] + e[2], e[2] - e[0]]; };
+  return {
+    c, s: 0, f: NaN, k, digits: 256 * U, grows: true, linear: false, keeps: false, takes: false,
+    radius: 1 / weak, weak, alert: Math.SQRT2 * (1 + gentlest) * UP,
+    steep: Math.SQRT2 * (c * (1 + gentlest) + (k / 4) * (1 / gentlest ** 2 + 2 / gentlest)) * UP,
+    ratio: (v) => {
+      const e = principal(v, 0), along = k * e[2], square = (e[2] - e[0]) ** 2;
+      const root = Math.sqrt(along * along + k * c * square);
+      return along < 0 ? square / 2 / (root - along) : (along + root) / (2 * k * c);
+    },
+    image: (v) => v, short: (v) => { const [grown, shear] = sizes(v); return gentlest * shear - grown; },
+    power: (v) => {
+      const [own, shear] = sizes(v), grown = Math.max(own, gentlest * shear);
+      const over = Math.max(shear - grown, 0);
+      return c * grown + (over > 0 ? ((k / 4) * over * over) / grown : 0);
     },
   };
 }

@@ -208,26 +208,27 @@ function coneShapes(body) {
   const squared = (M, size) =>
     range(m).flatMap((i) =>
     range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / size ** 2));
-  const found = body.cones.map(({ c, q, M, s, f }) => {
+  const found = body.cones.map(({ c, q, M, s, f, k }) => {
     const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat()),
       rows = isPrincipal ? range(m).map((i) => range(m).map((j) => unit(i, j))) : M;
     const slope = isPrincipal ? s : norm(q) / size, along = isPrincipal ||
       !norm(q) ? new Array(m).fill(0) : q.map((y) => y / norm(q));
     const lost = norm(rows.map((row) => row.reduce((sum, y, i) => sum + y * along[i], 0)));
     return { family: [...squared(rows, norm(rows.flat())), ...along,
-      isPrincipal ? 1 : 0, isPrincipal && f > 0 ? c / f : 0],
+      isPrincipal ? 1 : 0, isPrincipal && f > 0 ? c / f : 0, k ? k / c : 0],
       slope, bound: c / size, axial: isPrincipal || lost <= 1e-11 * size };
   });
-  const elastic = { family: [...squared(deviator, norm(deviator.flat())), ...new Array(m).fill(0), 0, 0],
+  const elastic = { family: [...squared(deviator, norm(deviator.flat())), ...new Array(m).fill(0), 0, 0, 0],
     slope: 0, bound: Infinity, axial: false };
   return { at: (k) => (k < 0 ? elastic : found[k]) };
 }
 
 /** Whether a cone is known to be in another, with bounds times factors. */
 function isIn(one, other, factor, times) {
-  if (one.family.some((y, i) => Math.abs(y - other.family[i]) > 1e-11)) return false;
+  const small = 1e-12; // of shapes of size 1; the first checker rounds them to 1e-11
+  if (one.family.some((y, i) => Math.abs(y - other.family[i]) > small)) return false;
   const [c, most] = [one.bound * factor, other.bound * times * (1 + 1e-12)];
-  if (Math.abs(one.slope - other.slope) <= 1e-11) return c <= most;
+  if (Math.abs(one.slope - other.slope) <= small) return c <= most;
   return one.axial && one.slope > 0 && one.slope < other.slope && c * other.slope <= most * one.slope;
 }
 
@@ -248,6 +249,7 @@ function reductionOf(body, A) {
   const cones = [0, 1].map((is) => new Set(body.cone.filter((c, i) => c >= 0 && kept[0][i] === is)));
   if ([...cones[1]].some((c) =>
     cones[0].has(c))) refuse("cell_kept divides a strength in some cells and not in others");
+  if ([...cones[0]].some((c) => body.cones[c].k)) refuse("strength_factor divides a parabola");
   return { factor, kept, divided: cones[0] };
 }
 
