@@ -39,12 +39,11 @@ ABOVE_ALL = """# Published numbers before a proof
 
 <!-- written by demos/tribunal/tribunal.py; edit that -->
 
-Many programs, papers and books give factors of safety of the same slopes, or limit loads of the
-same bodies, and their numbers differ. This page compares each number with two bounds that a file
-proves. With strengths divided by the lower bound on a factor of safety, a stress carries the
-weight, and no cell yields. With strengths divided by the upper bound, a mechanism moves, and the
-weight does more work than the ground can take up. Bounds on a load factor multiply the loads
-instead.
+Programs, papers and books give factors of safety of the same slopes, or limit loads of the same
+bodies, and they differ. This page compares each number with two bounds that a file proves. With
+strengths divided by the lower bound on a factor of safety, a stress carries the weight, and no cell
+yields. With strengths divided by the upper bound, a mechanism moves, and the weight does more work
+than the ground can take up. Bounds on a load factor multiply the loads instead.
 
 ```bash
 make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case files
@@ -92,16 +91,17 @@ in the field.
 
 Most sources were read in a transcription, which `published.csv` names in each row. So a verdict may
 also mean a misprint in the source or in its transcription. Problems with a geometry that only a
-figure has are left out, and so are factors of one given slip surface.
+figure has are left out, such as that of Zolfaghari and others (2005), and so are factors of one
+given slip surface.
 
 Factors of bearing capacity in textbooks are empirical or for design. "Impossible" then means that
 no footing of this kind on such ground carries that much, and says nothing of a footing in the
 field.
 
 The last column of the table of slopes is independent of the other bounds. It is the best log spiral
-that `log_spiral.py` finds, with NumPy and SciPy alone: an upper bound of homogeneous slopes, with
-water in the pores or without. Without friction the spiral is a slip circle. The script that writes
-this page fails if a lower bound is above it.
+of `log_spiral.py`, with NumPy and SciPy alone: an upper bound of homogeneous slopes, with water in
+the pores or without. Without friction the spiral is a slip circle. The script that writes this page
+fails if a lower bound is above it.
 
 Five of the loads were also bounded with another solver, Clarabel (`[solve] conic = "clarabel"`), on
 meshes that it adapted itself. Each of its brackets overlaps the one above:
