@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -98,9 +99,15 @@ those inside of it."""
 GROUND = ""
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports(path: Path) -> Iterator[tuple[str, ...]]:
     """Yield what a file imports from the package, as parts of dotted names after its own."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         names = []
         if isinstance(node, ast.ImportFrom) and node.level == 0:
             names = [f"{node.module}.{alias.name}" for alias in node.names]
@@ -189,7 +196,7 @@ KERNEL_SOURCES = {"body_stiffness.py:source", "condensed_stiffness.py:source"}
 def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
     """All functions and methods of the package, each with its file and name."""
     for _, path in modules():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.FunctionDef):
                 yield f"{path.relative_to(ROOT / PACKAGE)}:{node.name}", node
 
@@ -218,7 +225,7 @@ def test_no_public_name_is_that_of_a_module() -> None:
         modules = {path.stem for path in names.parent.iterdir()}
         public = {
             alias.asname
-            for node in ast.walk(ast.parse(names.read_text(encoding="utf-8")))
+            for node in ast.walk(tree(names))
             if isinstance(node, ast.ImportFrom)
             for alias in node.names
         }
@@ -229,7 +236,7 @@ def test_public_names_exist() -> None:
     """Each name of a stub is defined or imported in the module that the stub names."""
     missing = []
     for stub in sorted((ROOT / PACKAGE).rglob("__init__.pyi")):
-        for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+        for node in tree(stub).body:
             if not isinstance(node, ast.ImportFrom):
                 continue
             path = stub.parent.joinpath(*(node.module or "").split("."))

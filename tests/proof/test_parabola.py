@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx.limit_analysis import limit_bounds
+from perfplast_fenicsx.limit_analysis.conic import parabolas
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.parabola import GENTLEST
@@ -36,6 +37,10 @@ def rock() -> Cones:
     """The cone of a rock, as from a file."""
     bound, curvature = np.array([ROCK.tension]), np.array([ROCK.curvature])
     return Cones(bound, np.zeros((1, 3)), np.zeros((1, 3, 3)), NONE, NONE, curvature)
+
+
+def test_strict_mechanisms_dilate_as_the_checker_asks() -> None:
+    assert parabolas.GENTLEST >= GENTLEST
 
 
 def test_gauge_is_convex_and_has_the_weakness() -> None:

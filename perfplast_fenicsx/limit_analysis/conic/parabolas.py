@@ -34,13 +34,11 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Rates,
 )
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
+    ScaledMembers,
     Scaling,
+    SecondOrderMembers,
     determinant,
-    longest_step,
-    missing,
-    product,
     quotient,
-    raised,
 )
 
 ROOT2 = math.sqrt(2.0)
@@ -152,7 +150,7 @@ class Parabolas:
         return ParabolaPoints(self.at, scaled, strengths, weights)
 
 
-class ParabolaPoints:
+class ParabolaPoints(SecondOrderMembers):
     """Points with two cones each; see :class:`cone.Block`. Members have the shape (2 num, 3)."""
 
     def __init__(self, at: Longs, of: Parabola, strengths: Floats, weights: Floats) -> None:
@@ -200,23 +198,6 @@ class ParabolaPoints:
         found: Floats = (self._h + np.einsum("kij,nj->nki", self.G, y)).reshape(-1, 3)
         return found
 
-    def inner(self, now: Members) -> float:
-        """See :meth:`cone.Block.inner`."""
-        return float(np.einsum("ni,ni->", now.static, now.kinematic))
-
-    def longest(self, now: Members, change: Members) -> float:
-        """See :meth:`cone.Block.longest`."""
-        static = longest_step(now.static, change.static)
-        return min(static, longest_step(now.kinematic, change.kinematic))
-
-    def raised(self, products: Floats, by: float) -> Floats:
-        """See :meth:`cone.Block.raised`."""
-        return raised(products, by)
-
-    def missing(self, products: Floats, mu: float) -> Floats:
-        """See :meth:`cone.Block.missing`."""
-        return missing(products, mu)
-
     def scaled(self, now: Members, rates: Rates) -> "ScaledParabolaPoints":
         """Return the points at an iterate."""
         return ScaledParabolaPoints(self, now, rates)
@@ -239,15 +220,16 @@ class ParabolaPoints:
         return Members(static, kinematic, own)
 
 
-class ScaledParabolaPoints:
+class ScaledParabolaPoints(ScaledMembers):
     """The points at an iterate; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: ParabolaPoints, now: Members, rates: Rates) -> None:
         """Factorise H of each point."""
-        self._block, self._scaling = block, Scaling(now.static, now.kinematic)
+        super().__init__(now)
+        self._block = block
         count = len(block.at)
         rows = [np.tile(block.G[..., j], (count, 1)) for j in range(4)]
-        columns = np.stack([self._scaling.invert(it) for it in rows], axis=2)
+        columns = np.stack([self.scaling.invert(it) for it in rows], axis=2)
         self._columns: Floats = columns.reshape(count, 6, 4)
         self._roots: Floats = np.linalg.inv(np.linalg.qr(self._columns, mode="r"))
         self._off = self._works(now.kinematic) + self._rates(rates)
@@ -270,15 +252,9 @@ class ScaledParabolaPoints:
         roots = np.pad(self._roots[:, 1:, 1:], ((0, 0), (0, more), (0, more)))
         return moduli.with_whole(self._block.at, roots)
 
-    def products(self, change: Members | None = None) -> Floats:
-        """See :meth:`cone.ScaledBlock.products`."""
-        if change is None:
-            return product(self._scaling.point, self._scaling.point)
-        return product(self._scaling.invert(change.static), self._scaling.apply(change.kinematic))
-
     def aim(self, products: Floats) -> Any:
         """See :meth:`cone.ScaledBlock.aim`."""
-        return quotient(self._scaling.point, products)
+        return quotient(self.scaling.point, products)
 
     def bear(self, aim: Any, change: Borne) -> None:
         """See :meth:`cone.ScaledBlock.bear`."""
@@ -290,7 +266,7 @@ class ScaledParabolaPoints:
         dy = self._answer(self._asked(aim) + more)
         self._put(dy, change)
         static = np.einsum("kij,nj->nki", self._block.G, dy).reshape(-1, 3)
-        kinematic = self._scaling.invert(aim - self._scaling.invert(static))
+        kinematic = self.scaling.invert(aim - self.scaling.invert(static))
         left = self._works(kinematic) + self._off + more  # rounding, and more if not admissible
         kinematic[::2, 1:] -= left[:, 2:]
         kinematic[1::2, 2] -= left[:, 0] / 2

@@ -154,7 +154,28 @@ class Scaling:
         return self._eta**-2.0, np.column_stack([self._w0, -self._w])
 
 
-class _Points:
+class SecondOrderMembers:
+    """Common part of blocks with members in second-order cones; see :class:`cone.Block`."""
+
+    def inner(self, now: Members) -> float:
+        """See :meth:`cone.Block.inner`."""
+        return float(np.einsum("ni,ni->", now.static, now.kinematic))
+
+    def longest(self, now: Members, change: Members) -> float:
+        """See :meth:`cone.Block.longest`."""
+        static = longest_step(now.static, change.static)
+        return min(static, longest_step(now.kinematic, change.kinematic))
+
+    def raised(self, products: Floats, by: float) -> Floats:
+        """See :meth:`cone.Block.raised`."""
+        return raised(products, by)
+
+    def missing(self, products: Floats, mu: float) -> Floats:
+        """See :meth:`cone.Block.missing`."""
+        return missing(products, mu)
+
+
+class _Points(SecondOrderMembers):
     """Common part of both kinds of points; see :class:`cone.Block`."""
 
     def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
@@ -174,23 +195,6 @@ class _Points:
     def degree(self) -> int:
         """Number of points."""
         return len(self.radii)
-
-    def inner(self, now: Members) -> float:
-        """See :meth:`cone.Block.inner`."""
-        return float(np.einsum("ni,ni->", now.static, now.kinematic))
-
-    def longest(self, now: Members, change: Members) -> float:
-        """See :meth:`cone.Block.longest`."""
-        static = longest_step(now.static, change.static)
-        return min(static, longest_step(now.kinematic, change.kinematic))
-
-    def raised(self, products: Floats, by: float) -> Floats:
-        """See :meth:`cone.Block.raised`."""
-        return raised(products, by)
-
-    def missing(self, products: Floats, mu: float) -> Floats:
-        """See :meth:`cone.Block.missing`."""
-        return missing(products, mu)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
         """See :meth:`cone.Block.viscosities`."""
@@ -297,8 +301,12 @@ class Cones(_Points):
         return ScaledCones(self, now, rates)
 
 
-class _ScaledPoints:
-    """Common part of both kinds of points at an iterate; see :class:`cone.ScaledBlock`."""
+class ScaledMembers:
+    """The scaling of second-order members at an iterate; see :class:`cone.ScaledBlock`.
+
+    Attributes:
+        scaling: Their scaling W.
+    """
 
     def __init__(self, now: Members) -> None:
         self.scaling = Scaling(now.static, now.kinematic)
@@ -311,7 +319,7 @@ class _ScaledPoints:
         return product(*scaled)
 
 
-class ScaledCylinders(_ScaledPoints):
+class ScaledCylinders(ScaledMembers):
     """Points at an iterate; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: Cylinders, now: Members, rates: Rates) -> None:
@@ -358,7 +366,7 @@ class ScaledCylinders(_ScaledPoints):
         return found
 
 
-class ScaledCones(_ScaledPoints):
+class ScaledCones(ScaledMembers):
     """Points at an iterate; see :class:`cone.ScaledBlock`.
 
     Their moduli are W², with dp = −dS₀/α.
