@@ -241,14 +241,14 @@ def test_outputs_are_compared(shown: str, printed: str, equal: bool) -> None:
     assert commands.same(shown, printed) == equal
 
 
-@pytest.mark.long(but=["howto/loading.md-2"])
+@pytest.mark.long(but=["howto/python.md-2"])
 @pytest.mark.parametrize(
     ("name", "count"),
     [
         ("tutorial.md", 6),
         ("tutorial_slope.md", 9),
         ("extending.md", 7),
-        ("howto/loading.md", 2),
+        ("howto/python.md", 2),
     ],
 )
 def test_pages_do_what_they_show(tmp_path: Path, name: str, count: int) -> None:
