@@ -1,17 +1,21 @@
-"""Compute the limit load where the loading path levels off, with both sides and the mechanism.
+"""Compute the limit load where the loading path levels off, with its bounds and its mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
-Haslinger, Sysala, COMPLAS XII, 2013). So every ζ(α) reached is a static side of the discrete limit
-load. Where the curve is nearly flat, its increments are nearly a mechanism. The mechanism gives a
-kinematic side, and the direction of the next leap, until both sides meet. No side bounds the body.
+Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound of the limit load of
+the discrete problem. Where the curve is nearly flat, the increments of displacement are nearly a
+mechanism. The mechanism gives an upper bound of the discrete limit load, and the direction in which
+the path is extrapolated next. The search ends when both bounds agree. They are not bounds for the
+body itself.
 
-Bracket the load at which a loading path with Coulomb's friction loses equilibrium. No limit theorem
-holds, so only levels of the path itself bound this load. They are the largest load that a level
-carries, and the least load for which a level ends with the verdict that there is no equilibrium.
-Works grow until ζ(α) has levelled off, because any work has a solution if bodies slide. Then loads
-just beyond are tried, from the state that carries most, until one is refused. The result holds for
-the path from the assembled bodies, for the mesh, and for the rounds of
-:mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry other loads.
+With Coulomb's friction no limit theorem holds. Then the module brackets the load at which the
+loading path loses equilibrium. The lower end is the largest load factor at which a level (load
+step) has converged. The upper end is the smallest load factor for which the solver has reported
+that there is no equilibrium. First the prescribed work α grows until ζ(α) has levelled off. A level
+with prescribed work has a solution even if bodies slide. Then the search tries slightly larger
+loads, starting from the state with the largest load, until the solver refuses one. The result holds
+only for the path that starts from the assembled bodies, for this mesh, and for the friction
+iterations of :mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry other
+loads.
 """
 
 import logging
@@ -54,8 +58,9 @@ log = logging.getLogger(__name__)
 
 
 SHARES = (0.5, 0.25, 0.75)
-"""Position of the next load between one that is carried and one that is refused. The middle comes
-first, then both sides of it if the level there has neither converged nor been refused.
+"""Positions of trial loads between the largest carried and the smallest refused load, as fractions
+of their distance. The midpoint is tried first. If the level there neither converges nor is refused,
+the other positions follow.
 """
 
 
@@ -64,14 +69,14 @@ OnLevel = Callable[[Level, Search], None]
 
 
 def check_resolution(rtol: float, solver: WorkNewton) -> None:
-    """Refuse a tolerance that does not distinguish sliding from rest.
+    """Refuse a tolerance that is too small to distinguish sliding bodies from bodies at rest.
 
     Args:
         rtol: Relative difference of both loads at which the search ends.
         solver: Solver of the path.
 
     Raises:
-        InputError: With the smallest tolerance that is allowed.
+        InputError: If the tolerance is too small; the message gives the smallest allowed one.
     """
     finest = 10 * max(SLIDES, solver.options.tolerance)
     if rtol < finest:
@@ -90,20 +95,20 @@ def coulomb_limit(
     search: Search | None = None,
     reached: Reached | None = None,
 ) -> LimitLoad:
-    """Compute both loads, and Drucker's pair if the limit load has it. Collective.
+    """Bracket the load at which equilibrium is lost, with Drucker's bounds if known. Collective.
 
     Args:
         problem: The bodies and their loads, with Coulomb's friction in some places.
-        rtol: Largest relative difference of both loads.
-        solver: ALG3 or ALG4; its linear solvers serve for given loads too.
+        rtol: Largest relative difference between the carried and the refused load.
+        solver: ALG3 or ALG4. Levels with prescribed loads use the same linear solvers.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level that carries its load, and after the level
             of the permanent loads.
         search: Search of an earlier run, to continue.
-        reached: Last state of that run.
+        reached: Last converged state of that run.
 
     Raises:
-        InputError: If the tolerance is too fine to distinguish a sliding body from one at rest.
+        InputError: If the tolerance is too small to distinguish a sliding body from one at rest.
     """
     check_resolution(rtol, solver)
     direct = method_for(problem) is LimitMethod.INTERIOR_POINT and not problem.loads.has_dead()
@@ -137,14 +142,15 @@ class _Path:
     """The state of a search.
 
     Attributes:
-        solver: Solver of given works.
+        solver: Solver of levels with prescribed work.
         rtol: Relative difference of both loads at which the search ends.
         search: Results so far, for a restart.
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.
         levels: The levels that carry their loads.
-        before: State of the last level but one with more work than all earlier ones.
-        last: State of the last such level.
+        before: State before ``last``: the last but one whose work exceeds that of all earlier
+            levels.
+        last: State of the last level whose work exceeds that of all earlier levels.
         most: State that carries the largest load.
         refused: Number of loads that were tried and not carried.
     """
@@ -164,7 +170,7 @@ class _Path:
         self._solved = self.search.linear_solves - self.solver.linear.solves
 
     def follow(self, reached: Reached | None) -> None:
-        """Follow given works until ζ has levelled off, or no further level is solved.
+        """Solve levels with growing prescribed work until ζ has levelled off or a level fails.
 
         Collective.
         """
@@ -176,7 +182,7 @@ class _Path:
             return
         # Number of levels of given work after which ζ counts as not levelling off.
         most_works = 40
-        # Largest ratio of ζ to the first one; the search ends there if nothing slips or yields.
+        # Largest ratio of ζ to its first value; the search ends there if nothing slips or yields.
         farthest = 1e12
         for level in work_path(self.solver, self.monitor, reached):
             self._count()
@@ -207,17 +213,17 @@ class _Path:
                 return
 
     def bracket(self) -> None:
-        """Try loads beyond the largest that is carried, until one is refused. Collective."""
+        """Try loads above the largest carried load until the solver refuses one. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
-        # ζ below this counts as zero, because the given loads have a realistic size.
+        # A ζ below this value counts as zero: the given loads have a realistic size.
         least_load = 1e-8
         low = search.lower if search.lower > least_load else 0.0
-        # Relative increase of the next load, if ζ has not levelled off.
+        # Relative increase of the next trial load if ζ has not levelled off.
         wider = 0.1
         step = rtol if has_levelled(search.points, rtol) else wider
         why, open_end, unknown = "", search.reason, 0
-        # Number of loads after which the search ends with the present bracket.
+        # Number of trial loads after which the search ends with the present bracket.
         most_loads = 40
         for _ in range(most_loads):
             width = None if search.upper is None else search.upper - low
@@ -241,8 +247,11 @@ class _Path:
                 search.upper, why, unknown = zeta, told, 0
                 self.refused += 1
             else:
-                log.info("neither solved nor refused %s", told)
-                open_end, unknown = f"neither a solution nor a verdict {told}", unknown + 1
+                log.info("the solver neither converged nor refused the load %s", told)
+                open_end, unknown = (
+                    f"the solver neither converged nor refused the load {told}",
+                    unknown + 1,
+                )
                 self.refused += 1
             step *= 2
         search.ended = True
@@ -265,10 +274,10 @@ class _Path:
 
 
 def has_levelled(points: Points, rtol: float) -> bool:
-    """Return whether the last level exceeds the largest ζ before it by no more than the tolerance.
+    """Return whether the last ζ exceeds all earlier values by no more than the tolerance.
 
     Args:
-        points: Pairs (α, ζ) of levels; the work grows by a factor from level to level.
+        points: Pairs (α, ζ) of the levels; each level multiplies the work by a factor.
         rtol: Relative tolerance.
     """
     if len(points) < 2:
@@ -278,13 +287,13 @@ def has_levelled(points: Points, rtol: float) -> bool:
 
 
 def trial(low: float, refused: float | None, step: float, unknown: int) -> float:
-    """Return the load to be tried next.
+    """Return the load factor to be tried next.
 
     Args:
-        low: Largest load that is carried; 0 if none is.
-        refused: Least load that is refused; None if none is.
-        step: Relative increase over ``low``, if no load is refused.
-        unknown: Number of loads since the last change of either that gave no verdict.
+        low: Largest carried load factor; 0 if there is no such factor.
+        refused: Smallest refused load factor; None if there is no such factor.
+        step: Relative increase over ``low`` while no load is refused.
+        unknown: Number of undecided trial loads since ``low`` or ``refused`` last changed.
     """
     if low == 0:
         return (1.0 if refused is None else refused / 10) / 10**unknown
@@ -306,29 +315,31 @@ def limit_load(
 ) -> LimitLoad:
     """Return the limit load of the mesh, with its bounds and its mechanism. Collective.
 
-    The interior point method (:func:`discrete_limit.interior_point`) finds both bounds in 10 to 20
-    factorisations. A loading by work also gives the curve, and continues until ζ(α) has levelled
-    off. With Coulomb's friction no limit theorem holds; the result is then the load at which the
-    path loses equilibrium (:func:`limit_search.coulomb_limit`).
+    The interior point method (:func:`discrete_limit.interior_point`) finds both bounds with 10 to
+    20 factorisations. A loading path with prescribed work also gives the load-work curve, and
+    continues until ζ(α) has levelled off. With Coulomb's friction no limit theorem holds. The
+    result is then the load at which the path loses equilibrium
+    (:func:`limit_search.coulomb_limit`).
 
     Args:
         problem: The bodies and their loads.
-        rtol: Relative distance of the bounds. For a path whose laws give no mechanism: relative
-            difference of the estimate from ζ, and from the estimate of the level before.
+        rtol: Relative distance of the bounds at which the search ends. If the laws of a path give
+            no mechanism, it is the relative difference of the estimate from ζ, and from the
+            estimate of the previous level.
         solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
-        method: "interior-point" or "path". The default is the interior point method, if it knows
-            the laws, a factorisation fits, and no argument of a path is given. If it does not fit
-            after all, a path follows.
+        method: "interior-point" or "path". The default is the interior point method if it supports
+            the laws, a factorisation fits into memory, and no argument of a path is given. If the
+            factorisation exhausts memory nevertheless, the function follows a path instead.
         monitor: Called on every rank after each iteration.
-        on_level: Called on every rank after each level, with the result so far.
+        on_level: Called on every rank after each level, with the result up to that level.
         search: State of an earlier search, to continue it.
-        reached: Point that the earlier search had reached.
+        reached: Last point of the earlier search.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, or too small to distinguish sliding from
-            rest with Coulomb's friction. If all loads are constant, bodies harden, or no stress can
-            carry the loads. If the interior point method is requested for a problem that it does
-            not know.
+        InputError: If ``rtol`` is not between 0 and 1, or is too small to distinguish sliding from
+            rest with Coulomb's friction. If all loads are constant, a body hardens, or no stress
+            can carry the loads. If the interior point method is requested for a problem that it
+            does not support.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)
@@ -347,7 +358,10 @@ def limit_load(
                 raise InputError(
                     f"{str(fault).removesuffix('.')}; limit_method = 'path' needs no factorisation."
                 ) from fault
-            log.info("%s A loading path follows, which needs no factorisation.", fault)
+            log.info(
+                "%s The program follows a loading path instead, which needs no factorisation.",
+                fault,
+            )
     solver = solver or WorkNewton(problem, NewtonOptions(**limit_options(rtol)))
     return _by_path(problem, rtol, solver, monitor, on_level, search or Search(), reached)
 
@@ -399,7 +413,7 @@ def _by_path(
 
 
 def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -> None:
-    """Refuse problems that :func:`limit_load` would refuse, without solving. Collective.
+    """Refuse the problems that :func:`limit_load` refuses, without solving them. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -407,7 +421,7 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
         solver: Solver of a path; None for the interior point method.
 
     Raises:
-        InputError: As :func:`limit_load`, except for loads that no stress can carry.
+        InputError: In the cases of :func:`limit_load`, except for loads that no stress can carry.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)
@@ -421,30 +435,30 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
 
 
 def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
-    """Return the requested method, or the one that suits the problem."""
+    """Return the requested method, or by default the one that suits the problem."""
     if method is None:
         return LimitMethod.PATH if follows else method_for(problem)
     if method not in list(LimitMethod):
         raise InputError(f"method = '{method}' of a limit load: {nearest(method, LimitMethod)}")
     if follows and method == LimitMethod.INTERIOR_POINT:
         raise InputError(
-            "solver, on_level, search and reached belong to a loading path, and the interior"
-            " point method has none; remove them, or give method = 'path'."
+            "solver, on_level, search and reached are arguments of a loading path, which the "
+            "interior point method does not follow; remove them, or give method = 'path'."
         )
     return LimitMethod(method)
 
 
 def limit_options(rtol: float, coulomb: bool = False) -> dict[str, Any]:
-    """Return options of the Newton methods that suit a limit load with a relative tolerance.
+    """Return the options of Newton's method for a limit load with a given relative tolerance.
 
     Args:
         rtol: Relative difference of the bounds at which the search ends.
-        coulomb: Whether there is Coulomb's friction, whose shear limits converge no better than the
-            steps.
+        coulomb: Whether there is Coulomb's friction. Its shear limits converge only to the
+            tolerance of the Newton steps.
     """
-    # Largest tolerance of a level: with 1e-3, ζ was once 1e-4 above an upper bound.
+    # Largest tolerance of a level. With 1e-3, ζ was once 1e-4 (relative) above an upper bound.
     loosest = 1e-4
-    # Tolerance of a level with Coulomb's friction: that of the shear limits, which its rounds
-    # determine.
+    # Tolerance of a level with Coulomb's friction. It equals that of the shear limits, which the
+    # friction iterations determine.
     friction_rtol = 1e-8
     return {"stopping": "stress", "tolerance": friction_rtol if coulomb else min(rtol, loosest)}

@@ -1,13 +1,13 @@
-"""Compute the curve of the strength reduction factor F over the work ω, by continuation in ω.
+"""Compute the strength reduction factor F as a function of the work ω, by continuation in ω.
 
-This is the indirect continuation of S. Sysala et al. (arXiv:2312.12170). For a prescribed work
-ω = L(u), it seeks F and u at which the loads are in equilibrium. Here ALG3 computes u and the
-multiplier ζ of the work equality for any F, with a duality gap. F is where ζ(F, ω) = 1, found by
-secants of ln ζ over ln F. Each u is the start of the next.
+This is the indirect continuation of S. Sysala et al. (arXiv:2312.12170). For a prescribed work ω =
+L(u), the method seeks the F and u for which the loads are in equilibrium. For any F, ALG3 computes
+u and the multiplier ζ of the constraint L(u) = ω, with a duality gap. The secant method for ln ζ as
+a function of ln F then solves ζ(F, ω) = 1. Each u is the start of the next solve.
 
-For fixed F, ζ does not fall as ω grows, and tends to the limit load ζ_lim(F), which falls with F.
-So ζ_lim(F(ω)) ≥ 1: the mesh carries the loads with each F(ω), which tends to the factor of safety
-of the mesh.
+For fixed F, ζ is non-decreasing in ω and tends to the limit load ζ_lim(F). This limit load
+decreases with F. Therefore ζ_lim(F(ω)) ≥ 1: the discrete problem carries the loads with each F(ω).
+F(ω) tends to the factor of safety of the discrete problem.
 """
 
 import logging
@@ -34,12 +34,12 @@ def strength_path(
     tolerance: float = 1e-3,
     monitor: Callable[[Iteration], None] | None = None,
 ) -> StrengthPath:
-    """Return the curve of F over the work of all loads, until F has levelled off. Collective.
+    """Return F as a function of the work of all loads, until F has levelled off. Collective.
 
     Args:
         problem: The bodies and their loads, all of which are constant.
-        tolerance: F has levelled off when twice the work would raise it by at most a quarter of
-            this, relative, with the last slope.
+        tolerance: Relative tolerance of F. F has levelled off if doubling the work would raise F by
+            at most a quarter of the tolerance, extrapolated with the last slope.
         monitor: Called on every rank after each Newton step.
 
     Raises:
@@ -55,10 +55,10 @@ def strength_path(
 
 
 def check_curve(problem: Problem) -> None:
-    """Refuse problems without such a curve. Collective.
+    """Refuse problems for which F(ω) cannot be computed. Collective.
 
     Raises:
-        InputError: As :func:`strength_path`.
+        InputError: In the cases of :func:`strength_path`.
     """
     check_slip_is_true(problem)
     Weakening(problem)
@@ -66,7 +66,7 @@ def check_curve(problem: Problem) -> None:
 
 @dataclass
 class _Point:
-    """A point of the curve with its state."""
+    """A point of the curve F(ω) with its converged state."""
 
     factor: float
     state: State
@@ -79,11 +79,11 @@ class _Search:
     Attributes:
         weakening: The problem.
         solver: Solver of levels with a prescribed work.
-        tolerance: Tolerance of F.
-        monitor: Monitor of steps.
+        tolerance: Relative tolerance of F.
+        monitor: Called after each Newton step.
         slope: Slope d ln ζ/d ln F at the last point.
         stride: Largest factor by which F changes between two levels.
-        found: The points.
+        found: The points of the curve so far.
         counts: Newton steps and linear solves since the last point.
     """
 
@@ -97,13 +97,15 @@ class _Search:
     counts: tuple[int, int] = (0, 0)
 
     def follow(self) -> StrengthPath:
-        """Return all points. Collective."""
+        """Return all points of the curve. Collective."""
         most_points = 80
         before: _Point | None = None
         last = self._first()
         if last is None:
             return StrengthPath(
-                (), False, "no strength was found with which this mesh carries the loads"
+                (),
+                False,
+                "no strength reduction factor was found with which this mesh carries the loads",
             )
         step, rise = 0.05 * abs(last.state.alpha), math.inf
         halvings = 0
@@ -126,7 +128,7 @@ class _Search:
         return StrengthPath(tuple(self.found), False, f"{most_points} points were found")
 
     def _first(self) -> _Point | None:
-        """Return an equilibrium with some plastic flow, or the last elastic one. Collective."""
+        """Return the first equilibrium with plastic flow, or the last elastic one. Collective."""
         newton = Newton(self.weakening.problem, self.solver.options, lender=self.solver)
         found: tuple[float, Level] | None = None
         factor = 1.0
@@ -149,7 +151,7 @@ class _Search:
         return _Point(found[0], found[1].state)
 
     def _at(self, work: float, before: _Point | None, last: _Point) -> _Point | None:
-        """Return the point with a given work; None if no level was found. Collective."""
+        """Return the point with a given work; None if no level converged. Collective."""
         problem = self.weakening.problem
         start = last.state
         factor = last.factor
@@ -176,13 +178,13 @@ class _Search:
         return None
 
     def _next(self, known: dict[float, float]) -> float:
-        """Return an estimate of the root of ln ζ by a secant, within the known bracket."""
+        """Return a secant estimate of the root of ln ζ, limited to the known bracket."""
         nearest = sorted(known, key=lambda factor: abs(known[factor]))
         best = nearest[0]
         if len(nearest) > 1:
             other = nearest[1]
             slope = (known[best] - known[other]) / math.log(best / other)
-            # At flatter slopes ζ hardly depends on F, as where bodies are nearly elastic.
+            # Below this slope ζ hardly depends on F, for example in nearly elastic bodies.
             flat = -0.05
             self.slope = min(slope, flat)
         change = -known[best] / self.slope

@@ -1,9 +1,9 @@
 """List common materials and soils as starting values, in any system of units.
 
-For a design, take the numbers from its standard.
+For a design, take the numbers from the applicable standard.
 
-List common soils as starting values, in any system of units.
-For a design, use its own soil tests.
+List common soils as starting values, in any system of units. For a design, use soil tests from the
+site.
 """
 
 import math
@@ -14,7 +14,7 @@ from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.units import SYSTEMS, Name
 
 TABLE: Name = "mm-N-MPa"
-"""The units of :data:`MATERIALS`."""
+"""The system of units of :data:`MATERIALS`."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Common:
     """A common material.
 
     Attributes:
-        name: Name as in its standard, in lower case.
+        name: Name in the standard, in lower case.
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
         yield_stress: Uniaxial yield stress (stress); for a material that is not a metal, the
@@ -39,7 +39,7 @@ class Common:
     source: str
 
     def in_system(self, system: Name) -> "Common":
-        """Return the material in another system of units than that of :data:`MATERIALS`."""
+        """Return the material converted from the units of :data:`MATERIALS` to another system."""
         factor = SYSTEMS[TABLE].pascals / SYSTEMS[system].pascals
         return replace(self, young=self.young * factor, yield_stress=self.yield_stress * factor)
 
@@ -53,7 +53,7 @@ CLAY = "EN ISO 14688-2:2018 (c_u); Duncan and Buchignani 1976 (E = 300 c_u)"
 
 
 def _concrete(strength: float, cube: float, modulus: float) -> Common:
-    """Return concrete by its characteristic strength of cylinders and cubes, and E_cm (MPa).
+    """Return a concrete from its characteristic cylinder and cube strengths and E_cm (MPa).
 
     Von Mises' law assigns it the same strength in tension, which real concrete does not have.
     """
@@ -62,7 +62,7 @@ def _concrete(strength: float, cube: float, modulus: float) -> Common:
 
 
 def _clay(name: str, shear_strength: float) -> Common:
-    """Return undrained clay by c_u (MPa); in plane strain von Mises' law yields at σ_y/√3."""
+    """Return an undrained clay from c_u (MPa); von Mises' law yields at σ_y/√3 in plane strain."""
     what = f"clay, undrained, c_u {1e3 * shear_strength:g} kPa, in plane strain"
     return Common(name, 300 * shear_strength, 0.49, math.sqrt(3) * shear_strength, what, CLAY)
 
@@ -85,16 +85,16 @@ MATERIALS = (
     _clay("clay-medium", 0.04),
     _clay("clay-high", 0.075),
 )
-"""Common materials in the units :data:`TABLE`. A clay has the least strength of its class."""
+"""Common materials in the units of :data:`TABLE`. A clay has the lowest strength of its class."""
 
 
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
-    """Return a sentence for each number that no real material has.
+    """Return a sentence for each value that no real material has.
 
     Args:
         young: Young's modulus of a material (stress).
-        yield_stress: Its yield stress (stress), if it yields.
-        system: System of their units, if known.
+        yield_stress: Yield stress of the material (stress); None if it does not yield.
+        system: System of units of both numbers; None if it is unknown.
     """
     told = []
     if system is not None:
@@ -105,8 +105,8 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
         softest = 1e3
         if not softest <= pascals <= stiffest:
             told.append(
-                f"young = {young:g} {unit} is {pascals / 1e9:.3g} GPa, but steel has 210; "
-                f"is it in {unit}, as [units] says"
+                f"young = {young:g} {unit} is {pascals / 1e9:.3g} GPa, but steel has 210; is the "
+                f"number in {unit}, as [units] says"
             )
     if yield_stress is not None:
         # Yield stress over Young's modulus: lead has 1e-4, rubber and polymers a few hundredths.
@@ -114,8 +114,8 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
         strain = yield_stress / young
         if not least <= strain <= most:
             told.append(
-                f"yield_stress / young = {strain:.3g}, but materials have {least:g} to "
-                f"{most:g} (steel 0.001); are both in the same unit"
+                f"yield_stress / young = {strain:.3g}, but materials have {least:g} to {most:g} "
+                "(steel 0.001); are both numbers in the same unit"
             )
     return told
 
@@ -162,7 +162,7 @@ NEN_9997 = "NEN 9997-1+C2:2017, table 2.b, low values, E at 100 kPa; Poisson's r
 def _soil(
     name: str, young: float, cohesion: float, friction_angle: float, weight: float, what: str
 ) -> Soil:
-    """Return a soil by E (MPa), c (kPa), φ (degrees) and γ (kN/m³)."""
+    """Return a soil from E (MPa), c (kPa), φ (degrees) and γ (kN/m³)."""
     # kN/m³ in N/mm³; limit loads do not depend on Poisson's ratio.
     return Soil(name, young, 0.3, 1e-3 * cohesion, friction_angle, 1e-6 * weight, what, NEN_9997)
 
@@ -183,10 +183,10 @@ def find(name: str, system: Name = TABLE) -> Common:
 
     Args:
         name: Name in lower or upper case.
-        system: The units of its numbers.
+        system: System of units of the result.
 
     Raises:
-        InputError: If there is no such material, or if it is a soil.
+        InputError: If the table has no such material, or if the material is a soil.
     """
     names = {material.name: material for material in MATERIALS}
     if name.lower() in {soil.name for soil in SOILS}:
@@ -205,12 +205,12 @@ def check_units(young: float, poisson: float, yield_stress: float, system: Name)
 
     Args:
         young: Young's modulus of a material (stress).
-        poisson: Its Poisson's ratio.
-        yield_stress: Its yield stress (stress).
+        poisson: Poisson's ratio of the material.
+        yield_stress: Yield stress of the material (stress).
         system: System of the units.
 
     Raises:
-        InputError: With the numbers in this system.
+        InputError: If the numbers match; the message gives them converted to this system.
     """
     _check("yield_stress", (young, poisson, yield_stress), MATERIALS, system)
 
@@ -225,7 +225,7 @@ def check_soil_units(young: float, poisson: float, cohesion: float, system: Name
         system: System of the units.
 
     Raises:
-        InputError: With the numbers in this system.
+        InputError: If the numbers match; the message gives them converted to this system.
     """
     _check("cohesion", (young, poisson, cohesion), SOILS, system)
 
@@ -236,7 +236,7 @@ def _check(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> None:
-    """Refuse Young's modulus, Poisson's ratio and strength that match in another system."""
+    """Refuse numbers that match a table entry only in another system of units."""
     if _known(strength, given, table, system):
         return
     for other in SYSTEMS:
@@ -257,7 +257,7 @@ def _known(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> Common | Soil | None:
-    """Return the entry of a table that has these numbers in a system."""
+    """Return the table entry that has these numbers in a system of units; None without a match."""
     # Allowed relative difference of numbers copied from a table with six digits.
     copied = 1e-5
     for one in table:

@@ -1,9 +1,9 @@
 """Define the yield sets of Mohr–Coulomb and Tresca for limit analysis.
 
 With the cohesion c and the angle φ, stresses are admissible if their extreme principal values
-satisfy σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ. In plane strain the out-of-plane stress is in no
-equation of equilibrium. Some value of it between those in the plane is always admissible, so that
-the condition is
+satisfy σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ. In plane strain no equation of equilibrium contains
+the out-of-plane stress. This stress can always lie between the two in-plane principal values, so
+that the condition is
 
     √(¼(σ_x − σ_y)² + τ²) ≤ c cos φ − ½(σ_x + σ_y) sin φ,
 
@@ -24,7 +24,7 @@ from perfplast_fenicsx.rounding import TINY
 
 @dataclass(frozen=True)
 class CoulombSet:
-    """σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ; see :class:`YieldSet` for the methods.
+    """The yield set σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ; :class:`YieldSet` describes the methods.
 
     Args:
         cohesion: c > 0 (stress).
@@ -52,7 +52,7 @@ class CoulombSet:
 
         For φ = 0 the value is c Σ|ε_i|, and tr rate must vanish.
         """
-        least_sine = 1e-12  # ground with a smaller sin φ does not dilate
+        least_sine = 1e-12  # ground with a smaller sin φ counts as ground that does not dilate
         angle = ufl.max_value(self.sine, least_sine)
         grows = self.cohesion * self._cosine / angle * trace(rate)
         keeps = self.cohesion * sum(abs(value) for value in principal(rate))
@@ -73,7 +73,7 @@ class CoulombSet:
 
 @dataclass(frozen=True)
 class TrescaSet(CoulombSet):
-    """σ₁ − σ₃ ≤ 2c without friction, where c is half of the uniaxial yield stress.
+    """The yield set σ₁ − σ₃ ≤ 2c, where c is half of the uniaxial yield stress.
 
     Args:
         cohesion: c > 0 (stress).
@@ -95,7 +95,7 @@ class TrescaSet(CoulombSet):
 class CutOffSet(CoulombSet):
     """The Mohr–Coulomb set with σ₁ ≤ f below its apex.
 
-    See :class:`YieldSet` for the methods.
+    :class:`YieldSet` describes the methods.
 
     Args:
         cohesion: c > 0 (stress).
@@ -106,13 +106,14 @@ class CutOffSet(CoulombSet):
     tension: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """Return the larger value of both conditions, 0 where pressure makes it negative."""
+        """Return the larger gauge of both conditions, or 0 where pressure makes it negative."""
         return ufl.max_value(super().gauge(s), principal(s)[0] / self.tension)
 
     def support(self, rate: Expr) -> Expr:
         """Return (f − h) tr rate + h Σ|ε_i|, if tr rate ≥ sin φ Σ|ε_i| for principal rates ε_i.
 
-        Half of the distance between σ₁ = f and the least σ₃ is h = (c cos φ − f sin φ)/(1 − sin φ).
+        Here h = (c cos φ − f sin φ)/(1 − sin φ) is half of the distance between σ₁ = f and the
+        smallest admissible σ₃.
         """
         half = (self.cohesion * self._cosine - self.sine * self.tension) / (1 - self.sine)
         sizes = sum(abs(value) for value in principal(rate))

@@ -27,7 +27,7 @@ from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 @dataclass(frozen=True)
 class Tresca:
-    """A metal, or undrained ground: the shear strength is the cohesion.
+    """A metal or undrained ground, whose shear strength is the cohesion.
 
     Args:
         young: Young's modulus E > 0 (stress).
@@ -86,7 +86,7 @@ class Tresca:
 
 @dataclass(frozen=True)
 class MohrCoulomb:
-    """Ground with cohesion and a friction angle: the Mohr–Coulomb condition, associated.
+    """Ground with the Mohr–Coulomb condition and associated flow.
 
     Args:
         young: Young's modulus E > 0 (stress).
@@ -101,8 +101,8 @@ class MohrCoulomb:
         nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
             collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
             ground, which gives an estimate.
-        tensile_strength: Largest tension f in any direction (stress), positive; None, or at least c
-            cot φ, for the limit by cohesion and friction.
+        tensile_strength: Largest tension f in any direction (stress), positive; None, or a value of
+            at least c cot φ, if only cohesion and friction limit the tension.
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 
     Raises:
@@ -140,7 +140,7 @@ class MohrCoulomb:
             )
 
     def _check_field(self) -> None:
-        """Refuse what cannot be given together with a friction angle that varies.
+        """Refuse parameters that do not support a friction angle that varies in space.
 
         Raises:
             InputError: If a key is refused.
@@ -159,7 +159,7 @@ class MohrCoulomb:
 
     @property
     def _tension(self) -> float | None:
-        """Return the tensile strength f, None if the apex is not above it."""
+        """Return the tensile strength f, or None if the apex of the cone is not above f."""
         given = self.tensile_strength
         if given is None or isinstance(self.cohesion, SpatialField):
             return None
@@ -207,7 +207,7 @@ class MohrCoulomb:
 
 
 def check_tension(tension: float | None, cohesion: Strength) -> None:
-    """Refuse tensile strengths that are not positive, or that are given with a variable cohesion.
+    """Refuse a tensile strength that is not positive, or that comes with a variable cohesion.
 
     Raises:
         InputError: If a tensile strength is refused.
@@ -228,7 +228,7 @@ def check_tension(tension: float | None, cohesion: Strength) -> None:
 
 
 def divided(tension: float | None, factor: float) -> float | None:
-    """Return a tensile strength over a factor; None without a tensile strength."""
+    """Return a tensile strength divided by a factor; None without a tensile strength."""
     return None if tension is None else tension / factor
 
 

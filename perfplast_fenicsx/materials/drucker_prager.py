@@ -1,7 +1,8 @@
 r"""Define perfect plasticity with the Drucker–Prager condition, associated, in Hencky's form.
 
 The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. The elastic stress of a strain e
-has the size r = 2μ‖dev e‖ and the mean p = κ tr e. With n = dev e/‖dev e‖ and D = μ + κη²,
+has the deviatoric norm r = 2μ‖dev e‖ and the mean p = κ tr e. With n = dev e/‖dev e‖ and D = μ +
+κη²,
 
     f = r/√2 + ηp − c,     A = ηp − κη² r/(√2 μ) − c
 
@@ -9,9 +10,9 @@ has the size r = 2μ‖dev e‖ and the mean p = κ tr e. With n = dev e/‖dev 
     f > 0, A ≤ 0    Σ = Ce − (f/D)(√2 μ n + κη δ)          ψ = ½ e:Ce − ½ f²/D
     f > 0, A > 0    Σ = (c/η) δ, the apex                  ψ = (c/η) tr e − c²/(2κη²)
 
-which is the projection of Ce on K in the norm of C⁻¹ (M. Čermák, S. Sysala, J. Valdman, Appl. Math.
-Comput. 355 (2019), 595, section 3.2). Bodies that flow dilate: rates are admissible if tr ε ≥ √2
-η‖dev ε‖, and dissipate (c/η) tr ε, whatever their deviator.
+The stress Σ is the projection of Ce on K in the norm of C⁻¹ (M. Čermák, S. Sysala, J. Valdman,
+Appl. Math. Comput. 355 (2019), 595, section 3.2). Bodies dilate when they flow: strain rates are
+admissible if tr ε ≥ √2 η‖dev ε‖. The dissipation (c/η) tr ε does not depend on the deviator.
 """
 
 import math
@@ -35,13 +36,14 @@ from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import Strength
 
 Match = Literal["plane-strain", "compression", "extension"]
-"""States in which the cone has the Mohr–Coulomb strength: limit loads in plane strain, or triaxial
-compression or extension."""
+"""States of stress in which the cone has the Mohr–Coulomb strength: collapse in plane strain,
+triaxial compression or triaxial extension.
+"""
 
 
 @dataclass(frozen=True)
 class DruckerPragerSet:
-    """‖dev σ‖/√2 + η tr σ/3 ≤ c; see :class:`YieldSet` for the methods.
+    """The yield set ‖dev σ‖/√2 + η tr σ/3 ≤ c; :class:`YieldSet` describes the methods.
 
     Args:
         slope: η > 0.
@@ -54,7 +56,7 @@ class DruckerPragerSet:
     def gauge(self, s: Expr) -> Expr:
         """Return (‖dev σ‖/√2 + η tr σ/3)/c, or 0 where pressure makes it negative.
 
-        Very large if c = 0.
+        The value is very large if c = 0.
         """
         size = _size(deviator(s)) / math.sqrt(2) + self.slope * trace(s) / 3
         return ufl.max_value(size, 0.0) / ufl.max_value(self.strength, TINY)
@@ -68,7 +70,7 @@ class DruckerPragerSet:
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """Return one cone, whose bound falls with the mean stress: ‖dev σ‖ ≤ √2 c − √2 ηp."""
+        """Return one cone, ‖dev σ‖ ≤ √2 c − √2 ηp, whose bound decreases with the mean stress p."""
         return (axial_cone(math.sqrt(2) * self.strength, math.sqrt(2) * self.slope, size),)
 
     def inadmissible(self, rate: Expr) -> None:
@@ -78,7 +80,7 @@ class DruckerPragerSet:
 
 @dataclass(frozen=True)
 class DruckerPragerLaw(Law):
-    """‖dev σ‖/√2 + η tr σ/3 ≤ c; see :class:`Law` for the methods.
+    """The law of the yield set ‖dev σ‖/√2 + η tr σ/3 ≤ c; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -101,21 +103,21 @@ class DruckerPragerLaw(Law):
 
     @property
     def _stiffness(self) -> Expr:
-        """Return D, the decrease of f per unit of flow."""
+        """Return D, the decrease of f per unit of the plastic multiplier."""
         return self.shear + self.bulk * self.slope**2
 
     def excess(self, e: Expr) -> Expr:
-        """Return f (stress), the distance of Ce from K, negative inside."""
+        """Return f of Ce (stress), positive outside K and negative inside."""
         mean = self.slope * self.bulk * trace(e)
         return math.sqrt(2) * self.shear * _size(deviator(e)) + mean - self.strength
 
     def beyond(self, e: Expr) -> Expr:
-        """Return A (stress), positive if Ce outside K returns to the apex."""
+        """Return A (stress); a Ce outside K returns to the apex if A is positive."""
         mean = self.slope * self.bulk * (trace(e) - math.sqrt(2) * self.slope * _size(deviator(e)))
         return mean - self.strength
 
     def _by_branch(self, e: Expr, elastic: Expr, cone: Expr, apex: Expr) -> Expr:
-        """Return one of three scalars: for elastic strains, the cone or the apex."""
+        """Return the scalar of the active branch: elastic, cone or apex."""
         flows = ufl.conditional(ufl.gt(self.beyond(e), 0.0), apex, cone)
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, elastic)
 
@@ -185,11 +187,11 @@ def _size(d: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class DruckerPrager:
-    """Ground with cohesion and a friction angle: the Drucker–Prager cone, associated.
+    """Ground with the Drucker–Prager cone and associated flow.
 
-    The cone approximates the Mohr–Coulomb pyramid and touches it only in some states of stress: in
-    space the three matches differ by a factor of two. In plane strain, limit loads of
-    ``"plane-strain"`` equal those of Mohr–Coulomb exactly.
+    The cone approximates the Mohr–Coulomb pyramid and touches it only in some states of stress. In
+    space, the strengths of the three matches differ by up to a factor of two. In plane strain, the
+    match ``"plane-strain"`` gives exactly the limit loads of Mohr–Coulomb.
 
     Args:
         young: Young's modulus E > 0 (stress).
@@ -249,7 +251,7 @@ class DruckerPrager:
 
     @property
     def cone(self) -> tuple[float, Strength]:
-        """Return η, and c (stress) in pure shear.
+        """Return η and the strength c in pure shear (stress).
 
         For ``"compression"`` and ``"extension"`` the cone goes through the pyramid's edges of
         triaxial compression or extension. For ``"plane-strain"`` its projection along σ_zz is that

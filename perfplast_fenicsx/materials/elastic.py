@@ -16,7 +16,7 @@ from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 @dataclass(frozen=True)
 class ElasticLaw(Law):
-    """Hooke's law: Σ(e) = Ce; see :class:`Law` for the methods.
+    """Hooke's law Σ(e) = Ce; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -169,15 +169,15 @@ class Rigid:
         return self
 
     def parameters(self) -> dict[str, float]:
-        """Return a stiffness of one, on which bounds do not depend."""
+        """Return a stiffness of one; bounds do not depend on it."""
         return {"bulk": 1.0, "shear": 1.0}
 
 
 def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
     """Return materials with an elastic one instead of each rigid one.
 
-    Its stiffness does not matter where bodies do not strain, but springs that hold free motions are
-    as stiff. So it is that of the stiffest adjacent body.
+    Rigid bodies do not strain, so that this stiffness affects only the springs that restrain free
+    rigid-body motions. The function therefore uses the stiffness of the stiffest other body.
     """
     known = (of.parameters().get("shear") for of in materials.values() if not isinstance(of, Rigid))
     shear = max((float(it) for it in known if isinstance(it, int | float)), default=1.0)
@@ -188,10 +188,10 @@ def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
 def check_deforms(materials: Mapping[str, object]) -> None:
     """Refuse problems that have only rigid bodies, if stresses are to be computed.
 
-    With rigid blocks only, a level has only the trivial solution. The functional J_ζ is positively
-    homogeneous on a cone of motions. So its infimum is 0, at rest, or −∞ above the limit load. All
-    forces that balance the loads within the joints' cones solve the dual problem, so that the
-    forces are not unique.
+    With only rigid blocks, the functional J_ζ of a level is positively homogeneous on a cone of
+    motions. Its infimum is therefore 0, attained at rest, or −∞ above the limit load. The dual
+    problem has many solutions: all joint forces that balance the loads and lie in the friction
+    cones.
 
     Raises:
         InputError: Naming the first rigid body.
@@ -208,7 +208,7 @@ def check_deforms(materials: Mapping[str, object]) -> None:
 
 
 def require_not_negative(field: str, value: Strength) -> None:
-    """Refuse a number of a material that is negative.
+    """Refuse a material parameter that is negative.
 
     The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
 
@@ -223,7 +223,7 @@ def require_not_negative(field: str, value: Strength) -> None:
 
 
 def require_positive(field: str, value: Strength) -> None:
-    """Refuse a number of a material that is not positive.
+    """Refuse a material parameter that is not positive.
 
     The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
 
@@ -238,5 +238,5 @@ def require_positive(field: str, value: Strength) -> None:
 
 
 def all_elastic(materials: Iterable[object]) -> bool:
-    """Return whether no material of these can yield."""
+    """Return whether none of the materials can yield."""
     return all(isinstance(material, Elastic | Rigid) for material in materials)

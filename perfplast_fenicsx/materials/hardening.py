@@ -1,20 +1,20 @@
-"""Define a metal that hardens linearly, with von Mises' condition.
+"""Define a metal with von Mises' condition and linear hardening.
 
-Define linear hardening with von Mises' condition, in Hencky's form.
-With h = ⅔H for a modulus H of hardening, a body that hardens is a parallel connection of an elastic
-and a perfectly plastic body. The elastic body has the share s = h/(2μ + h):
+The first law has Hencky's form. Let h = ⅔H for a hardening modulus H. A body that hardens is
+equivalent to an elastic and a perfectly plastic body in parallel. The elastic body carries the
+share s = h/(2μ + h):
 
     Σ(e)  = sCe + (1 − s)Σ_p(e)
     ψ(e)  = ½ s e:Ce + (1 − s)ψ_p(e)
     ψ*(τ) = ½ τ:C⁻¹τ + max(0, ‖dev τ‖ − γ)²/(2h)
 
-So the tangent is that of perfect plasticity with another ρ. In a single step from the virgin body,
-isotropic and kinematic hardening give the same result; in a history they differ.
+The tangent is therefore that of perfect plasticity with another ρ. In a single step from the virgin
+body, isotropic and kinematic hardening give the same result; in a history they differ.
 
-Define plastic flow with linear hardening and von Mises' condition.
-A step (implicit Euler) starts from the plastic strain p, the accumulated plastic strain p̄ and the
-back stress χ = ⅔H_k p. It is Hencky's law with a shifted strain (:mod:`plastic_flow`). With q = p +
-χ/(2μ) and the radius γ + √⅔ H_i p̄ instead of γ
+The second law describes plastic flow step by step. A step (implicit Euler) starts from the plastic
+strain p, the accumulated plastic strain p̄ and the back stress χ = ⅔H_k p. The step is Hencky's law
+with a shifted strain (:mod:`plastic_flow`). With q = p + χ/(2μ) and the radius γ + √⅔ H_i p̄
+instead of γ
 
     Σ(e)  = Σ_H(e − q) + χ
     ψ(e)  = ψ_H(e − q) + χ:e + μ(‖p‖² − ‖q‖²)
@@ -37,12 +37,12 @@ from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMises
 
 @dataclass(frozen=True)
 class HardeningLaw(FirstYield):
-    """The law of a body whose stress grows beyond ‖dev σ‖ = γ; see :class:`Law` for the methods.
+    """Hencky's law of a body that hardens from ‖dev σ‖ = γ on; :class:`Law` describes the methods.
 
     Args:
         isotropic: ⅔H of isotropic hardening (stress), not negative.
-        kinematic: ⅔H of kinematic hardening (stress), not negative; at least one of both is
-            positive.
+        kinematic: ⅔H of kinematic hardening (stress), not negative. At least one of the two moduli
+            is positive.
     """
 
     isotropic: Expr
@@ -57,7 +57,7 @@ class HardeningLaw(FirstYield):
 
     @property
     def hardening(self) -> Expr:
-        """Return the modulus h of both kinds together."""
+        """Return the sum h of the isotropic and kinematic moduli."""
         return self.isotropic + self.kinematic
 
     @property
@@ -94,11 +94,11 @@ class HardeningLaw(FirstYield):
 
 @dataclass(frozen=True)
 class HardeningFlowLaw(Step, FirstYield):
-    """Plastic flow with linear hardening, step by step; see :class:`Law` for the methods.
+    """Plastic flow with linear hardening, step by step; :class:`Law` describes the methods.
 
     Args:
         isotropic: ⅔H_i (stress), not negative.
-        kinematic: ⅔H_k (stress), not negative; at least one of both is positive.
+        kinematic: ⅔H_k (stress), not negative. At least one of the two moduli is positive.
     """
 
     isotropic: Expr
@@ -138,7 +138,7 @@ class HardeningFlowLaw(Step, FirstYield):
         return old[STRAIN] + self._back_stress(old) / (2 * self.shear)
 
     def _offset(self, old: Old) -> Expr:
-        """Return the term that makes ψ(e) the energy of the step: μ(‖p‖² − ‖q‖²)."""
+        """Return μ(‖p‖² − ‖q‖²), the term that makes ψ(e) the energy of the step."""
         p, q = old[STRAIN], self._centre(old)
         return self.shear * (ufl.dot(p, p) - ufl.dot(q, q))
 
@@ -192,7 +192,7 @@ class Hardening:
             )
 
     def parameters(self) -> dict[str, float]:
-        """Return the parameters of :class:`VonMisesLaw`, and ⅔H of both kinds."""
+        """Return the parameters of :class:`VonMisesLaw` and the two moduli ⅔H."""
         perfect = VonMises(self.young, self.poisson, self.yield_stress).parameters()
         return perfect | {"isotropic": 2 / 3 * self.isotropic, "kinematic": 2 / 3 * self.kinematic}
 

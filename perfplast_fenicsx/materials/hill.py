@@ -5,8 +5,8 @@ In the axes of the material, whose x axis is rotated about z by an angle, the yi
     F(σ_y − σ_z)² + G(σ_z − σ_x)² + H(σ_x − σ_y)² + 2Lτ_yz² + 2Mτ_xz² + 2Nτ_xy² ≤ Y²
 
 (R. Hill, Proc. R. Soc. A 193 (1948), 281). The condition does not bound the mean stress. Elasticity
-is isotropic. With orthonormal coordinates s of deviators along the form's principal axes the set is
-Σ h_i s_i² ≤ Y². Stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
+is isotropic. Let s be orthonormal coordinates of the deviator along the principal axes of the form.
+The set is then Σ h_i s_i² ≤ Y². Stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
 """
 
 import math
@@ -27,16 +27,17 @@ from perfplast_fenicsx.materials.sheet import Sheet
 
 @dataclass(frozen=True)
 class HillForm:
-    """Σ h_i s_i², with s = Q dev σ.
+    """The form Σ h_i s_i², with s = Q dev σ.
 
     Args:
         first: The larger h of normal stresses.
         second: The smaller h of normal stresses.
-        turn: Angle from (1, −1, 0)/√2 to the principal axis of ``first`` towards (1, 1, −2)/√6.
+        turn: Angle (radians) from (1, −1, 0)/√2 to the principal axis of ``first``, towards (1, 1,
+            −2)/√6.
         yz: Coefficient L.
         xz: Coefficient M.
         xy: Coefficient N.
-        axes: Angle about z, from x to the first axis of the material.
+        axes: Angle about z (radians), from x to the first axis of the material.
     """
 
     first: Expr
@@ -57,7 +58,7 @@ class HillForm:
         return [self.first, self.second, *shears]
 
     def frame(self, size: int) -> Expr:
-        """Return Q, orthonormal deviators as rows, shape (m − 1, m)."""
+        """Return Q, whose rows are orthonormal deviators, shape (m − 1, m)."""
         c, s = ufl.cos(self.axes), ufl.sin(self.axes)
         root, rest = math.sqrt(2), [0.0] * (size - 4)
         xx = [c**2, s**2, 0.0, *rest, root * c * s]
@@ -78,7 +79,7 @@ class HillForm:
 
 @dataclass(frozen=True)
 class HillSet:
-    """Σ h_i s_i² ≤ Y²; see :class:`YieldSet` for the methods.
+    """The yield set Σ h_i s_i² ≤ Y²; :class:`YieldSet` describes the methods.
 
     Args:
         form: The form Σ h_i s_i².
@@ -125,7 +126,7 @@ class HillSet:
 
 @dataclass(frozen=True)
 class HillLaw(QuadraticLaw):
-    """Hill's condition; see :class:`Law` for the methods.
+    """The law of Hill's condition; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -173,9 +174,10 @@ class HillLaw(QuadraticLaw):
 class Hill:
     """A rolled or drawn metal, elastic–perfectly plastic with Hill's condition of 1948.
 
-    A ratio is the yield stress in a direction of the material's axes, or the shear yield stress
-    times √3, divided by ``yield_stress``. If all ratios are 1, the condition is von Mises'. With
-    R₁₁ = 1, ``yield_stress`` is that of the first axis, as in tests in the rolling direction.
+    A ratio of tension is the yield stress along an axis of the material divided by
+    ``yield_stress``. A ratio of shear is √3 times the shear yield stress divided by
+    ``yield_stress``. If all ratios are 1, the condition is von Mises'. With R₁₁ = 1,
+    ``yield_stress`` is the yield stress along the first axis, as in tests in the rolling direction.
 
     Args:
         young: Young's modulus E > 0 (stress); elasticity is isotropic.
@@ -223,7 +225,7 @@ class Hill:
                 raise InputError(f"{name} = {ratio} is not a positive number; give a ratio.")
         if not math.isfinite(self.angle):
             raise InputError(f"angle = {self.angle} is not finite; give degrees, or remove it.")
-        # Smallest share of the larger h of normal stresses that the smaller h must have.
+        # Smallest allowed ratio of the smaller h of normal stresses to the larger one.
         least_ratio = 1e-6
         if not self.spectrum[1] > least_ratio * self.spectrum[0]:
             raise InputError(
@@ -241,7 +243,7 @@ class Hill:
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
-        """Return both h of normal stresses and the angle of the larger (:class:`HillForm`)."""
+        """Return both h of normal stresses, and the angle of the larger one (:class:`HillForm`)."""
         F, G, H, *_ = self.coefficients
         form = np.array([[G + H, -H, -G], [-H, F + H, -F], [-G, -F, F + G]])
         basis = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])

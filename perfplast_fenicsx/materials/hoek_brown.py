@@ -1,10 +1,10 @@
-r"""Define rock with the criterion of Hoek and Brown, a = ½, in plane strain, in Hencky's form.
+r"""Define rock with the Hoek–Brown criterion for a = ½ in plane strain, in Hencky's form.
 
 With the in-plane principal stresses σ₁ ≥ σ₃, tension positive, the criterion (σ₁ − σ₃)² ≤ σ_ci
 (sσ_ci − m_b σ₁) is R² ≤ k (f − p − R) for p = (σ₁ + σ₃)/2, R = (σ₁ − σ₃)/2, k = m_b σ_ci/4 and the
-biaxial tensile strength f = sσ_ci/m_b. Its boundary is a parabola. The out-of-plane stress is
-intermediate, so that it is in no condition. (E. Hoek, C. Carranza-Torres, B. Corkum, Hoek–Brown
-failure criterion – 2002 edition, NARMS-TAC, 2002.)
+biaxial tensile strength f = sσ_ci/m_b. Its boundary is a parabola. The out-of-plane stress is the
+intermediate principal stress, so that no condition contains it (E. Hoek, C. Carranza-Torres, B.
+Corkum, Hoek–Brown failure criterion – 2002 edition, NARMS-TAC, 2002).
 
 The projection of an elastic stress (p, R) in the norm of C⁻¹ changes it along the normal (k, 2R +
 k): with K = κ + μ/3, the multiplier λ and x = 1 + 2μλ,
@@ -33,12 +33,12 @@ from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity
 from perfplast_fenicsx.rounding import TINY
 
 STEPS = 8
-"""Newton steps for y, from a start at most twice as large: the last ones change nothing."""
+"""Newton steps for y from a start of at most 2y; the last steps change only rounding errors."""
 
 
 @dataclass(frozen=True)
 class HoekBrownSet:
-    """R² ≤ k (f − p − R) in the plane; see :class:`YieldSet` for the methods.
+    """The in-plane yield set R² ≤ k (f − p − R); :class:`YieldSet` describes the methods.
 
     Args:
         curvature: k > 0 (stress).
@@ -58,7 +58,7 @@ class HoekBrownSet:
         return ufl.conditional(ufl.lt(along, 0.0), pressed, (along + root) / (2 * k * f))
 
     def support(self, rate: Expr) -> Expr:
-        """Return fv + (k/4) (g − v)₊²/v, for v = tr rate > 0 and g the difference of its values."""
+        """Return fv + (k/4) (g − v)₊²/v, for v = tr rate > 0 and g = ε₁ − ε₃."""
         half, radius = in_plane(rate)
         growth, shear = 2 * half, 2 * radius
         over = ufl.max_value(shear - growth, 0.0)
@@ -70,7 +70,7 @@ class HoekBrownSet:
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[ParabolicCone]:
-        """Return the parabola, for in-plane stresses only."""
+        """Return the parabolic cone, which bounds only in-plane stresses."""
         return (ParabolicCone(self.curvature, self.tension),)
 
     def inadmissible(self, rate: Expr) -> None:
@@ -80,7 +80,7 @@ class HoekBrownSet:
 
 @dataclass(frozen=True)
 class HoekBrownLaw(Law):
-    """R² ≤ k (f − p − R) in the plane; see :class:`Law` for the methods.
+    """The law of the in-plane yield set R² ≤ k (f − p − R); :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -108,7 +108,7 @@ class HoekBrownLaw(Law):
         return self.bulk + self.shear / 3
 
     def _returned(self, e: Expr) -> tuple[Expr, Expr, Expr, Expr]:
-        """Return p, R, p' and R' of Ce and of the projection."""
+        """Return p and R of Ce, and p' and R' of its projection."""
         k, f, mu = self.curvature, self.tension, self.shear
         p, radius = in_plane(self.elastic.hooke(e))
         g, a = self._plane * k**2 / (2 * mu), radius + k / 2
@@ -125,7 +125,7 @@ class HoekBrownLaw(Law):
         return p, radius, mean, ufl.conditional(yields, size, radius)
 
     def _excess(self, e: Expr) -> Expr:
-        """Return R² + k (p + R − f) of Ce, negative inside."""
+        """Return R² + k (p + R − f) of Ce, negative inside the yield set."""
         p, radius = in_plane(self.elastic.hooke(e))
         tip = p - self.tension
         return radius**2 + self.curvature * (tip + radius)
@@ -158,8 +158,8 @@ class HoekBrownLaw(Law):
 
         On the parabola Σ°[d] is β (w:d) w, with w = (2R' + k) i − √2 k n for the unit in-plane
         deviator n of the stress, β = μK/(K k² x + μ(2R' + k)²), and i with i:d = (p of Cd)/K.
-        Across n the deviatoric modulus is 2μR'/R. No flow changes the stress that ε_zz alone
-        causes.
+        Perpendicular to n the deviatoric modulus is 2μR'/R. Plastic flow does not change the stress
+        that ε_zz alone causes.
         """
         k, mu = self.curvature, self.shear
         trial = self.elastic.hooke(e)
@@ -183,7 +183,7 @@ class HoekBrownLaw(Law):
         }
 
     def _unit(self) -> Expr:
-        """Return i = (1, 1, λ/K, 0), so that p of Cd is K i:d."""
+        """Return i = (1, 1, λ/K, 0); the mean stress p of Cd is K i:d."""
         across = (self.bulk - 2 * self.shear / 3) / self._plane
         return ufl.as_vector([1.0, 1.0, across, 0.0])
 
@@ -210,21 +210,23 @@ def in_plane(s: Expr) -> tuple[Expr, Expr]:
 
 @dataclass(frozen=True)
 class HoekBrown:
-    """Rock with the criterion of Hoek and Brown with a = ½, in plane strain, associated.
+    """Rock with the Hoek–Brown criterion for a = ½ and associated flow, in plane strain.
 
     The criterion of the rock mass is σ₁' = σ₃' + √(m_b σ_ci σ₃' + s σ_ci²), with pressure positive.
-    The uniaxial compressive strength is √s σ_ci, and the tensile strength in two directions
-    s σ_ci/m_b. For rock masses of low quality the usual exponent is above ½; it is not available.
+    The uniaxial compressive strength is √s σ_ci, and the biaxial tensile strength is s σ_ci/m_b.
+    The exponent a of rock masses of low quality is usually above ½; the program does not support
+    such exponents.
 
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         compressive_strength: Uniaxial compressive strength σ_ci of the intact rock (stress).
-        m_b: Number m_b > 0 of the rock mass; that of the intact rock, m_i, is between 4 and 35.
-        s: Number s > 0 of the rock mass, at most 1, for intact rock.
+        m_b: Parameter m_b > 0 of the rock mass. The parameter m_i of intact rock is between 4 and
+            35.
+        s: Parameter s of the rock mass, above 0 and at most 1; 1 for intact rock.
         expansion: Thermal strain per degree (1/temperature).
-        reduced: Whether F of ``control = "strength"`` divides its strength. It cannot divide a
-            parabola: give false for rock beside ground that may fall.
+        reduced: Whether F of ``control = "strength"`` divides its strength. A parabola cannot be
+            divided by F: give false if only the strength of other ground is to be reduced.
 
     Raises:
         InputError: If a number is out of its range.
@@ -249,8 +251,8 @@ class HoekBrown:
         for name, value, most in (("m_b", self.m_b, 100.0), ("s", self.s, 1.0)):
             if not 0 < value <= most:
                 raise InputError(
-                    f"{name} = {value} is not above 0 and at most {most:g}; give that of the rock"
-                    " mass (m_b = m_i and s = 1 for intact rock)."
+                    f"{name} = {value} is not above 0 and at most {most:g}; give the value of the "
+                    "rock mass (m_b = m_i and s = 1 for intact rock)."
                 )
 
     @property
@@ -260,7 +262,7 @@ class HoekBrown:
 
     @property
     def tension(self) -> float:
-        """Return the tensile strength in two directions, f = sσ_ci/m_b."""
+        """Return the biaxial tensile strength f = sσ_ci/m_b."""
         return self.s * self.compressive_strength / self.m_b
 
     def divided_by(self, factor: float) -> "HoekBrown":
@@ -270,13 +272,13 @@ class HoekBrown:
             factor: F > 0.
 
         Raises:
-            InputError: If F is to divide its strength.
+            InputError: If ``reduced`` is true.
         """
         if self.reduced:
             raise InputError(
-                "law = 'hoek-brown' has no strength that F can divide: its parabola divided by F is"
-                " no parabola. Give reduced = false if F is that of other ground, law ="
-                " 'mohr-coulomb', or control = 'bounds' for the factor of the loads."
+                "law = 'hoek-brown' has no strength that F can divide: the criterion with its "
+                "strength divided by F is not a parabola. Give reduced = false to reduce only "
+                "other ground, law = 'mohr-coulomb', or control = 'bounds' for a load factor."
             )
         return self
 

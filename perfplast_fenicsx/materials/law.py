@@ -1,11 +1,11 @@
 """Define the interfaces of a material law, its yield set in UFL at a point, and of a material.
 
 A law is one class, in one file with the material that uses it. :class:`Problem` evaluates a law
-only through its expressions, for all bodies with the law together. The program calls the class with
-the parameters of the materials as keywords, each a function over the mesh.
+only through its UFL expressions, for all bodies with this law together. The program calls the class
+with the material parameters as keywords; each parameter is a function on the mesh.
 
-Define the yield set of a law, in UFL at a point: admissible stresses and dissipation.
-Stresses s and strain rates are Mandel vectors, shape (m,) (:mod:`mandel`).
+The yield set of a law gives the admissible stresses and the dissipation in UFL at a point. Stresses
+s and strain rates are Mandel vectors, shape (m,) (:mod:`mandel`).
 """
 
 import math
@@ -22,10 +22,11 @@ from perfplast_fenicsx.spatial_fields import Strength
 
 @dataclass(frozen=True)
 class Cone:
-    """‖matrix·s‖ ≤ bound − slope·s, a second-order cone of stresses.
+    """The second-order cone ‖matrix·s‖ ≤ bound − slope·s of stresses.
 
-    If the matrix does not contain the mean stress, the mean stress is not bounded. If it has rank
-    m, the set is an ellipsoid, whose centre is zero if the slope is.
+    If the product matrix·s does not depend on the mean stress and the slope is zero, the mean
+    stress is not bounded. If the matrix has rank m, the set is an ellipsoid; its centre is zero if
+    the slope is zero.
 
     Args:
         bound: Positive (stress), shape ().
@@ -40,9 +41,9 @@ class Cone:
 
 @dataclass(frozen=True)
 class PrincipalCone:
-    """(1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, principal stresses σ₁ ≥ σ₂ ≥ σ₃.
+    """The set (1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound, σ₁ ≤ tension of principal stresses σ₁ ≥ σ₂ ≥ σ₃.
 
-    It must be the only cone of its set, and acts on symmetric 3 × 3 tensors.
+    This cone must be the only one of its yield set. It contains symmetric 3 × 3 tensors.
 
     Args:
         bound: Positive (stress), shape ().
@@ -57,9 +58,9 @@ class PrincipalCone:
 
 @dataclass(frozen=True)
 class ParabolicCone:
-    """R² ≤ curvature (tension − p − R), with the in-plane mean stress p and radius R of Mohr.
+    """The set R² ≤ curvature (tension − p − R), for the in-plane mean stress p and Mohr radius R.
 
-    It must be the only cone of its set. The out-of-plane stress is in no condition.
+    This cone must be the only one of its yield set. No condition contains the out-of-plane stress.
 
     Args:
         curvature: Positive (stress), shape ().
@@ -73,11 +74,11 @@ class ParabolicCone:
 class YieldSet(Protocol):
     """A closed convex set of stresses with zero inside.
 
-    Gauge, support and cones are three descriptions of one set.
+    The gauge, the support function and the cones describe the same set.
     """
 
     def gauge(self, s: Expr) -> Expr:
-        """1 on the surface, and t times as much for t s; 0 where no multiple of s yields."""
+        """Return the least t ≥ 0 for which s/t is in the set: 0 if no multiple of s yields."""
         ...
 
     def support(self, rate: Expr) -> Expr:
@@ -87,19 +88,19 @@ class YieldSet(Protocol):
     def resistance(self, a: Expr, b: Expr) -> Expr:
         """Return a symmetric bilinear form of rates for the mechanism search along loading paths.
 
-        It is positive. If such a form exists, its value at an admissible rate is proportional to
-        the square of :meth:`support`. The program uses it only where :meth:`inadmissible` is
-        linear.
+        The form is positive. Its value at an admissible rate is proportional to the square of
+        :meth:`support`, if a quadratic form with this property exists. The program uses the form
+        only where :meth:`inadmissible` is linear.
         """
         ...
 
     def cones(self, size: int) -> Sequence[Cone | PrincipalCone | ParabolicCone] | None:
-        """Return the cones whose intersection is the set; () without yield, None if there are none.
+        """Return the cones whose intersection is the set; () without yield, None if unknown.
 
-        The interior point method, strict bounds and their proofs support only one cone: of
-        principal stresses, a parabola in plane strain, or with a matrix of rank m − 1 or m and zero
-        inside. For limit loads of meshes it may also be an object of another class
-        (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
+        The interior point method, strict bounds and their proofs support only one cone. It is a
+        cone of principal stresses, a parabola in plane strain, or a second-order cone that contains
+        zero and has a matrix of rank m − 1 or m. For limit loads of the mesh, the cone may also be
+        an object of another class (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
 
         Args:
             size: The number of Mandel components m.
@@ -109,21 +110,21 @@ class YieldSet(Protocol):
     def inadmissible(self, rate: Expr) -> Expr:
         """Return the part of a rate, shape (k,) and linear in it, that must vanish, or None.
 
-        If this part vanishes, :meth:`support` is finite. None if no linear condition describes
-        admissible rates, as when they form a cone.
+        If this part vanishes, :meth:`support` is finite. The method returns None if no linear
+        condition describes the admissible rates, for instance if these rates form a cone.
         """
         ...
 
 
 class NeverYields:
-    """The set of all stresses; see :class:`YieldSet` for the methods."""
+    """The set of all stresses; :class:`YieldSet` describes the methods."""
 
     def gauge(self, s: Expr) -> Expr:
         """Return 0."""
         return ufl.as_ufl(0)
 
     def support(self, rate: Expr) -> Expr:
-        """Return 0, the power of a rate of zero."""
+        """Return 0, since only a zero rate is admissible."""
         return ufl.as_ufl(0)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
@@ -135,12 +136,12 @@ class NeverYields:
         return ()
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return the whole rate."""
+        """Return the rate itself, which must vanish."""
         return rate
 
 
 def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> Cone:
-    """Return the cone ‖dev s‖ ≤ bound − αp about the hydrostatic axis; p is the mean stress.
+    """Return the cone ‖dev s‖ ≤ bound − αp about the hydrostatic axis, for the mean stress p.
 
     Args:
         bound: γ > 0 (stress).
@@ -151,9 +152,9 @@ def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> Cone:
 
 
 def deviators(size: int) -> Expr:
-    """Return orthonormal deviators as rows, shape (m − 1, m).
+    """Return a matrix whose rows are orthonormal deviators, shape (m − 1, m).
 
-    Their product with s has the norm of dev s.
+    The product of this matrix and s has the norm of dev s.
 
     Args:
         size: The number of Mandel components m.
@@ -165,7 +166,9 @@ def deviators(size: int) -> Expr:
 
 
 Old = Mapping[str, Expr]
-"""The history at a point by name, after the last accepted level; {} for a law without history."""
+"""The internal variables at a point by name, after the last accepted level; {} for laws without
+history.
+"""
 
 
 class Elasticity(Protocol):
@@ -206,10 +209,9 @@ class Law(Protocol):
         projects: Whether Σ(e) is the projection of C(e − p) on a fixed yield set in the norm of
             C⁻¹, with the strain p of :meth:`unstressed`, as in perfect plasticity. ALG2 requires
             it.
-        dilates: Whether the volume of bodies grows where they flow, so that confinement may carry
-            any load.
+        dilates: Whether bodies dilate where they flow, so that confined bodies may carry any load.
         carries_any_load: Whether hardening is unlimited, so that there is no limit load.
-        plane_strain_only: Whether the law has no meaning in space and around an axis.
+        plane_strain_only: Whether the law is valid only in plane strain.
     """
 
     projects: ClassVar[bool]
@@ -232,7 +234,7 @@ class Law(Protocol):
         return {}
 
     def unstressed(self, old: Old) -> Expr | None:
-        """Return the strain without stress, shape (m,); None if it is zero."""
+        """Return the strain at zero stress, shape (m,); None if it is zero."""
         return None
 
     def stress(self, e: Expr, old: Old) -> Expr:
@@ -246,7 +248,8 @@ class Law(Protocol):
     def conjugate(self, s: Expr, old: Old) -> Expr:
         """Return ψ*(s) of an admissible stress, energy per volume, with ψ(e) + ψ*(Σ(e)) = Σ(e):e.
 
-        In perfect plasticity it is ½ s:C⁻¹s. Its integral is the term S of the duality gap.
+        In perfect plasticity ψ*(s) is ½ s:C⁻¹s. The integral of ψ* is the term S of the duality
+        gap.
         """
         ...
 
@@ -255,7 +258,7 @@ class Law(Protocol):
         ...
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the fields at the points from which :meth:`tangent` computes; any shapes.
+        """Return fields of any shape at a point, from which :meth:`tangent` computes the tangent.
 
         Args:
             e: The strain.
@@ -266,16 +269,19 @@ class Law(Protocol):
         ...
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
-        """Return Σ^{o,ρ}(e)[d] from the stored fields, shape (m,); it is positive semidefinite."""
+        """Return Σ^{o,ρ}(e)[d] from the stored fields, shape (m,); positive semidefinite in d."""
         ...
 
     def flow(self, e: Expr) -> Expr:
-        """Return the plastic strain of the virgin body at e, shape (m,): e − C⁻¹Σ(e) if perfect."""
+        """Return the plastic strain of the virgin body at the strain e, shape (m,).
+
+        In perfect plasticity the plastic strain is e − C⁻¹Σ(e).
+        """
         elastic = self.elastic.compliance(self.stress(e, {}))
         return self.plastic(e, {}) * (e - elastic)
 
     def updated(self, e: Expr, old: Old) -> Mapping[str, Expr]:
-        """Return the history after a level accepted with the strain e."""
+        """Return the internal variables after a level is accepted with the strain e."""
         return {}
 
 
@@ -293,12 +299,12 @@ class Material(Protocol):
         ...
 
     def parameters(self) -> Mapping[str, Strength]:
-        """Return the numbers or fields of the law, by the names of its arguments."""
+        """Return the parameters of the law, numbers or fields, by the names of its arguments."""
         ...
 
 
 def carries_any_load(material: Material) -> bool:
-    """Return whether a body hardens without limit; False if its law does not say."""
+    """Return whether a body hardens without limit; False if its law does not define this."""
     return bool(getattr(material.law, "carries_any_load", False))
 
 
@@ -307,12 +313,12 @@ class Thin(Protocol):
     """A material that supports plane stress."""
 
     def in_plane_stress(self) -> Material | None:
-        """Return the same body with σ_zz = 0, whatever ε_zz is; None if there is no such law."""
+        """Return the same material with σ_zz = 0 and free ε_zz; None if no such law exists."""
         ...
 
 
 def thin(material: Material) -> Material | None:
-    """Return the material for plane stress; None if it has no such law."""
+    """Return the material for plane stress; None if the material does not support plane stress."""
     return material.in_plane_stress() if isinstance(material, Thin) else None
 
 
@@ -320,7 +326,7 @@ def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
     """Return the materials of bodies for plane stress.
 
     Args:
-        materials: Materials of each volume.
+        materials: Material of each volume.
 
     Raises:
         InputError: If a material does not support plane stress.

@@ -20,4 +20,4 @@ MATERIALS: dict[str, type[Material]] = {
     "elastic": Elastic,
     "rigid": Rigid,
 }
-"""Materials by the name of their law in case files."""
+"""Material classes by the name of their law in case files."""

@@ -1,4 +1,4 @@
-"""Define Mandel vectors, symmetric tensors as vectors, and Hooke's tensor on them.
+"""Define Mandel vectors of symmetric tensors, and Hooke's tensor for these vectors.
 
 This module uses only UFL.
 
@@ -58,15 +58,15 @@ def tensor(s: Expr) -> Expr:
 
 
 def numbers_of(expression: Expr) -> Floats:
-    """Return the values of a constant expression, entry by entry, as UFL evaluates scalars."""
-    plain = expand_derivatives(ufl.as_ufl(expression))  # every call would evaluate it again
+    """Return the values of a constant UFL expression, evaluated entry by entry."""
+    plain = expand_derivatives(ufl.as_ufl(expression))  # once, since each call evaluates again
     entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
     return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)
 
 
 @dataclass(frozen=True)
 class IsotropicElasticity:
-    """C e = κ tr(e) δ + 2μ dev e.
+    """Hooke's tensor C of an isotropic body: C e = κ tr(e) δ + 2μ dev e.
 
     Args:
         bulk: κ (stress).

@@ -1,8 +1,8 @@
 r"""Define perfect plasticity with the Mohr–Coulomb or Tresca condition, associated (Hencky).
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃. For φ = 0 it is
-that of Tresca. Stresses are projections of Ce in the norm of C⁻¹: they return to a face, to one of
-two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502).
+Tresca's set. Stresses are projections of Ce in the norm of C⁻¹: a trial stress returns to a face,
+to one of two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502).
 :mod:`principal_axes` computes principal values and axes.
 """
 
@@ -20,7 +20,7 @@ from perfplast_fenicsx.materials.principal_axes import TINY, principal_axes
 
 @dataclass(frozen=True)
 class MohrCoulombLaw(Law):
-    """(1 + s)σ₁ − (1 − s)σ₃ ≤ b; see :class:`Law` for the methods.
+    """The law of the yield set (1 + s)σ₁ − (1 − s)σ₃ ≤ b; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -52,12 +52,15 @@ class MohrCoulombLaw(Law):
         return 2 * self.shear * sheared + 2 * self._lame * self.sine * trace(e) - self.strength
 
     def _normals(self) -> tuple[Sequence[Expr], ...]:
-        """Return mean normals of face, left edge σ₁ = σ₂ and right edge σ₂ = σ₃, descending."""
+        """Return mean normals of the face, the left edge σ₁ = σ₂ and the right edge σ₂ = σ₃.
+
+        Each normal is a list of principal components in descending order.
+        """
         up, down = 1 + self.sine, self.sine - 1
         return (up, 0.0, down), (up / 2, up / 2, down), (up, down / 2, down / 2)
 
     def _by_branch(self, e: Expr, values: Sequence[Expr]) -> Expr:
-        """Return one of five scalars: for elastic, face, left edge, right edge, apex."""
+        """Return the scalar of the active branch: elastic, face, left edge, right edge or apex."""
         e1, e2, e3 = principal_axes(e).ordered
         to_left, to_right = (e1 - e2) / (1 + self.sine), (e2 - e3) / (1 - self.sine)
         face, left, right = (self._flow(e, i) for i in range(3))
@@ -73,12 +76,12 @@ class MohrCoulombLaw(Law):
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, values[0])
 
     def _steepness(self, i: int) -> Expr:
-        """Return n·Cn of a mean normal."""
+        """Return n·Cn for the mean normal n with the index i."""
         squares = sum(n**2 for n in self._normals()[i])
         return 4 * self._lame * self.sine**2 + 2 * self.shear * squares
 
     def _flow(self, e: Expr, i: int) -> Expr:
-        """Return the plastic multiplier along a mean normal."""
+        """Return the plastic multiplier along the mean normal with the index i."""
         along = sum(
             n * w for n, w in zip(self._normals()[i], principal_axes(e).ordered, strict=True)
         )
@@ -118,13 +121,13 @@ class MohrCoulombLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def _turned(self, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ due to rotating axes, by differences of principal values."""
+        """Return the reduction of 2μ due to rotating axes, from differences of principal values."""
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return this reduction where the stress yields, except at the apex."""
+        """Return the reduction of :meth:`_turned` where the stress yields, except at the apex."""
         lost = self._turned(stresses, strains)
         return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
 
@@ -133,12 +136,12 @@ class MohrCoulombLaw(Law):
         return self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
-        """Return the descending principal values of U over √μ, for the two values of an edge."""
+        """Return the principal values of U/√μ in descending order; U is zero off the edges."""
         left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
         return [left, right - left, -right]
 
     def _pushes(self, e: Expr) -> list[Expr]:
-        """Return the descending principal values of M: Cn/√(n·Cn)."""
+        """Return the principal values of M = Cn/√(n·Cn) in descending order."""
         found = []
         for k in range(3):
             pushes = [
@@ -151,9 +154,10 @@ class MohrCoulombLaw(Law):
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Return the terms of :meth:`tangent`: lame, a, shape (), and vectors, shape (m,).
 
-        U is the difference of the two directions that an edge makes equal. W is the direction in
-        which the principal axes rotate in the plane, and M the normal of the flow. In space two
-        more vectors describe the rotations of these axes towards the axis across the plane.
+        U is the difference of the tensors of the two principal axes whose stresses are equal on an
+        edge. W is the direction in which the principal axes rotate in the plane, and M is the
+        normal of the flow. In space, two more vectors describe rotations of these axes towards the
+        axis perpendicular to the plane.
         """
         on, share = principal_axes(e), 1 - rho
         first, second, across = on.placed(self._returned(e))
@@ -194,7 +198,7 @@ class MohrCoulombLaw(Law):
 
 @dataclass(frozen=True)
 class TrescaLaw(MohrCoulombLaw):
-    """The law σ₁ − σ₃ ≤ b, with s = 0; see :class:`Law` for the methods."""
+    """The law of the yield set σ₁ − σ₃ ≤ b, with s = 0; :class:`Law` describes the methods."""
 
     dilates: ClassVar[bool] = False
 

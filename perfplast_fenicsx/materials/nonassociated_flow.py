@@ -1,7 +1,7 @@
-"""Treat ground with ψ < φ by associated bodies whose limit loads bound or estimate its own.
+"""Replace ground with ψ < φ by associated ground that bounds or estimates its collapse loads.
 
-No limit theorem holds for such ground, and its collapse load need not be unique. All results use
-associated ground, whose dilatancy angle equals its friction angle:
+No limit theorem holds for ground with ψ < φ, and its collapse load need not be unique. All results
+use associated ground, whose dilatancy angle equals its friction angle:
 
 - D. Radenkovic (Théorèmes limites pour un matériau de Coulomb à dilatation non standardisée, C. R.
   Acad. Sci. Paris 252 (1961), 4103): any collapse load lies between the limit loads of two
@@ -10,9 +10,9 @@ associated ground, whose dilatancy angle equals its friction angle:
   has the angle ψ, then σ:ε ≥ c cot φ tr ε, which is the support function of the weaker set.
 - E. H. Davis (Theories of plasticity and the failure of soil masses, in: I. K. Lee (ed.), Soil
   Mechanics: Selected Topics, London 1968): one associated ground with βc and β tan φ, where β = cos
-  φ cos ψ/(1 − sin φ sin ψ). It gives an estimate and no bound. F. Tschuchnigg et al.
-  (doi:10.1016/j.compgeo.2015.06.003) call it A if β is that of the given ground when strengths are
-  reduced, B if β is that of the reduced angles, and C if ψ is not reduced.
+  φ cos ψ/(1 − sin φ sin ψ). This method gives an estimate, not a bound. F. Tschuchnigg et al.
+  (doi:10.1016/j.compgeo.2015.06.003) distinguish three variants for reduced strengths: A uses β of
+  the given angles, B uses β of the reduced angles, and C does not reduce ψ.
 """
 
 import math
@@ -69,8 +69,9 @@ def check_dilatancy(ground: Ground) -> None:
     """Refuse a dilatancy angle that is not valid or has no treatment.
 
     Raises:
-        InputError: If it is not between 0 and the friction angle; if it is smaller without
-            ``nonassociated``; or if Radenkovic's weaker ground would have no strength.
+        InputError: If the dilatancy angle is not between 0 and the friction angle; if it is smaller
+            than the friction angle without ``nonassociated``; or if Radenkovic's weaker ground
+            would have no strength.
     """
     psi, phi, stand = ground.dilatancy_angle, ground.friction_angle, ground.nonassociated
     if stand is not None:
@@ -105,7 +106,7 @@ def check_dilatancy(ground: Ground) -> None:
 def associated(ground: AnyGround) -> AnyGround:
     """Return the associated ground of the computation.
 
-    For Davis' methods it has βc and β tan φ; otherwise it has the ground's own friction angle.
+    For Davis' methods this ground has βc and β tan φ; otherwise it keeps c and φ.
     """
     if ground.nonassociated in (None, "radenkovic"):
         return replace(ground, dilatancy_angle=None, nonassociated=None)
@@ -121,7 +122,9 @@ def weaker(ground: AnyGround) -> AnyGround:
 
 
 def reduced(ground: AnyGround, factor: float) -> AnyGround:
-    """Return ground with c/F and tan φ/F; ψ is kept for Davis' C and has tan ψ/F otherwise.
+    """Return ground with c/F and tan φ/F.
+
+    Davis' method C keeps ψ; otherwise tan ψ is divided by F too.
 
     Args:
         ground: Any ground.
@@ -152,10 +155,10 @@ def reduced(ground: AnyGround, factor: float) -> AnyGround:
 def pair_of(
     materials: Mapping[str, Material],
 ) -> tuple[dict[str, Material], dict[str, Material]] | None:
-    """Return weaker and stronger bodies whose limit loads bound those of the given ones.
+    """Return weaker and stronger materials whose limit loads bound the collapse loads.
 
     Returns:
-        Both, by the names of volumes; None if each limit load is that of the bodies themselves.
+        Weaker and stronger materials by the names of volumes; None if no ground needs such a pair.
     """
     if not any(_has_pair(it) for it in materials.values()):
         return None
@@ -167,10 +170,10 @@ def pair_of(
 
 
 def check_flows(materials: Mapping[str, Material]) -> None:
-    """Refuse ground for which only bounds exist.
+    """Refuse ground whose limit loads can only be bounded.
 
     Raises:
-        InputError: Naming the first such ground.
+        InputError: If there is such ground; the message names the first volume with it.
     """
     for name, material in materials.items():
         if _has_pair(material):
@@ -182,7 +185,7 @@ def check_flows(materials: Mapping[str, Material]) -> None:
 
 
 def flow_words(materials: Mapping[str, Material]) -> list[str]:
-    """Return a sentence for each kind of nonassociated ground on the validity of the numbers."""
+    """Return a sentence for each kind of nonassociated ground that says what its numbers are."""
     told = []
     bodies = list(materials.values())
     for material in (it for i, it in enumerate(bodies) if it not in bodies[:i]):
@@ -193,21 +196,21 @@ def flow_words(materials: Mapping[str, Material]) -> list[str]:
         with_these = f"associated ground with {_numbers(associated(material))}"
         if _has_pair(material):
             told.append(
-                f"{psi}: bounds are Radenkovic's pair, of {with_these} from above, and "
-                f"with {_numbers(weaker(material))} from below; all possible collapse "
-                "loads lie between"
+                f"{psi}: the bounds are Radenkovic's pair, from {with_these} above and from ground "
+                f"with {_numbers(weaker(material))} below; all possible collapse loads lie between "
+                "them"
             )
         else:
             told.append(
-                f"{psi}: Davis' method {str(material.nonassociated)[-1].upper()} replaces "
-                f"it by {with_these}; all numbers are for that ground, an estimate and no "
-                "bound"
+                f"{psi}: Davis' method {str(material.nonassociated)[-1].upper()} replaces it by "
+                f"{with_these}; all numbers are for that ground, so they are estimates and not "
+                "bounds"
             )
     return told
 
 
 def by_davis(materials: Mapping[str, Material]) -> bool:
-    """Return whether associated ground replaces any body, so that all numbers are estimates."""
+    """Return whether Davis' method replaces any ground, so that all numbers are estimates."""
     return any(_dilates_less(it) and not _has_pair(it) for it in materials.values())
 
 

@@ -7,8 +7,8 @@ strain:
     ψ(e)  = ψ_H(e − p)
     ψ*(s) = ψ_H*(s) + s:p
 
-where ψ is the energy that the step stores and dissipates. In an elastic step it is ½ (e − p):C(e −
-p). So every law that is a projection on a fixed yield set has such a flow law (J. C. Simo, T. J. R.
+where ψ is the energy that the step stores and dissipates. In an elastic step ψ is ½ (e − p):C(e −
+p). Every law that is a projection on a fixed yield set has such a flow law (J. C. Simo, T. J. R.
 Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening` is the flow law with
 hardening.
 """
@@ -29,12 +29,13 @@ from perfplast_fenicsx.materials.mandel import Expr
 from perfplast_fenicsx.spatial_fields import Strength
 
 STRAIN, ACCUMULATED = "plastic_strain", "accumulated_plastic_strain"
-"""Names in the history: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖. In uniaxial stress of a metal, p̄ =
-∫|dε^p|."""
+"""Names of the internal variables: p as a Mandel vector, and p̄ = ∫√⅔‖dp‖. For a metal in uniaxial
+stress, p̄ = ∫|dε^p|.
+"""
 
 
 class Step(Law, Protocol):
-    """A step of flow; see :class:`Law` for the methods."""
+    """A step of plastic flow; :class:`Law` describes the methods."""
 
     @abstractmethod
     def hencky(self, old: Old) -> Law:
@@ -62,7 +63,7 @@ class Step(Law, Protocol):
         return self.hencky(old).conjugate(s, {}) + ufl.dot(s, old[STRAIN])
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """Return 1 where the step flows, else 0."""
+        """Return 1 where the body flows in this step, else 0."""
         return self.hencky(old).plastic(self.shifted(e, old), {})
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
@@ -77,10 +78,10 @@ class Step(Law, Protocol):
 
 
 class FlowLaw(Step):
-    """Perfect plasticity, step by step; :func:`flow_law` makes it from a law of total strain.
+    """Perfect plasticity step by step; :func:`flow_law` makes this class from Hencky's law.
 
     Args:
-        numbers: Numbers of the law of total strain.
+        numbers: Parameters of Hencky's law, the law of total strain.
     """
 
     of: ClassVar[type[Law]]
@@ -114,15 +115,16 @@ class FlowLaw(Step):
 
 @cache
 def flow_law(law: type[Law]) -> type[FlowLaw]:
-    """Return the flow law of a law of total strain that is a projection on a yield set."""
+    """Return the flow law of a Hencky law that is a projection on a yield set."""
     return type(f"{law.__name__}Flow", (FlowLaw,), {"of": law, "dilates": law.dilates})
 
 
 @dataclass(frozen=True)
 class Flow:
-    """A body that remembers its plastic flow, for loading, unloading and reloading.
+    """A material that remembers its plastic flow, for loading, unloading and reloading.
 
-    Without it a body follows Hencky's law, and each level is one step from the virgin body.
+    Without this memory a body follows Hencky's law, and each level is one step from the virgin
+    body.
 
     Args:
         body: The material of the body. Its law is a projection on a yield set
@@ -130,7 +132,7 @@ class Flow:
             :class:`Hardening` does.
 
     Raises:
-        InputError: If the body has no plastic flow, or already remembers it.
+        InputError: If the body has no plastic flow, or if the material already remembers it.
     """
 
     body: Material
@@ -172,8 +174,8 @@ class Flow:
 def with_memory(material: Material) -> Material | None:
     """Return a material that remembers its plastic flow.
 
-    An elastic one is returned unchanged; None if the material cannot remember. A material's own
-    method ``remembering()`` takes precedence.
+    An elastic material is returned unchanged. The result is ``None`` if the material cannot remember
+    its flow. A material's own method ``remembering()`` takes precedence.
     """
     own = getattr(material, "remembering", None)
     if own is not None:

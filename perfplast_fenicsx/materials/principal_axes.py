@@ -1,8 +1,9 @@
-"""Compute principal values and axes of symmetric tensors in UFL, accurate even where values meet.
+"""Compute principal values and axes of symmetric tensors in UFL, accurately for equal values too.
 
-One axis is known (the out-of-plane axis), or is computed first: that of the value farthest from
-both others, by a closed form that is well conditioned there (O. K. Smith, Commun. ACM 4 (1961),
-168). The other values follow from Mohr's circle in the plane perpendicular to this axis.
+One axis is known (the out-of-plane axis) or is computed first. The computed one is the axis of the
+value farthest from both others, for which a closed form is well conditioned (O. K. Smith, Commun.
+ACM 4 (1961), 168). The other values follow from Mohr's circle in the plane perpendicular to this
+axis.
 """
 
 import math
@@ -15,11 +16,12 @@ import ufl
 from perfplast_fenicsx.materials.mandel import Expr, deviator, tensor, trace
 
 IN_PLANE = 4
-"""Number of components of vectors with a known axis."""
+"""Number of components of Mandel vectors with a known principal axis."""
 
 TINY = 1e-150
-"""Smallest divisor; avoids 0/0 where two principal values are equal. Its square does not underflow
-to zero."""
+"""Smallest divisor, which avoids 0/0 where two principal values are equal. The square of this
+number does not underflow to zero.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,14 +29,14 @@ class PrincipalAxes:
     """Principal values of a Mandel vector of four or six components, and tensors of their axes.
 
     Attributes:
-        e: The vector.
+        e: The Mandel vector.
     """
 
     e: Expr
 
     @cached_property
     def out(self) -> tuple[Expr, Expr, Expr]:
-        """Unit vectors: the axis that is known or found first, and two at right angles to it."""
+        """Return unit vectors: the axis that is known or computed first, and two normal to it."""
         if len(self.e) == IN_PLANE:
             rows = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
             return tuple(ufl.as_vector(row) for row in rows)
@@ -53,7 +55,7 @@ class PrincipalAxes:
         for square, cross in zip(squares[:2], crosses[:2], strict=True):
             here = ufl.ge(square, best)
             found = ufl.as_vector([ufl.conditional(here, cross[i], found[i]) for i in range(3)])
-        # Relative deviator that counts as the rounding of zero; its axes have no meaning.
+        # A deviator below this relative size is rounding error, and its axes have no meaning.
         rounded = 1e-14
         round_ = ufl.le(size, ufl.max_value(rounded * abs(trace(self.e)), TINY))
         unit_z = (0.0, 0.0, 1.0)
@@ -63,7 +65,7 @@ class PrincipalAxes:
 
     @cached_property
     def circle(self) -> tuple[Expr, Expr, Expr, Expr]:
-        """Return the mean and half differences in the plane, and the out-of-plane value."""
+        """Return mean, half difference and shear in the plane, and the out-of-plane value."""
         n, a, b = self.out
         A = tensor(self.e)
         first, last, shear = (ufl.dot(x, A * y) for x, y in ((a, a), (b, b), (a, b)))
@@ -71,7 +73,7 @@ class PrincipalAxes:
 
     @cached_property
     def radius(self) -> Expr:
-        """Return half of the difference of the two values in the plane."""
+        """Return the radius of Mohr's circle in the plane."""
         _, half, shear, _ = self.circle
         return ufl.sqrt(half**2 + shear**2)
 
@@ -94,7 +96,7 @@ class PrincipalAxes:
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)
 
     def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Return descending values as those of the two axes in the plane and the axis across it."""
+        """Return descending values as larger in-plane, smaller in-plane, out-of-plane one."""
         (p, q), z = self.in_plane, self.across
         above, below = ufl.gt(z, p), ufl.lt(z, q)
         across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
@@ -103,7 +105,7 @@ class PrincipalAxes:
 
     @cached_property
     def _double_angle(self) -> tuple[Expr, Expr]:
-        """Return cosine and sine of twice the angle of the larger value in the plane."""
+        """Return the cosine and sine of twice the angle of the larger in-plane value's axis."""
         _, half, shear, _ = self.circle
         size, round_ = ufl.max_value(self.radius, TINY), ufl.le(self.radius, TINY)
         cosine = ufl.conditional(round_, 1.0, half / size)
@@ -118,7 +120,7 @@ class PrincipalAxes:
     def direction(self) -> Expr:
         """Return the unit deviator of the plane, as a Mandel vector.
 
-        Arbitrary for two equal values.
+        The result is arbitrary if the two in-plane values are equal.
         """
         return self._deviator(*self._double_angle)
 
@@ -132,13 +134,13 @@ class PrincipalAxes:
     def tilted(self) -> tuple[Expr, ...]:
         """Return unit deviators for rotations of these axes out of the plane.
 
-        None if that axis is known.
+        The tuple is empty if the axis normal to the plane is known.
         """
         if len(self.e) == IN_PLANE:
             return ()
         n, a, b = self.out
         cosine, sine = self._double_angle
-        # of half the angle; of two forms the one without cancellation
+        # for half of the angle; of two equivalent forms, the one without cancellation
         c = ufl.sqrt((1 + abs(cosine)) / 2)
         s = abs(sine) / (2 * c)
         falls, sign = ufl.lt(cosine, 0.0), ufl.conditional(ufl.lt(sine, 0.0), -1.0, 1.0)
@@ -165,12 +167,12 @@ class PrincipalAxes:
 
 @lru_cache(maxsize=8)
 def principal_axes(e: Expr) -> PrincipalAxes:
-    """Return the principal axes of a vector, which share common subexpressions."""
+    """Return the principal axes of a Mandel vector; equal vectors share one object."""
     return PrincipalAxes(e)
 
 
 def _beside(n: Expr) -> tuple[Expr, Expr]:
-    """Return two unit vectors perpendicular to one (T. Duff et al., JCGT 6 (2017))."""
+    """Return two unit vectors normal to a unit vector n (T. Duff et al., JCGT 6 (2017))."""
     sign = ufl.conditional(ufl.lt(n[2], 0.0), -1.0, 1.0)
     a = -1 / (sign + n[2])
     b = n[0] * n[1] * a

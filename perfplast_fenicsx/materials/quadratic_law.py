@@ -1,15 +1,15 @@
-r"""Define perfect plasticity with a quadratic condition, in Hencky's form: returns to an ellipsoid.
+r"""Define perfect plasticity with a quadratic yield condition, in Hencky's form.
 
-In suitable coordinates elasticity is 2μ, apart from a stress that is not bounded, and the condition
-is Σ h_i s_i² ≤ Y². Strains have the coordinates Bᵀe, and stresses σ = Bs. A trial stress t = 2μBᵀe
-outside returns to
+In suitable coordinates Hooke's tensor is 2μ and the yield condition is Σ h_i s_i² ≤ Y². A further
+part of the stress may be unbounded. Strains have the coordinates Bᵀe, and stresses σ = Bs. A trial
+stress t = 2μBᵀe outside the set returns to
 
     s_i = t_i/(1 + xh_i),    Σ h_i t_i²/(1 + xh_i)² = Y²,    x > 0,
 
-The solution x follows from Newton's method on the inverse of the root of the left-hand side, which
-rises to x from zero without overshooting (J. J. Moré, D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4
-(1983), 553). With D_i = 2μ/(1 + xh_i) and q_i = D_i h_i s_i the derivative there is diag(D) − q⊗q/Σ
-h_i s_i q_i.
+Newton's method is applied to the reciprocal square root of the left-hand side. From zero, its
+iterates increase to the solution x without overshooting (J. J. Moré, D. C. Sorensen, SIAM J. Sci.
+Stat. Comput. 4 (1983), 553). With D_i = 2μ/(1 + xh_i) and q_i = D_i h_i s_i, the derivative of s
+with respect to Bᵀe is diag(D) − q⊗q/Σ h_i s_i q_i.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ class QuadraticForm(Protocol):
     """The quadratic form Σ h_i s_i²."""
 
     def weights(self, size: int) -> Sequence[Expr]:
-        """Return the h_i: three for vectors of four components, five for six."""
+        """Return the h_i: three for Mandel vectors of four components, five for those of six."""
         ...
 
     def frame(self, size: int) -> Expr:
@@ -38,7 +38,7 @@ class QuadraticForm(Protocol):
 
 @dataclass(frozen=True)
 class QuadraticLaw(Law):
-    """Σ h_i s_i² ≤ Y²; see :class:`Law` for the methods.
+    """The law of the yield set Σ h_i s_i² ≤ Y²; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -66,7 +66,7 @@ class QuadraticLaw(Law):
         return [2 * self.shear / self.strength * parts[i] for i in range(count)]
 
     def returned(self, e: Expr) -> list[Expr]:
-        """Return 1/(1 + xh_i), the returned share of the elastic stress."""
+        """Return 1/(1 + xh_i), the ratio of the returned stress to the elastic stress."""
         t, weights = self.trial(e), self.form.weights(len(e))
 
         def nearer(x: Expr, _: int) -> Expr:
@@ -76,8 +76,8 @@ class QuadraticLaw(Law):
             size = ufl.sqrt(ufl.max_value(square, 1.0))
             return x + (size - 1) * square / ufl.max_value(slope, TINY)
 
-        # Newton steps of a return. At shear ratios of 9 and 3e6 times the strain at yield only
-        # rounding errors remain.
+        # Newton steps of a return. For shear ratios of 9 and 3e6 times the yield strain, these
+        # steps leave only rounding errors.
         steps = 10
         x = reduce(nearer, range(steps), ufl.as_ufl(0.0))
         return [1 / (1 + x * h) for h in weights]
@@ -95,7 +95,7 @@ class QuadraticLaw(Law):
         return self.free(e) + ufl.dot(parts, self.form.frame(len(e)))
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """Return ψ(e) = ½ e:Ce minus half of the squared distance to the yield set."""
+        """Return ψ(e): ½ e:Ce minus half of the squared distance of Ce from the yield set."""
         left = zip(self.trial(e), self.returned(e), strict=True)
         shape = sum(t**2 * share * (2 - share) for t, share in left)
         return ufl.dot(self.free(e), e) / 2 + self.strength**2 / (4 * self.shear) * shape

@@ -1,15 +1,15 @@
-"""Define metal in plane stress, σ_zz = 0, by a quadratic condition of the stresses in the plane.
+"""Define a metal in plane stress, σ_zz = 0, by a quadratic condition on the in-plane stresses.
 
 The thickness of bodies is free to change, so that all strain rates in the plane are admissible. Let
 P, shape (3, 3), be the form of (σ_xx, σ_yy, √2σ_xy), and C = 2μB₀B₀ᵀ in plane stress. The principal
 axes of B₀ᵀPB₀ define the coordinates of :mod:`quadratic_law`. Σ is the projection in space at σ_zz
 = 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
 
-Define Hooke's tensor of an isotropic sheet, σ_zz = 0, and its inverse in the plane.
-The expressions are UFL at a point.
+The module also defines Hooke's tensor of an isotropic sheet and its in-plane inverse. The
+expressions are UFL at a point.
 
-Vectors have the four components of the plane (:mod:`mandel`). The component across the plane is
-zero for stresses and ignored for strains, since the thickness of bodies is free to change.
+Mandel vectors have four components, as in plane strain (:mod:`mandel`). The out-of-plane component
+is zero for stresses and ignored for strains, since the thickness of bodies is free to change.
 """
 
 import math
@@ -28,10 +28,10 @@ from perfplast_fenicsx.spatial_fields import Strength
 
 @dataclass(frozen=True)
 class SheetElasticity:
-    """C e = λ'(e_xx + e_yy) δ' + 2μ e in the plane, λ' = 2μ(3κ − 2μ)/(3κ + 4μ).
+    """Hooke's tensor λ'(e_xx + e_yy) δ' + 2μ e in the plane, λ' = 2μ(3κ − 2μ)/(3κ + 4μ).
 
     Args:
-        bulk: κ (stress), of the body in space.
+        bulk: Bulk modulus κ of the material in three dimensions (stress).
         shear: μ (stress).
     """
 
@@ -52,7 +52,7 @@ class SheetElasticity:
         return _flat(2 * self.shear, e, mean)
 
     def compliance(self, s: Expr) -> Expr:
-        """Return C⁻¹ s, zero across the plane."""
+        """Return C⁻¹ s with a zero out-of-plane component."""
         share = self._lame / (4 * self.shear * (self._lame + self.shear))
         return _flat(1 / (2 * self.shear), s, -share * (s[0] + s[1]))
 
@@ -63,7 +63,7 @@ def _flat(factor: Expr, x: Expr, mean: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class SheetForm:
-    """The form Σ h_i s_i², in which rates have the coordinates Bᵀε and stresses are Bs.
+    """The form Σ h_i s_i² for rates with the coordinates Bᵀε and stresses σ = Bs.
 
     Args:
         sizes: The h_i.
@@ -89,13 +89,13 @@ class SheetForm:
 
 
 def _wide(row: Sequence[Expr]) -> list[Expr]:
-    """Return a row with a zero for the component across the plane."""
+    """Return a row with a zero inserted for the out-of-plane component."""
     return [row[0], row[1], 0.0, row[2]]
 
 
 @dataclass(frozen=True)
 class SheetSet:
-    """Σ h_i s_i² ≤ Y²; see :class:`YieldSet` for the methods.
+    """The yield set Σ h_i s_i² ≤ Y²; :class:`YieldSet` describes the methods.
 
     Args:
         form: The form Σ h_i s_i².
@@ -123,7 +123,7 @@ class SheetSet:
         return sum(left[i] * right[i] / h for i, h in enumerate(self.form.sizes))
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """Return one cone, which bounds all stresses in the plane."""
+        """Return one cone, which bounds all in-plane stresses."""
         back = self.form.back()
         matrix = ufl.as_matrix(
             [[ufl.sqrt(h) * back[i, j] for j in range(size)] for i, h in enumerate(self.form.sizes)]
@@ -137,10 +137,10 @@ class SheetSet:
 
 @dataclass(frozen=True)
 class SheetLaw(QuadraticLaw):
-    """Metal in plane stress; see :class:`Law` for the methods.
+    """The law of a metal in plane stress; :class:`Law` describes the methods.
 
     Args:
-        bulk: κ (stress), of the body in space.
+        bulk: Bulk modulus κ of the material in three dimensions (stress).
         shear: μ (stress).
         strength: Y (stress).
         h0: The largest h_i.
@@ -198,7 +198,7 @@ class SheetLaw(QuadraticLaw):
     def flow(self, e: Expr) -> Expr:
         """Return the plastic strain of the strain e.
 
-        Its component across the plane preserves the volume.
+        The out-of-plane component is chosen so that the plastic strain preserves the volume.
         """
         p = super().flow(e)
         return ufl.as_vector([p[0], p[1], -p[0] - p[1], p[3]])
@@ -212,7 +212,7 @@ class Sheet:
         bulk: κ (stress).
         shear: μ (stress).
         strength: Y (stress).
-        form: P of (σ_xx, σ_yy, √2σ_xy), positive definite; shape (3, 3).
+        form: Matrix P of the form in (σ_xx, σ_yy, √2σ_xy), positive definite, shape (3, 3).
     """
 
     bulk: float
@@ -227,7 +227,7 @@ class Sheet:
 
     def parameters(self) -> dict[str, Strength]:
         """Return κ, μ, Y and the form of :class:`SheetLaw`."""
-        even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # of ½(xx + yy), over 2μ
+        even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # for ½(xx + yy), over 2μ
         half = math.sqrt(0.5)
         columns = [[half, half, 0.0], [half, -half, 0.0], [0.0, 0.0, 1.0]]
         first = np.array(columns).T * [math.sqrt(even), 1.0, 1.0]

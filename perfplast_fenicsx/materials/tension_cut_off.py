@@ -2,9 +2,9 @@ r"""Define the Mohr–Coulomb or Tresca condition with a tensile strength, assoc
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃. The
 tensile strength f is below the apex b/2s of the first condition. A stress is the projection of Ce
-in the norm of C⁻¹. If the projection on one set satisfies the other condition, it is the result.
-Otherwise both conditions are active: σ₁ = f, σ₃ = r = ((1 + s)f − b)/(1 − s), and σ₂ is the nearest
-value in [r, f].
+in the norm of C⁻¹. If the projection on the set of one condition satisfies the other condition,
+this projection is the result. Otherwise both conditions are active: σ₁ = f, σ₃ = r = ((1 + s)f −
+b)/(1 − s), and σ₂ is the nearest value in [r, f].
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from perfplast_fenicsx.materials.principal_axes import principal_axes
 
 @dataclass(frozen=True)
 class CutOffLaw(MohrCoulombLaw):
-    """(1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f; see :class:`Law` for the methods.
+    """The law of (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f; :class:`Law` describes the methods.
 
     Args:
         tension: f > 0 (stress).
@@ -33,7 +33,7 @@ class CutOffLaw(MohrCoulombLaw):
 
     @property
     def _lowest(self) -> Expr:
-        """Return r, the least σ₃ with σ₁ = f."""
+        """Return r, the smallest admissible σ₃ if σ₁ = f."""
         return ((1 + self.sine) * self.tension - self.strength) / (1 - self.sine)
 
     def _sheared(self, most: Expr, least: Expr) -> Expr:
@@ -55,7 +55,10 @@ class CutOffLaw(MohrCoulombLaw):
         return ufl.max_value(self._sheared(most, least), most - self.tension)
 
     def _cut(self, e: Expr) -> tuple[list[Expr], Expr, Expr]:
-        """Return principal stresses of the projection on σ₁ ≤ f, and whether two or all are f."""
+        """Return the principal stresses of the projection on σ₁ ≤ f, and two flags.
+
+        The flags mark where at least two, and where all principal stresses are f.
+        """
         f, lame = self.tension, self._lame
         first, second, third = self._trial(e)
         one = ufl.max_value(first - f, 0.0) / (lame + 2 * self.shear)
@@ -71,20 +74,21 @@ class CutOffLaw(MohrCoulombLaw):
         return found, edge, tip
 
     def _middle(self, e: Expr) -> Expr:
-        """Return the σ₂ nearest to Ce with σ₁ = f and σ₃ = r; it may lie outside [r, f]."""
+        """Return the σ₂ nearest to Ce for σ₁ = f and σ₃ = r; the value may lie outside [r, f]."""
         first, second, third = self._trial(e)
         poisson = self._lame / (2 * (self._lame + self.shear))
         return second + poisson * (self.tension + self._lowest - first - third)
 
     def _by_kind(self, e: Expr, coulomb: Expr, cut: Sequence[Expr], both: Sequence[Expr]) -> Expr:
-        """Return one of six scalars.
+        """Return the scalar of the active case, one of six.
 
         Args:
             e: The strain.
             coulomb: Value where at most the Mohr–Coulomb condition is active.
             cut: Values where only the tensile strength is active: for σ₁, for σ₁ and σ₂, for all
                 three.
-            both: Values where both are active: with σ₂ between, and with σ₂ equal to another value.
+            both: Values where both conditions are active: for r < σ₂ < f, and for σ₂ equal to r or
+                f.
         """
         (first, _, third), edge, tip = self._cut(e)
         f, middle = self.tension, self._middle(e)
@@ -105,7 +109,7 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ due to rotating axes at yield, except at a tip."""
+        """Return the reduction of 2μ due to rotating axes at yield; 0 where all stresses are f."""
         lost = self._turned(stresses, strains)
         without = super()._lost(e, stresses, strains)
         return self._by_kind(e, without, [lost, lost, 0.0], [lost, lost])
@@ -115,7 +119,7 @@ class CutOffLaw(MohrCoulombLaw):
         return self._by_kind(e, super()._keeps(e), [1.0, 1.0, 0.0], [1.0, 1.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
-        """Return the descending principal values of U over √μ: the difference of two that flow."""
+        """Return the principal values of U/√μ in descending order."""
         own = (0.0, 1.0, 1.0, 1.0), (0.0, -1.0, 0.0, -1.0), (0.0, 0.0, -1.0, 0.0)
         return [
             self._by_kind(e, a, [face, edge, 0.0], [between, corner])
@@ -123,7 +127,7 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _pushes(self, e: Expr) -> list[Expr]:
-        """Return the descending principal values of M: Cn/√(n·Cn)."""
+        """Return the principal values of M = Cn/√(n·Cn) in descending order."""
         lame, shear = self._lame, self.shear
         normals = (1.0, 0.0, 0.0), (0.5, 0.5, 0.0), (0.5, 0.0, 0.5)
         sizes = [ufl.sqrt(lame + 2 * shear * sum(x**2 for x in n)) for n in normals]
@@ -137,7 +141,11 @@ class CutOffLaw(MohrCoulombLaw):
         return found
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the fields of :class:`MohrCoulombLaw`, and V with U and M at constant stress."""
+        """Return the fields of :class:`MohrCoulombLaw` and a further vector V.
+
+        V is not zero only where σ₂ is r or f and both conditions are active. V, U and M together
+        make the three principal stresses constant there.
+        """
         corner = self._by_kind(e, 0.0, [0.0, 0.0, 0.0], [0.0, 1.0])
         third = principal_axes(e).vector([corner, corner, -2 * corner])
         fields = super().tangent_fields(e, old, rho)
@@ -145,6 +153,6 @@ class CutOffLaw(MohrCoulombLaw):
 
     @property
     def yields(self) -> CutOffSet:
-        """Return the set of both conditions."""
+        """Return the set of stresses that satisfy both conditions."""
         cosine = ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
         return CutOffSet(self.strength / (2 * cosine), self.sine, self.tension)

@@ -1,18 +1,18 @@
-"""Friction angles that vary in space, in the Mohr–Coulomb condition.
+"""Define friction angles that vary in space for the Mohr–Coulomb condition.
 
-In the plane the set of a point x is ‖dev σ‖ ≤ √2 s(x)(a(x) − p), with s = sin φ, the mean stress p
-and the apex a = c cot φ. A linear stress in a cell makes s(x) p(x) quadratic, so that vertices do
-not suffice for a slope that varies. Strict bounds use one slope for each cell:
+In plane strain the yield set at a point x is ‖dev σ‖ ≤ √2 s(x)(a(x) − p), with s = sin φ, the mean
+stress p and the apex a = c cot φ. For a stress that is linear in a cell, s(x) p(x) is quadratic. It
+is therefore not enough to check the condition at the vertices. Strict bounds use one slope for each
+cell:
 
 - The lower bound uses the smallest s in the cell, and a linear function b ≤ s a instead of s a.
-  Wherever b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set is inside that of
-  each point.
-- The upper bound uses the largest s, and a linear function b ≥ s a. So the set contains that of
-  each point.
+  Wherever b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set lies inside the yield
+  set of each point.
+- The upper bound uses the largest s, and a linear function b ≥ s a. The set therefore contains the
+  yield set of each point.
 
-The linear functions follow from φ between linear functions, because the cotangent is convex: it is
-above its tangent, and below its chord. Both bounds converge to the same number as cells become
-smaller.
+The linear functions follow from linear bounds of φ, because the cotangent is convex: it lies above
+its tangent and below its chord. Both bounds converge to the same number as cells become smaller.
 """
 
 from dataclasses import dataclass
@@ -27,19 +27,19 @@ from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 @dataclass(frozen=True)
 class FrictionAngle(SpatialField):
-    """φ (degrees) of a field whose tan φ is divided by a number.
+    """A field of friction angles φ (degrees) whose tan φ is divided by a number.
 
     Args:
         angle: The angle before the division (degrees).
         divisor: F > 0.
-        scale: 1.
+        scale: Always 1.
     """
 
     angle: SpatialField
     divisor: float = 1.0
 
     def in_words(self) -> str:
-        """Return the field, and the number that its tangent is divided by."""
+        """Return a description of the field and of the divisor of its tangent."""
         less = "" if self.divisor == 1 else f", its tangent divided by {self.divisor:.6g}"
         return f"{self.angle}{less}"
 
@@ -54,7 +54,8 @@ class FrictionAngle(SpatialField):
         """Return tan φ at points.
 
         Raises:
-            InputError: Naming the point at which an angle is farthest out of its range.
+            InputError: If an angle is out of its range; the message names the point of the worst
+                angle.
         """
         angles = self.angle.at(x, place)
         wrong = ~((angles > 0) & (angles < 90))
@@ -69,14 +70,14 @@ class FrictionAngle(SpatialField):
         return np.asarray(np.tan(np.radians(angles)) / self.divisor)
 
     def angles_between(self, corners: Floats, place: str) -> Pair:
-        """Return linear bounds of the angle before the division (radians), in simplices.
+        """Return linear bounds of the undivided angle in simplices (radians).
 
         Args:
             corners: Vertices of the simplices, shape (n, k, d).
             place: Name of the object that has the field, for messages.
 
         Returns:
-            Values at the vertices, each of shape (n, k).
+            Values of the lower and the upper bound at the vertices, each of shape (n, k).
 
         Raises:
             InputError: If a linear bound of the angle leaves the range of angles.
@@ -93,24 +94,24 @@ class FrictionAngle(SpatialField):
         return np.radians(low), np.radians(high)
 
     def extremes(self, corners: Floats, place: str) -> Pair:
-        """Return the least and the largest tan φ that a simplex may have, each of shape (n,)."""
+        """Return a lower and an upper bound of tan φ in each simplex, each of shape (n,)."""
         low, high = self.angles_between(corners, place)
         return np.tan(low.min(axis=1)) / self.divisor, np.tan(high.max(axis=1)) / self.divisor
 
 
 @dataclass(frozen=True)
 class FrictionSine(SpatialField):
-    """sin φ; one value for each cell if it is a bound from one side.
+    """The field sin φ; its bounds from one side are constant in each cell.
 
     Args:
         friction: φ.
-        scale: 1.
+        scale: Always 1.
     """
 
     friction: FrictionAngle
 
     def in_words(self) -> str:
-        """Return the angle in words."""
+        """Return a description of the field."""
         return f"the sine of {self.friction}"
 
     def _at(self, x: Floats, place: str) -> Floats:
@@ -123,19 +124,19 @@ class FrictionSine(SpatialField):
 
 @dataclass(frozen=True)
 class FrictionStrength(SpatialField):
-    """2c cos φ, with linear bounds in a cell for the slope of :class:`FrictionSine`.
+    """The field 2c cos φ, whose linear bounds in a cell match the slope of :class:`FrictionSine`.
 
     Args:
         cohesion: c > 0 (stress).
         friction: φ.
-        scale: The number that it is multiplied by.
+        scale: Factor of the field.
     """
 
     cohesion: Strength
     friction: FrictionAngle
 
     def in_words(self) -> str:
-        """Return cohesion and angle in words."""
+        """Return a description of the field."""
         return f"2 ({self.cohesion}) times the cosine of {self.friction}"
 
     def _at(self, x: Floats, place: str) -> Floats:
@@ -162,12 +163,12 @@ class FrictionStrength(SpatialField):
 
 
 def friction_of(angle: SpatialField) -> FrictionAngle:
-    """Return an angle as one whose tangent can be divided."""
+    """Return a friction angle as a :class:`FrictionAngle`, whose tangent can be divided."""
     return angle if isinstance(angle, FrictionAngle) else FrictionAngle(angle)
 
 
 def divided_friction(angle: SpatialField, factor: float) -> FrictionAngle:
-    """Return the angle whose tangent is divided by a factor.
+    """Return a friction angle with its tangent divided by a factor.
 
     Args:
         angle: φ (degrees).
@@ -182,5 +183,5 @@ def _sine(tangent: Floats) -> Floats:
 
 
 def _even(values: Floats, corners: Floats) -> Floats:
-    """Return one number for each simplex, at each of its vertices."""
+    """Return one value for each simplex, repeated at each of its vertices."""
     return np.repeat(values[:, None], corners.shape[1], axis=1)

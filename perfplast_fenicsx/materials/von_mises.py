@@ -27,7 +27,7 @@ from perfplast_fenicsx.spatial_fields import Strength
 
 @dataclass(frozen=True)
 class VonMisesSet:
-    """‖dev σ‖ ≤ γ; see :class:`YieldSet` for the methods.
+    """The yield set ‖dev σ‖ ≤ γ; :class:`YieldSet` describes the methods.
 
     Args:
         radius: γ (stress).
@@ -48,7 +48,7 @@ class VonMisesSet:
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """Return one cone without a slope."""
+        """Return one cone, whose slope is zero."""
         return (axial_cone(self.radius, 0.0, size),)
 
     def inadmissible(self, rate: Expr) -> Expr:
@@ -58,7 +58,7 @@ class VonMisesSet:
 
 @dataclass(frozen=True)
 class FirstYield(Law):
-    """Base of laws that first yield at ‖dev σ‖ = γ; see :class:`Law` for the methods.
+    """Base of laws that first yield at ‖dev σ‖ = γ; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -89,16 +89,16 @@ class FirstYield(Law):
 
 @dataclass(frozen=True)
 class VonMisesLaw(FirstYield):
-    """‖dev σ‖ ≤ γ; see :class:`Law` for the methods."""
+    """The law of the yield set ‖dev σ‖ ≤ γ; :class:`Law` describes the methods."""
 
     projects: ClassVar[bool] = True
 
     def overstress(self, e: Expr) -> Expr:
-        """Return 2μ‖dev e‖/γ; above 1 the point is plastic."""
+        """Return 2μ‖dev e‖/γ; the point is plastic where the value exceeds 1."""
         return 2 * self.shear * _size(deviator(e)) / self.yield_radius
 
     def secant(self, e: Expr) -> Expr:
-        """Return θ in (0, 1], the admissible share of the elastic deviatoric stress."""
+        """Return θ in (0, 1], the ratio of the returned to the elastic deviatoric stress."""
         return 1 / ufl.max_value(1.0, self.overstress(e))
 
     def plastic(self, e: Expr, old: Old) -> Expr:
@@ -201,7 +201,7 @@ class VonMises:
         return replace(self, yield_stress=self.yield_stress / factor)
 
     def in_plane_stress(self) -> Sheet:
-        """Return the sheet with σ_x² − σ_xσ_y + σ_y² + 3τ² ≤ σ_y²."""
+        """Return the sheet with σ_xx² − σ_xx σ_yy + σ_yy² + 3τ² ≤ (yield stress)²."""
         form = np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 1.5]])
         return Sheet(self.bulk, self.shear, self.yield_stress, form)
 

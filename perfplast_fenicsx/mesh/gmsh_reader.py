@@ -34,7 +34,9 @@ MODEL = "convert it to a mesh and a case by perfplast mesh"
 REMEDIES = {
     **dict.fromkeys((".e", ".exo"), CONVERT),
     **dict.fromkeys((".inp", ".med", ".unv", ".bdf", ".nas", ".fem", ".vtu", ".vtk"), MODEL),
-    **dict.fromkeys((".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh_formats.md)"),
+    **dict.fromkeys(
+        (".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh_formats.md)"
+    ),
     **dict.fromkeys(
         (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),
         "give it as file of a [geometry] instead of a [mesh], or mesh it by perfplast mesh",

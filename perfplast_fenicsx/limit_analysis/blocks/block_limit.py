@@ -1,4 +1,4 @@
-"""Compute the limit load of rigid blocks, with the forces and the mechanism that prove it."""
+"""Compute the limit load of rigid blocks, with the joint forces and the mechanism that prove it."""
 
 from dataclasses import dataclass, replace
 
@@ -27,25 +27,26 @@ from perfplast_fenicsx.limit_analysis.facets.body_interfaces import ContactStren
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 
 NOTHING = 1e-9
-"""Load factors below this value count as zero, in units in which loads are one."""
+"""Load factors below this value count as zero, in units in which the loads have magnitude 1."""
 
 ROUNDING = 1e-15
-"""Load factors, in the same units, that are zero except for rounding."""
+"""Load factors below this value are zero except for rounding, in the same units."""
 
 ENOUGH = 2.0
-"""Required multiple of the loads if all loads are permanent. Joints without adhesion that carry the
-loads at all carry any multiple of them."""
+"""Required multiple of the loads if all loads are permanent. If joints without adhesion carry the
+loads, they also carry any multiple of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FoundForces:
-    """Forces on joints that balance the loads.
+    """Joint forces that balance the loads.
 
     Attributes:
-        factor: λ.
+        factor: Load factor λ.
         aside: Factor of the free loads.
-        forces: On the blocks at the vertices of owned outer facets, shape (num_outer, d, d).
-        tractions: Adhesive tractions at the same places, linear between them.
+        forces: Forces on the blocks at the vertices of the owned exterior facets, shape (num_outer,
+            d, d).
+        tractions: Adhesive tractions at the same vertices, interpolated linearly between them.
     """
 
     factor: float
@@ -56,16 +57,17 @@ class FoundForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
-    """The best forces and motion; the same on all ranks except for arrays of facets.
+    """The best forces and the best motion. All ranks hold the same data, except arrays by facet.
 
     Attributes:
-        lower: Outcome of the search for forces, and λ.
-        upper: Upper bound of the motion.
+        lower: Outcome of the search for forces, and the load factor λ.
+        upper: Upper bound of λ from the motion.
         best: The best forces.
-        inner: Forces inside their limits, at another λ; None where none were found.
+        inner: Forces strictly inside the friction cones, for another λ; None if no such forces were
+            found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
-        programs: Number of linear programs.
-        resists: Whether λ is above zero if there is no permanent load.
+        programs: Number of linear programs that were solved.
+        resists: Whether λ is positive if there is no permanent load.
     """
 
     lower: tuple[Outcome, float]
@@ -80,13 +82,13 @@ class BlockLimit:
 def block_limit(
     comm: MPI.Intracomm, blocks: RigidBlocks, question: Question, rtol: float
 ) -> BlockLimit:
-    """Return the best forces on joints and the best mechanism of blocks. Collective.
+    """Return the best joint forces and the best mechanism of the blocks. Collective.
 
     Args:
         comm: The ranks.
         blocks: The blocks.
-        question: The loads whose factor is sought.
-        rtol: Relative distance of each bound to the best one.
+        question: Which loads the sought factor multiplies.
+        rtol: Relative distance of each bound to the best bound of its kind.
     """
     solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
     rows = comm.scatter(None if solved is None else solved.by_rank(comm.size), root=0)
@@ -102,12 +104,12 @@ def _on_facets(
     of: tuple[float, float, Floats],
     rows: tuple[Longs, Floats, Floats],
 ) -> FoundForces:
-    """Return forces on the facets of this rank.
+    """Return the forces on the exterior facets that this rank owns.
 
     Args:
         blocks: The blocks.
-        of: λ, the factor of the free loads, and reactions of the blocks.
-        rows: Places, forces and tractions of joints.
+        of: λ, the factor of the free loads, and the support reactions of the blocks.
+        rows: Facets, forces and tractions of the joints.
     """
     (factor, aside, reactions), (places, on_joints, along_joints) = of, rows
     d = blocks.corners.shape[2]
@@ -126,14 +128,14 @@ def _on_facets(
 
 @dataclass(frozen=True, eq=False)
 class _OnJoints:
-    """Forces on joints, on rank 0.
+    """Joint forces, on rank 0.
 
     Attributes:
-        factor: λ.
+        factor: Load factor λ.
         aside: Factor of the free loads.
-        forces: At the vertices of facets on the first side, shape (n, d, d).
-        tractions: The same by adhesion.
-        reactions: Forces of supports on blocks.
+        forces: Forces at the vertices of facets on the first side, shape (n, d, d).
+        tractions: Adhesive tractions at the same vertices.
+        reactions: Forces of the supports on the blocks.
     """
 
     factor: float
@@ -149,9 +151,9 @@ class _Solution:
 
     Attributes:
         facets: Facets of joints.
-        sets: The best forces, and inner ones if there are any.
-        motion: Motions of the blocks.
-        limits: Other values that all ranks get.
+        sets: The best forces, and forces strictly inside the cones if they were found.
+        motion: Rigid motions of the blocks.
+        limits: Other values, which all ranks receive.
     """
 
     facets: JointFacets
@@ -161,11 +163,11 @@ class _Solution:
 
     @property
     def shared(self) -> tuple[list[tuple[float, float, Floats]], Floats, tuple]:
-        """Return everything that all ranks get."""
+        """Return the data that all ranks receive."""
         return [(of.factor, of.aside, of.reactions) for of in self.sets], self.motion, self.limits
 
     def by_rank(self, count: int) -> list[list[tuple[Longs, Floats, Floats]]]:
-        """Return places and values of the facets of each rank, of both sides, for each set."""
+        """Return the facets and values of each rank, on both sides, for each set of forces."""
         facets, back = self.facets, np.argsort(self.facets.order, axis=1)[..., None]
         two = ~facets.alone
         rank, place = (
@@ -185,13 +187,14 @@ class _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Jumps:
-    """The jumps at vertices of joints, and which vertices coincide.
+    """The velocity jumps at vertices of joints, and which vertices coincide.
 
     Attributes:
-        axes: Axes of each facet, the normal first, shape (n, d, d).
-        vertices: Rows of jumps along these axes at all vertices, shape (n · d · d, blocks · modes).
-        middles: Rows of jumps at the points of adhesive tractions.
-        kept: Vertices that represent all vertices at the same point.
+        axes: Orthonormal axes of each facet, the normal first, shape (n, d, d).
+        vertices: Matrix that maps motions to the jumps along these axes at all vertices, shape (n ·
+            d · d, blocks · modes).
+        middles: Matrix that maps motions to the jumps at the points of adhesive tractions.
+        kept: One vertex for each set of coinciding vertices.
     """
 
     axes: Floats
@@ -201,7 +204,7 @@ class _Jumps:
 
 
 def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
-    """Create and solve the programs on rank 0."""
+    """Create and solve the linear programs on rank 0."""
     facets = blocks.facets
     assert facets is not None
     none = np.zeros_like(blocks.live)
@@ -222,7 +225,7 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
     ]
     jumps, free = _jumps(facets, blocks.frames, blocks.count), csr_array(blocks.free)
     sticky = np.flatnonzero(radius > 0)
-    kept = 1 - 1e-9  # share of the adhesion that forces may use, to allow for solver tolerances
+    kept = 1 - 1e-9  # fraction of the adhesion that forces may use, to allow for solver tolerances
     discs = [
         Places(
             jump=_some(of, sticky, d)[_across(len(sticky), d)] @ free,
@@ -267,15 +270,15 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Converts forces of a linear program to forces on facets of joints, in the problem's units.
+    """Converts the forces of a linear program to forces on joint facets, in the problem's units.
 
     Attributes:
         blocks: The blocks.
         facets: Facets of joints.
         jumps: Their vertices.
-        sticky: Places where adhesive tractions act.
-        units: Unit of forces, and unit of each kind of loads.
-        loads: Loads of each kind: with the unknown factor, constant ones, and others.
+        sticky: Points at which adhesive tractions act.
+        units: Unit of forces, and unit of each kind of load.
+        loads: Loads of each kind: with the unknown factor, permanent, and free.
     """
 
     blocks: RigidBlocks
@@ -286,7 +289,7 @@ class _Placed:
     loads: tuple[Floats, Floats, Floats]
 
     def of(self, given: JointForces) -> _OnJoints:
-        """Return forces with the additional forces of supports."""
+        """Return the joint forces with the reactions of the supports."""
         facets, jumps, sticky = self.facets, self.jumps, self.sticky
         d, unit = self.blocks.corners.shape[2], self.units[0]
         shape = (len(facets.rows), d, d)
@@ -317,29 +320,29 @@ class _Placed:
 
 
 def _frictions(strengths: list[ContactStrength], follows: bool) -> Floats:
-    """Return μ of all interfaces, or only of those with associated slip."""
+    """Return the friction coefficients of all interfaces, or only of those with associated slip."""
     return np.array([it.friction if follows or it.associated else 0.0 for it in strengths])
 
 
 def _some(rows: csr_array, places: Longs, d: int) -> csr_array:
-    """Return the d rows of each of some points."""
+    """Return the indices of the d matrix rows of each given point."""
     return rows[(places[:, None] * d + np.arange(d)).ravel()]
 
 
 def _across(count: int, d: int) -> Longs:
-    """Return the tangential rows of ``count`` points."""
+    """Return the indices of the tangential matrix rows of ``count`` points."""
     return (np.arange(count)[:, None] * d + np.arange(1, d)).ravel()
 
 
 def _reactions(gram: Floats, forces: Floats) -> Floats:
-    """Return motions of blocks whose products with the held components balance forces."""
+    """Return the reactions of the supports that balance the given forces on the blocks."""
     count, modes = gram.shape[:2]
     inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
     return -np.einsum("bij,bj->bi", inverse, forces.reshape(count, modes)).ravel()
 
 
 def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
-    """Return the jumps of rigid motions at the vertices of joints."""
+    """Return the matrix from rigid motions to the jumps at the vertices of joints."""
     d, n, modes = facets.into.shape[1], len(facets.rows), frames.modes
     axes = _axes(facets.into)
     one = facets.rows["corners"]
@@ -361,7 +364,7 @@ def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
         shape = (n * d * d, count * modes)
         found.append(coo_array((value, (row, column)), shape=shape).tocsr())
     opposite = np.take_along_axis(facets.others["vertices"], facets.order, axis=1)
-    same = 1e-9  # normals whose components differ by less are equal
+    same = 1e-9  # Normals whose components differ by less count as equal.
     keys = np.column_stack(
         [
             np.repeat(facets.rows["interface"], d),

@@ -1,20 +1,21 @@
-"""Set up linear programs of rigid blocks: forces on their joints, and motions of the blocks.
+"""Set up the linear programs of rigid blocks, for joint forces and for motions of the blocks.
 
-The only condition on the forces on a block is balance, since its strength is unlimited. The forces
-of a joint act at points x on both its sides, in the directions (n, t) with n out of the first side.
-With the jump w = v₁(x) − v₂(x) of motions v, forces f of the Coulomb cone
+A block has unlimited strength, so the forces on it only have to balance. Joint forces act at points
+x on both sides of the joint, in the directions (n, t). The normal n points out of the first side. A
+motion v has the jump w = v₁(x) − v₂(x). The forces f in the Coulomb cone
 
     f_n = −p ≤ 0,   ‖f_t‖ ≤ μp
 
-do the work f·w ≥ 0 on all jumps that satisfy w_n + μ‖w_t‖ ≤ 0. The largest λ for which such forces
-balance λL₁ + L₀ therefore equals the least −L₀(v) of such motions with L₁(v) = 1. As w is linear on
-a facet, conditions at its vertices are enough. Where surfaces adhere, shear tractions that are
-linear on a facet and at most c also do work, at most ∫c‖w_t‖.
+do the work f·w ≥ 0 on all jumps with w_n + μ‖w_t‖ ≤ 0. By duality, two values are equal: the
+largest λ for which such forces balance λL₁ + L₀, and the minimum of −L₀(v) over all motions v with
+such jumps and L₁(v) = 1. Because w is linear on a facet, it is enough to require the conditions at
+the vertices. Where surfaces adhere, shear tractions also act. They are linear on a facet, have at
+most the norm c, and do at most the work ∫c‖w_t‖.
 
-In the plane each problem is one linear program. In space, polyhedral cones replace the round ones:
-inscribed cones for the forces, circumscribed ones for the motions. So both bounds are strict for
-any number of edges. The search adds edges where the dual solution of a program violates a round
-cone.
+In two dimensions each problem is one linear program. In three dimensions, polyhedral cones replace
+the circular cones: inscribed ones for the forces, circumscribed ones for the motions. Both bounds
+are therefore strict for any number of edges. The search adds edges where the dual solution of a
+linear program violates a circular cone.
 """
 
 from dataclasses import dataclass
@@ -27,12 +28,12 @@ from scipy.sparse import coo_array, csr_array, hstack
 from perfplast_fenicsx.arrays import Floats, Longs
 
 FIRST_EDGES = 8
-"""Initial number of edges of a cone in space."""
+"""Initial number of edges of a polyhedral cone in three dimensions."""
 
 MOST_ROUNDS = 60
 
 INNER_STEPS = 7
-"""Powers of ten by which distances of inner forces from their limits may differ."""
+"""Range, in powers of ten, of the distances of inner forces from their limits."""
 
 
 class Outcome(StrEnum):
@@ -46,13 +47,13 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Points of joints with a force set each: a cone, or a tangential disc.
+    """Points of joints, each with its set of admissible forces: a cone or a tangential disc.
 
     Attributes:
-        jump: Rows of w along (n, t) of each point, for a disc only along t. The shape is
-            (num_places · components, num_motions).
+        jump: Matrix that maps motions to the components of w along (n, t) at each point, for a disc
+            only along t. Its shape is (num_places · components, num_motions).
         size: μ of each cone, or the radius of each disc (force), shape (num_places,).
-        cone: Whether they are cones.
+        cone: Whether the sets are cones; otherwise they are discs.
         components: Number of components of a force.
     """
 
@@ -72,25 +73,25 @@ class Places:
         return self.components - self.cone
 
     def jumps(self, motion: Floats) -> Floats:
-        """Return the jumps of a motion, shape (num_places, components)."""
+        """Return the jumps of a motion at the points, shape (num_places, components)."""
         return np.asarray(self.jump @ motion, dtype=np.float64).reshape(-1, self.components)
 
 
 @dataclass(frozen=True, eq=False)
 class JointProgram:
-    """Joints and loads of blocks, in units that scale the program.
+    """Joints and loads of blocks, in units that scale the linear program.
 
     Attributes:
         cones: Points with contact and friction forces.
-        discs: Points with adhesive tractions, in the middle of their part of the facet.
-        outer_discs: Points with adhesive tractions at vertices, where the dissipation is an upper
-            bound.
-        sought: Work of the loads whose factor is sought on each unknown motion, shape
+        discs: Points with adhesive tractions, each in the middle of its part of the facet.
+        outer_discs: Points with adhesive tractions at the vertices, where the dissipation is
+            overestimated.
+        sought: Work of the loads whose factor is sought, for each unknown motion, shape
             (num_motions,).
-        constant: Work of the permanent loads on each unknown motion.
-        others: Work of the free loads, which may have any factor.
-        most: The largest λ for which forces are sought. It is finite if joints may carry any factor
-            and forces for one factor suffice as a proof.
+        constant: Work of the permanent loads for each unknown motion.
+        others: Work of the free loads for each unknown motion. Free loads may have any factor.
+        most: The largest λ for which forces are sought. It is finite if the joints may carry the
+            loads at any factor, and forces for one factor suffice as a proof.
     """
 
     cones: Places
@@ -104,11 +105,11 @@ class JointProgram:
 
 @dataclass(frozen=True, eq=False)
 class JointForces:
-    """The best forces.
+    """The joint forces with the largest λ.
 
     Attributes:
         outcome: Whether forces were found.
-        value: λ.
+        value: Load factor λ.
         aside: Factor of the free loads.
         cones: Forces of cones, shape (num_cones, d).
         discs: Forces of discs, shape (num_discs, d − 1).
@@ -123,12 +124,12 @@ class JointForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockMotion:
-    """The best motion.
+    """The motion with the smallest λ.
 
     Attributes:
         outcome: Whether a motion was found.
         value: λ.
-        motion: Unknown motions v with L₁(v) = 1, shape (num_motions,).
+        motion: Amplitudes of the motion v with L₁(v) = 1, shape (num_motions,).
     """
 
     outcome: Outcome
@@ -141,8 +142,8 @@ class _Edges:
     """Edges of polygons that approximate discs of radius 1.
 
     Attributes:
-        of: The point of each edge.
-        angle: The direction of each edge; in the plane 0 or π.
+        of: Index of the point of each edge.
+        angle: Angle of each edge (rad); in two dimensions 0 or π.
     """
 
     of: Longs
@@ -157,9 +158,9 @@ class _Edges:
         return cls(np.repeat(rubs, count), np.tile(angles, len(rubs)))
 
     def add(self, of: Longs, angle: Floats) -> int:
-        """Add new directions and return their number."""
+        """Add the given edges that are new, and return their number."""
         angle = np.mod(angle, 2 * np.pi)
-        near = 1e-7  # largest difference of equal angles, in turns
+        near = 1e-7  # Angles that differ by less (in turns) count as equal.
         keys, wanted = (np.sort(self.of + self.angle / (2 * np.pi)), of + angle / (2 * np.pi))
         after = np.searchsorted(keys, wanted)
         keys = np.concatenate([[-np.inf], keys, [np.inf]])
@@ -169,11 +170,11 @@ class _Edges:
         return int(fresh.sum())
 
     def inside(self, places: Places) -> tuple[Longs, Floats]:
-        """Return point and direction of the corners of inscribed polygons."""
+        """Return the point and the direction of each corner of the inscribed polygons."""
         return self.of, _directions(self.angle, places.across)
 
     def outside(self, places: Places) -> tuple[Longs, Floats]:
-        """Return point and direction of circumscribed polygons, whose sides touch the discs."""
+        """Return the point and the direction of each corner of the circumscribed polygons."""
         if places.across == 1:
             return self.inside(places)
         order = np.lexsort([self.angle, self.of])
@@ -195,16 +196,16 @@ def _directions(angle: Floats, across: int) -> Floats:
 def best_of_joints(
     inner: JointProgram, outer: JointProgram, rtol: float
 ) -> tuple[JointForces, BlockMotion, int]:
-    """Return the best forces of one program and the best motion of another.
+    """Return the best forces of one linear program and the best motion of another.
 
     Args:
-        inner: Program with the joints of the forces.
-        outer: Program with the joints of the motions, at the same points, with at least as much
+        inner: Linear program for the forces.
+        outer: Linear program for the motions, at the same points and with at least as much
             friction.
-        rtol: Relative distance of both to the optimum with round cones.
+        rtol: Relative distance of both results from the optimum with circular cones.
 
     Returns:
-        Both, and the number of linear programs.
+        The forces, the motion, and the number of linear programs that were solved.
     """
     forces, rounds = _sharpened(inner, rtol, inside=True)
     motion, more = _sharpened(outer, rtol, inside=False)
@@ -214,13 +215,14 @@ def best_of_joints(
 
 
 def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None:
-    """Return forces inside the limits, with loads at a factor near the best; None without any.
+    """Return forces strictly inside the limits, at a factor near the best one; None if not found.
 
-    A linear program makes a sum of their distances from the sides of the cones large. The first
-    tenth of each distance counts ten times. Adhesive tractions use half of the adhesion.
+    A linear program maximises a weighted sum of the distances of the forces from the sides of the
+    cones. The first tenth of each distance has ten times the weight. Adhesive tractions use half of
+    the adhesion.
 
     Args:
-        program: With the joints of the forces.
+        program: Linear program for the forces.
         best: Its solution.
     """
     every = (program.cones, program.discs)
@@ -231,7 +233,7 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
     count = program.cones.count
     sums = coo_array((np.ones(len(of_cones)), (np.arange(len(of_cones)), of_cones)))
     sums.resize((len(of_cones), count))
-    steps = 10.0 ** -np.arange(INNER_STEPS)  # parts of the loads of 1
+    steps = 10.0 ** -np.arange(INNER_STEPS)  # fractions of the loads, which have magnitude 1
     inside = blocks[0] @ sums.tocsr()
     columns = hstack([*blocks, coo_array(loads), *[inside] * INNER_STEPS], format="csr")
     forces, total = sum(block.shape[1] for block in blocks), columns.shape[1]
@@ -273,7 +275,7 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
 def _sharpened(
     program: JointProgram, rtol: float, inside: bool
 ) -> tuple[JointForces | BlockMotion, int]:
-    """Solve programs with more and more edges, for forces in cones or motions outside them."""
+    """Solve linear programs with more and more edges, for inscribed or circumscribed cones."""
     discs = program.discs if inside else program.outer_discs
     every = (program.cones, discs)
     edges = [_Edges.first(places) for places in every]
@@ -283,7 +285,7 @@ def _sharpened(
         found = _Solved.of(program, every, edges, inside)
         if found.outcome is not Outcome.FOUND or rounds == MOST_ROUNDS:
             break
-        # Allowed violation of a round cone by forces and jumps, relative to the largest.
+        # Allowed violation of a circular cone by forces and jumps, relative to the largest one.
         close = 0.01 * rtol
         if not found.sharpen(every, edges, inside, close):
             break
@@ -295,15 +297,14 @@ class _Solved:
     """The result of a linear program.
 
     Attributes:
-        outcome: Whether it was solved.
-        value: λ.
-        columns: Work of a unit of each force on the unknown motions, shape (num_motions,
-            num_columns).
-        generators: These unit forces: point and components, of cones and of discs.
-        sizes: Multiplier of each force, shape (num_columns,).
+        outcome: Whether the linear program was solved.
+        value: Load factor λ.
+        columns: Work of each unit force on the unknown motions, shape (num_motions, num_columns).
+        generators: The unit forces of cones and of discs, by point and components.
+        sizes: Magnitude of each unit force in the solution, shape (num_columns,).
         aside: Factor of the free loads.
-        motion: The motion of the dual solution.
-        program: The program that was solved.
+        motion: The motion in the dual solution.
+        program: The joints and loads of the linear program.
     """
 
     outcome: Outcome
@@ -334,7 +335,7 @@ class _Solved:
             bounds[forces, 1] = program.most
         of_discs = generators[1][0]
         budget = None
-        if len(of_discs):  # weights of a polygon's corners sum to at most 1
+        if len(of_discs):  # The weights of a polygon's corners sum to at most 1.
             at = blocks[0].shape[1] + np.arange(len(of_discs))
             ones = np.ones(len(of_discs))
             budget = coo_array((ones, (of_discs, at)), shape=(every[1].count, total)).tocsr()
@@ -367,23 +368,23 @@ class _Solved:
         """Add the edges at which the dual solution violates the cone, and return their number.
 
         Args:
-            every: Cones and discs.
+            every: Points with cones, and points with discs.
             edges: Edges of the polygons.
             inside: Whether the polygons are inscribed.
-            close: Allowed violation of a round cone, relative to the largest.
+            close: Allowed violation of a circular cone, relative to the largest one.
         """
         added = 0
         parts = self.parts(every)
         for places, mine, part in zip(every, edges, parts, strict=True):
             if places.across == 1 or not len(mine.of):
                 continue
-            if inside:  # for forces: opposite to the slip
+            if inside:  # For forces: the direction opposite to the slip.
                 jump = places.jumps(self.motion)
                 slip = -jump[:, int(places.cone) :]
                 off = places.size * np.linalg.norm(slip, axis=1)
                 off = off + jump[:, 0] if places.cone else off
                 weight = np.linalg.norm(jump, axis=1)
-            else:  # for sides: those that cut off the violation of the round cone
+            else:  # For sides: those that cut off the violation of the circular cone.
                 slip = part[:, int(places.cone) :]
                 limit = -part[:, 0] if places.cone else np.ones(places.count)
                 weight = np.linalg.norm(slip, axis=1)
@@ -395,7 +396,7 @@ class _Solved:
         return added
 
     def parts(self, every: tuple[Places, ...]) -> list[Floats]:
-        """Return the forces at all points, of cones and of discs."""
+        """Return the forces at all points with cones, and at all points with discs."""
         found, first = list[Floats](), 0
         for places, (of, vectors) in zip(every, self.generators, strict=True):
             sizes = self.sizes[first : first + len(of)]
@@ -406,11 +407,11 @@ class _Solved:
         return found
 
     def forces(self, every: tuple[Places, ...]) -> JointForces:
-        """Return the forces of a program with inscribed cones."""
+        """Return the forces of a linear program with inscribed cones."""
         return JointForces(self.outcome, self.value, self.aside, *self.parts(every))
 
     def block_motion(self, every: tuple[Places, ...]) -> BlockMotion:
-        """Return the motion of a program with circumscribed cones, and its dissipation."""
+        """Return the motion of a linear program with circumscribed cones, and its dissipation."""
         if self.outcome is not Outcome.FOUND:
             return BlockMotion(self.outcome, np.nan, self.motion)
         motion, program = self._admissible(every), self.program
@@ -421,11 +422,11 @@ class _Solved:
         return BlockMotion(self.outcome, value, np.asarray(motion / work, dtype=np.float64))
 
     def _admissible(self, every: tuple[Places, ...]) -> Floats:
-        """Return the motion corrected for rounding errors in its conditions."""
+        """Return the motion, corrected so that rounding errors do not violate its conditions."""
         program, count = self.program, len(self.generators[0][0])
         power = np.asarray(self.columns[:, :count].T @ self.motion)
         scale = np.abs(self.columns[:, :count]).T @ np.abs(self.motion)
-        # Powers below this value, relative to their terms, belong to forces that do no work.
+        # A power below this value, relative to its terms, belongs to a force that does no work.
         idle = 1e-8
         active = np.flatnonzero(np.abs(power) <= idle * scale)
         rows = np.vstack(
@@ -444,7 +445,7 @@ class _Solved:
 
 
 def _generators(places: Places, edges: _Edges, inside: bool) -> tuple[Longs, Floats]:
-    """Return the forces that generate a set: point and components of each."""
+    """Return the unit forces that generate the sets, by point and components."""
     of, across = edges.inside(places) if inside else edges.outside(places)
     across = across * places.size[of][:, None]
     if not places.cone:
@@ -457,7 +458,7 @@ def _generators(places: Places, edges: _Edges, inside: bool) -> tuple[Longs, Flo
 
 
 def _columns(places: Places, generators: tuple[Longs, Floats]) -> csr_array:
-    """Return the work of forces on the unknown motions, shape (num_motions, num_forces)."""
+    """Return the work of unit forces on unknown motions, shape (num_motions, num_forces)."""
     of, vectors = generators
     number = np.repeat(np.arange(len(of)), places.components)
     row = (of[:, None] * places.components + np.arange(places.components)).ravel()
@@ -467,7 +468,7 @@ def _columns(places: Places, generators: tuple[Longs, Floats]) -> csr_array:
 
 
 def _balanced(columns: csr_array, wanted: Floats, x: Floats, forces: int) -> Floats:
-    """Return forces that balance the loads to rounding, from forces that do so to a tolerance."""
+    """Return forces that balance the loads to rounding, from forces that balance to a tolerance."""
     used = np.append(x[:forces] > 1e-9 * np.abs(x).max(initial=0.0), np.ones(len(x) - forces, bool))
     some = columns[:, used].toarray()
     found = np.where(used, x, 0.0)

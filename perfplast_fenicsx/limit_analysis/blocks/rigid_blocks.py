@@ -1,4 +1,4 @@
-"""Describe bodies that cannot yield as rigid blocks: motions, loads and joints."""
+"""Describe bodies that cannot yield as rigid blocks, with their motions, loads and joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,20 +32,21 @@ CURVED = "cells are curved; use first-order cells"
 HINGED = "parts of a body are connected only at a vertex or an edge; separate them, or join them"
 
 PLATES = (
-    "bounds of blocks do not support rigid surfaces; remove them, as blocks are rigid themselves"
+    "bounds of rigid blocks do not support rigid surfaces; remove them, because blocks are rigid "
+    "anyway"
 )
 
-ROUND = "an obstacle is curved, but bounds of blocks support only planes"
+ROUND = "an obstacle is curved, but bounds of rigid blocks support only plane obstacles"
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The frame of each block's rigid motions: rotations about the middle, scaled by the extent.
+    """The reference frame of each block, with rotations about its middle, scaled by its extent.
 
     Attributes:
-        kinematics: Kinematics, which defines a rigid motion.
-        middle: Middle of each block, shape (num_blocks, d).
-        extent: Extent of each block, shape (num_blocks,).
+        kinematics: Kinematics, which defines the rigid motions.
+        middle: Centre of the bounding box of each block, shape (num_blocks, d).
+        extent: Half the diagonal of the bounding box of each block, shape (num_blocks,).
     """
 
     kinematics: Kinematics
@@ -54,16 +55,16 @@ class Frames:
 
     @property
     def modes(self) -> int:
-        """Return the number of motions of a block: 3 in the plane and 6 in space."""
+        """Return the number of rigid motions of a block: 3 in 2D, 6 in 3D."""
         return len(self.kinematics.motions)
 
     def at(self, block: Longs, x: Floats) -> Floats:
-        """Return the velocities of points in the motions of their blocks, shape (n, d, modes)."""
+        """Return the velocities of points in each rigid motion of a block, shape (n, d, modes)."""
         return self.kinematics.rigid_modes((x - self.middle[block]) / self.extent[block][:, None])
 
 
 def _row_type(d: int) -> np.dtype:
-    """Return the structured type of a joint's facet, as node matching needs it."""
+    """Return the structured dtype of a joint facet, which node matching needs."""
     return np.dtype(
         [
             ("x", np.float64, 3),
@@ -83,13 +84,13 @@ def _row_type(d: int) -> np.dtype:
 
 @dataclass(frozen=True, eq=False)
 class JointFacets:
-    """Facets of joints on rank 0, with the opposite facet of each.
+    """Joint facets on rank 0, each with its opposite facet.
 
     Attributes:
-        rows: Facets of first sides, in the structured type of this module.
-        others: The opposite facets, equally many; at obstacles the facets themselves.
+        rows: Facets on the first sides, in the structured dtype of :func:`_row_type`.
+        others: The opposite facet of each; at obstacles the facet itself.
         order: Index of the opposite vertex for each vertex, shape (n, d).
-        into: Unit normals out of the first side, shape (n, d).
+        into: Unit normals that point out of the first side, shape (n, d).
         alone: Whether the facet touches an obstacle instead of a block, shape (n,).
     """
 
@@ -102,20 +103,22 @@ class JointFacets:
 
 @dataclass(frozen=True, eq=False)
 class RigidBlocks:
-    """The blocks of a problem.
+    """The rigid blocks of a problem.
 
     Attributes:
         count: Number of blocks.
-        body: Bound data of their cells and facets.
+        body: Cells and facets of the blocks, as data for the bounds.
         of_node: Block of each local node of the displacements.
-        of_outer: Block of each owned outer facet.
-        corners: Vertices of these facets in the order of their cells, shape (num_outer, d, d).
-        frames: Frames of their motions, the same on all ranks.
-        free: Orthonormal motions that supports leave free, shape (num_blocks · modes, num_motions).
-        gram: Sums of products of held directions, shape (num_blocks, modes, modes).
-        live: Forces, and moments over extents, of loads that grow, shape (num_blocks · modes,).
-        dead: Forces, and moments over extents, of permanent loads.
-        facets: Facets of joints; None on ranks other than 0.
+        of_outer: Block of each owned exterior facet.
+        corners: Coordinates of the vertices of these facets, in the order of their cells, shape
+            (num_outer, d, d).
+        frames: Reference frames of the rigid motions, the same on all ranks.
+        free: Orthonormal motions that the supports allow, shape (num_blocks · modes, num_motions).
+        gram: Gram matrices of the held directions, shape (num_blocks, modes, modes).
+        live: Forces of the live loads, and their moments divided by the extents, shape (num_blocks
+            · modes,).
+        dead: Forces of the permanent loads, and their moments divided by the extents.
+        facets: Joint facets; None on ranks other than 0.
     """
 
     count: int
@@ -132,7 +135,7 @@ class RigidBlocks:
 
 
 def why_no_blocks(problem: Problem) -> str | None:
-    """Return why the program does not support the bodies as blocks, or None. Collective."""
+    """Return why bounds of rigid blocks do not support the bodies, or None. Collective."""
     body = bound_body(problem)
     tdim = problem.bodies.gdim
     topology = problem.tagged_mesh.mesh.topology
@@ -167,7 +170,9 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     first = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(first, of_cell, keys)
     comm.Allreduce(MPI.IN_PLACE, first, MPI.MIN)
-    number = np.argsort(np.argsort(first))  # ordered by their first cells, independent of the ranks
+    number = np.argsort(
+        np.argsort(first)
+    )  # ordered by their first cells, independently of the number of ranks
     of_cell, of_node = number[of_cell], number[problem.bodies.of_node]
     middle, extent = _sizes(comm, body.vertices, of_cell, count)
     outer = body.geometry.exterior
@@ -218,7 +223,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
 def _sizes(
     comm: MPI.Intracomm, vertices: Floats, of_cell: Longs, count: int
 ) -> tuple[Floats, Floats]:
-    """Return the middle and half the diagonal of the box around each block. Collective."""
+    """Return the centre and half the diagonal of each block's bounding box. Collective."""
     d = vertices.shape[2]
     low, high = np.full((count, d), np.inf), np.full((count, d), -np.inf)
     np.minimum.at(low, of_cell, vertices.min(axis=1))
@@ -229,11 +234,11 @@ def _sizes(
 
 
 def held_directions(body: BoundBody) -> Floats:
-    """Return the directions in which supports hold owned outer facets, 0 for none.
+    """Return the directions in which supports hold the owned exterior facets; 0 where free.
 
     Returns:
-        The first rows are Cartesian axes; the last row is the normal of a guide. Shape (num_outer,
-        d + 1, d).
+        Directions, shape (num_outer, d + 1, d). The first d rows are Cartesian axes; the last row
+        is the normal of a roller support.
     """
     outer = body.geometry.exterior
     held, guided = body.supported[outer], body.guided[outer]
@@ -248,7 +253,7 @@ def held_directions(body: BoundBody) -> Floats:
 def _held(
     comm: MPI.Intracomm, body: BoundBody, frames: Frames, of_outer: Longs, corners: Floats
 ) -> Floats:
-    """Return Σ of products of held rows, by block. Collective."""
+    """Return the Gram matrix of the held directions of each block. Collective."""
     d = corners.shape[2]
     directions = held_directions(body)
     found = np.zeros((len(frames.extent), frames.modes, frames.modes))
@@ -261,10 +266,10 @@ def _held(
 
 
 def _left_free(gram: Floats) -> Floats:
-    """Return orthonormal free motions, shape (num_blocks · modes, num_motions)."""
+    """Return the orthonormal free motions, shape (num_blocks · modes, num_motions)."""
     count, modes = gram.shape[:2]
     values, vectors = np.linalg.eigh(gram)
-    negligible = 1e-12  # squared held part of a motion, relative to the largest
+    negligible = 1e-12  # a motion is free below this
     most = np.maximum(values.max(axis=1, initial=0.0), np.finfo(float).tiny)
     block, number = np.nonzero(values <= negligible * most[:, None])
     found = np.zeros((count, modes, len(block)))
@@ -279,7 +284,7 @@ def _loads(
     loads: FacetLoads,
     places: tuple[Longs, Longs, Floats],
 ) -> Floats:
-    """Return forces, and moments over extents, of loads on each block. Collective."""
+    """Return the forces of loads on each block, and moments divided by extents. Collective."""
     of_cell, of_outer, corners = places
     d = corners.shape[2]
     found = np.zeros((len(frames.extent), frames.modes))
@@ -291,7 +296,7 @@ def _loads(
     act(of_cell, body.vertices.mean(axis=1), loads.forces * volumes[:, None])
     outer = body.geometry.exterior
     tractions = body.geometry.at_corners(outer, loads.tractions[outer])
-    means = (np.eye(d) + 1) / (d * (d + 1))  # integrals of products of barycentric coordinates
+    means = (np.eye(d) + 1) / (d * (d + 1))  # Integrals of products of barycentric coordinates.
     spread = np.einsum("f,ab,fbi->fai", body.geometry.areas(outer), means, tractions)
     for vertex in range(d):
         act(of_outer, corners[:, vertex], spread[:, vertex])
@@ -300,7 +305,7 @@ def _loads(
 
 
 def _joined(rows: npt.NDArray[np.void], interfaces: Sequence[Interface]) -> JointFacets:
-    """Return facets with their opposite facets, in an order independent of the ranks."""
+    """Return the facets with their opposite facets, in an order independent of the ranks."""
     rows = rows[np.lexsort([rows["key"], rows["side"], rows["interface"]])]
     d = rows["normal"].shape[1]
     first, second, orders, into, alone = [rows[:0]], [rows[:0]], [], [], []

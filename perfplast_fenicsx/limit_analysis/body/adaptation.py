@@ -9,22 +9,23 @@ from perfplast_fenicsx.mesh.refinement import check_refinable
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 DECIDED = "decided"
-"""Value of ``until``: adaptation ends when it is proven whether the design load is carried."""
+"""Value of ``until`` with which adaptation ends when it is proven whether the bodies carry the
+design load."""
 
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Refinement of the mesh by the bounds of the limit load, and its stopping criterion.
+    """Mesh refinement that is driven by the bounds of the limit load, with its stopping criterion.
 
     Args:
-        until: Gap of the proven bounds at which refinement ends, relative to the lower one, between
-            0 and 1. If neither bound can be proven, the gap of the values counts. Or "decided", to
-            end when it is proven whether the design load is carried.
-        cells: Largest number of cells of a finer mesh. If the first mesh has more, it remains the
-            only one.
+        until: Gap between the proven bounds at which refinement ends, relative to the lower bound,
+            between 0 and 1. If neither bound can be proven, the gap between the unproven values
+            counts. Use "decided" to end when it is proven whether the bodies carry the design load.
+        cells: Largest number of cells of a refined mesh. If the first mesh has more cells, it is
+            not refined.
 
     Raises:
-        InputError: For a gap or a number of cells that is not valid.
+        InputError: If ``until`` or ``cells`` is out of range.
     """
 
     until: float | Literal["decided"] = 0.01
@@ -39,13 +40,13 @@ class Adaptation:
             raise InputError(f"cells = {self.cells} is less than 1; give a number of cells.")
 
     def check_design(self, design: float | None) -> None:
-        """Refuse "decided" without a design load.
+        """Refuse ``until = "decided"`` if there is no design load.
 
         Args:
-            design: Load factor of the design load, if one is given.
+            design: Load factor of the design load; None without a design load.
 
         Raises:
-            InputError: If there is no design load.
+            InputError: If ``until`` is "decided" and there is no design load.
         """
         if self.until == DECIDED and design is None:
             raise InputError(
@@ -54,7 +55,7 @@ class Adaptation:
             )
 
     def ends(self, lower: Bound, upper: Bound, design: float | None) -> str | None:
-        """Return why the bounds are good enough; None if they are not.
+        """Return the reason to end the adaptation; None if the bounds are not good enough.
 
         Args:
             lower: The best lower bound so far.
@@ -64,13 +65,15 @@ class Adaptation:
         if design is not None and self.until == DECIDED:
             low, high = (bound.value if bound.strict else None for bound in (lower, upper))
             found = DesignFactor.of(design, low, high, None)
-            return "it is decided whether the design load is carried" if found.decided else None
+            return (
+                "it is proven whether the bodies carry the design load" if found.decided else None
+            )
         gap = lower.apart(upper)
         if gap is None or isinstance(self.until, str) or gap > self.until:
             return None
         if (
             lower.strict != upper.strict
-        ):  # the unproven one may lie on the wrong side of the proven one
+        ):  # The unproven bound may lie on the wrong side of the proven one.
             return None
         strict = lower.strict and upper.strict
         what = "bounds" if strict else "values, which are not bounds of the body,"
@@ -80,6 +83,6 @@ class Adaptation:
         """Refuse a first mesh that cannot be adapted. Collective.
 
         Raises:
-            InputError: If it has curved cells.
+            InputError: If the mesh has curved cells.
         """
         check_refinable(tagged_mesh)

@@ -1,14 +1,15 @@
-"""Bound the limit load, or the least load, on meshes that are refined by error indicators.
+"""Bound the largest or the least load factor on meshes that error indicators refine.
 
-The gap of both bounds is a sum of non-negative contributions of the cells, which show where the
-mechanism is inaccurate. The dissipation of the lower bound's multipliers shows where the stress is
-inaccurate. The cells with the largest contributions to either are refined. M. Ciria, J. Peraire and
+The gap between the bounds is a sum of non-negative contributions of the cells. Large contributions
+show where the mechanism is inaccurate. The dual variables of the lower bound are velocities; their
+dissipation shows where the stress is inaccurate. The module refines the cells with the largest
+contributions to the gap or to this dissipation. See M. Ciria, J. Peraire and
 J. Bonet, doi:10.1002/nme.2310.
 
-Bound the least load factor that is carried, by reversing the growing loads. With permanent loads
-the carried factors form an interval, since sets of admissible stresses are convex. It need not
-contain 0: a wall may need its prop. If it does not, only the bound of the largest factor would be
-misleading.
+The module also bounds the least load factor that the bodies carry, by reversing the live loads.
+With permanent loads the carried load factors form an interval, because the set of admissible
+stresses is convex. The interval need not contain 0: a wall may need its prop. If the interval does
+not contain 0, a bound of the largest load factor alone would be misleading.
 """
 
 import time
@@ -39,17 +40,17 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 @dataclass(frozen=True)
 class Round:
-    """Bounds on one mesh.
+    """The bounds that were computed on one mesh.
 
     Attributes:
-        number: Number of the mesh, from 1.
-        cells: Cells of the mesh.
-        lower: The strict lower bound on it; None without one.
-        upper: The strict upper bound on it; None without one.
-        gap: Relative gap between the best strict bounds so far; None if one of them is missing.
-        seconds: Wall time so far.
-        not_proven: Unproven values instead of a lower and an upper bound; None for each that is
-            proven or was not found.
+        number: Number of the mesh, counted from 1.
+        cells: Number of cells of the mesh.
+        lower: Strict lower bound on this mesh; None if there is no such bound.
+        upper: Strict upper bound on this mesh; None if there is no such bound.
+        gap: Relative gap between the best strict bounds so far; None if a bound is missing.
+        seconds: Wall time so far (s).
+        not_proven: Unproven values in place of the lower and the upper bound. A value is ``None`` if
+            its bound is proven or was not found.
     """
 
     number: int
@@ -69,9 +70,9 @@ class AdaptiveBounds(NotebookResult):
         low: Result on the mesh with the best lower bound.
         high: Result on the mesh with the best upper bound.
         last: Result on the last mesh.
-        problem: The problem on the last mesh; in space its cells are not split.
+        problem: The problem on the last mesh, before its tetrahedra are split.
         sources: The problems on the meshes of ``low`` and ``high``.
-        rounds: A report on each mesh.
+        rounds: A report for each mesh.
         reason: Why the sequence ended.
     """
 
@@ -85,19 +86,19 @@ class AdaptiveBounds(NotebookResult):
 
     @property
     def lower(self) -> Bound:
-        """Return the best lower bound of all meshes."""
+        """Return the best lower bound over all meshes."""
         return self.low.lower
 
     @property
     def upper(self) -> Bound:
-        """Return the best upper bound of all meshes."""
+        """Return the best upper bound over all meshes."""
         return self.high.upper
 
     @property
     def best(self) -> BodyBounds:
         """Return the result on the mesh of the best bounds.
 
-        If the best bounds are from two meshes, the result is that of the mesh whose own bounds have
+        If the best bounds come from two meshes, return the result of the mesh whose own bounds have
         the smaller gap.
         """
         gaps = [it.lower.apart(it.upper) for it in (self.low, self.high)]
@@ -106,7 +107,7 @@ class AdaptiveBounds(NotebookResult):
 
     @property
     def body(self) -> BodyBounds:
-        """Return the result on the mesh of the best bounds, with the best bounds of all meshes."""
+        """Return the result of :attr:`best`, with the best bounds over all meshes."""
         certificates = dict(self.low.certificates)
         certificates |= {k: v for k, v in self.high.certificates.items() if k == "inadmissible"}
         return replace(
@@ -123,14 +124,14 @@ class AdaptiveBounds(NotebookResult):
         return self.body.in_words()
 
     def rows(self) -> list[Row]:
-        """Return a row for each mesh with the fields of :class:`Round`."""
+        """Return a table row for each mesh, with the fields of :class:`Round`."""
         rows = [asdict(one) for one in self.rounds]
         for row in rows:
             row["lower, not proven"], row["upper, not proven"] = row.pop("not_proven")
         return rows
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the strict bounds of each mesh over its number of cells."""
+        """Plot the strict bounds of each mesh over its number of cells."""
         for side in ("lower", "upper"):
             known = [(it.cells, getattr(it, side)) for it in self.rounds]
             cells, values = zip(*known, strict=True)
@@ -157,23 +158,23 @@ def adaptive_bounds(
     design: float | None = None,
     so_far: Callable[[AdaptiveBounds], None] | None = None,
 ) -> AdaptiveBounds:
-    """Return bounds of the limit load on a sequence of refined meshes, as far as memory allows.
+    """Return bounds of the limit load on successively refined meshes, as far as memory allows.
 
     Collective.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
-        adaptation: The end of the sequence.
-        rtol: Relative distance of each bound to the best of its kind on its mesh. A twentieth of
-            the gap on the previous mesh is enough.
+        adaptation: When the refinement ends.
+        rtol: Relative distance of each bound to the best bound of its kind on its mesh. If a
+            twentieth of the gap on the previous mesh is larger, the function uses that, up to 2 %.
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
-        design: Load factor of the design load, if the sequence ends once it is decided.
-        so_far: Called on every rank before each mesh except the first, with the bounds so far, for
-            example to write them.
+        design: Load factor of the design load, for refinement until the design load is decided.
+        so_far: Called on every rank before each mesh except the first, with the bounds so far. The
+            caller can, for example, write them to a file.
 
     Raises:
-        InputError: If the mesh cannot be adapted, there is no design load to decide on, or
+        InputError: If the mesh cannot be adapted, if the required design load is missing, or if
             :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     adaptation = adaptation or Adaptation()
@@ -192,13 +193,13 @@ def adaptive_bounds(
             rounds.append(round_)
             if monitor is not None:
                 monitor(round_)
-            # if the constant loads are bounded, the question is whether they are carried once
+            # If the constant loads are bounded, the question is whether the bodies carry them once.
             stands = 1.0 if low.question is Question.STANDS else None
             if ends := adaptation.ends(low.lower, high.upper, stands or design):
                 reason = ends
                 break
             if found.joints is not None:
-                reason = "finer meshes do not improve bounds of rigid blocks"
+                reason = "finer meshes do not improve the bounds of rigid blocks"
                 break
             finer = finer_mesh(problem, found, gap, adaptation)
             if isinstance(finer, str):
@@ -214,7 +215,9 @@ def adaptive_bounds(
                 reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}"
                 break
             problem = finer_problem
-            other = found.question is not low.question  # bounds of other loads are not comparable
+            other = (
+                found.question is not low.question
+            )  # Bounds for different loads are not comparable.
             if other or found.lower.improves(low.lower):
                 low, of_low = found, problem
             if other or found.upper.improves(high.upper):
@@ -230,14 +233,14 @@ def adaptive_bounds(
 def _round(
     number: int, problem: Problem, found: BodyBounds, best: tuple[Bound, Bound], seconds: float
 ) -> Round:
-    """Return the report on a mesh, separating proven results from others. Collective.
+    """Return the report on a mesh, with proven and unproven results apart. Collective.
 
     Args:
-        number: Number of the mesh, from 1.
+        number: Number of the mesh, counted from 1.
         problem: The problem on the mesh.
-        found: The result on it.
-        best: The best lower and upper bound of all meshes so far.
-        seconds: Wall time so far.
+        found: The result on this mesh.
+        best: The best lower and the best upper bound over all meshes so far.
+        seconds: Wall time so far (s).
     """
     both = (found.lower, found.upper)
     values = [None if bound.value is None else float(bound.value) for bound in both]
@@ -259,13 +262,13 @@ def _round(
 
 
 def nearness(rtol: float, gap: float | None) -> float:
-    """Return the relative tolerance of each bound on the next mesh.
+    """Return the relative tolerance with which bounds on the next mesh are computed.
 
     Args:
         rtol: Relative tolerance of the bounds.
-        gap: Gap of the bounds so far; None if one of them is missing.
+        gap: Relative gap between the bounds so far; None if a bound is missing.
     """
-    share, most = 0.05, 0.02  # of the gap; a finer mesh halves the gap at best
+    share, most = 0.05, 0.02  # fraction of the gap; a finer mesh halves the gap at best
     return max(rtol, min(share * gap, most)) if gap is not None else rtol
 
 
@@ -278,16 +281,17 @@ def least_load(
     adaptation: Adaptation | None = None,
     steps: Steps | None = None,
 ) -> LeastLoad:
-    """Return bounds of the least load factor that is carried. Collective.
+    """Return bounds of the least load factor that the bodies carry. Collective.
 
     Args:
         problem: The bodies and their loads.
-        rtol: Relative distance of each bound to the best of its kind on its mesh.
-        adaptation: How the mesh is adapted for it; None for the mesh of the problem.
+        rtol: Relative distance of each bound to the best bound of its kind on its mesh.
+        adaptation: How the mesh is adapted for the least load factor; None to use the mesh of the
+            problem.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If the force of a pin grows, which cannot pull, and as
+        InputError: If a live load is the force of a pin, which cannot pull, and in the cases of
             :func:`limit_bounds.limit_bounds`.
     """
     check_turns(problem.given.loads)
@@ -300,19 +304,19 @@ def least_load(
 
 
 def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:
-    """Return whether the bodies may fail to carry the permanent loads without the growing loads.
+    """Return whether the bodies may fail under the permanent loads alone.
 
     Collective.
 
-    The function seeks a stress for the reversed loads on the mesh of the problem. Without such a
-    stress they may fail.
+    The function seeks a stress for the reversed live loads on the mesh of the problem. If there is
+    no such stress, the bodies may fail.
 
     Args:
         problem: The bodies and their loads.
         body: Proven bounds of the largest load factor.
         steps: Called on every rank after each step of the interior point method.
     """
-    roughly = 0.1  # only the sign matters
+    roughly = 0.1  # Only the sign matters.
     if body.question is not Question.LIMIT or not (body.lower.strict or body.upper.strict):
         return False
     if not (problem.loads.has_dead() and problem.loads.grows()):
@@ -331,16 +335,15 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
 
 
 def check_turns(loads: Sequence[Load]) -> None:
-    """Refuse growing loads that cannot be reversed.
+    """Refuse live loads that cannot be reversed.
 
     Raises:
-        InputError: Naming the first such load.
+        InputError: If there is such a load; the message names the first one.
     """
     for load in filter(_pushes, loads):
         raise InputError(
-            f"the load on '{load.on}' is the force of a pin, which pushes and cannot pull, "
-            "so that the least load factor cannot be computed; remove direction, or give "
-            "a traction."
+            f"the load on '{load.on}' is the force of a pin, which cannot pull, so the least load "
+            "factor cannot be computed; remove direction, or give a traction."
         )
 
 
@@ -349,6 +352,6 @@ def _pushes(load: Load) -> bool:
 
 
 def _turned(problem: Problem) -> Problem:
-    """Return the bodies with the growing loads reversed. Collective."""
+    """Return the problem with the live loads reversed. Collective."""
     loads = [load if load.constant else scaled(load, -1.0) for load in problem.given.loads]
     return variant(problem, loads=loads)

@@ -1,4 +1,4 @@
-"""Bound the limit load of bodies that cannot yield: they collapse through their joints."""
+"""Bound the limit load of bodies that cannot yield, and therefore collapse through their joints."""
 
 import logging
 from dataclasses import replace
@@ -25,8 +25,8 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 ROUNDING = 1e-12
-"""Largest relative excess of the lower bound over the upper one that counts as rounding; the upper
-one is then raised."""
+"""Largest relative excess of the lower bound over the upper bound that counts as rounding. In this
+case the upper bound is raised to the lower bound."""
 
 MET = "forces on the joints and a mechanism of the blocks were found"
 
@@ -36,24 +36,24 @@ ANY_FACTOR = (
 )
 
 WITHOUT_FRICTION = (
-    "without friction other than adhesion no forces balance the loads, and for friction "
-    "that is not associated there is no other theorem; give associated = true for both "
-    "bounds of joints that dilate"
+    "without friction (adhesion may remain) no joint forces balance the loads, and for friction "
+    "that is not associated there is no other theorem; give associated = true for both bounds of "
+    "joints that dilate"
 )
 
 
 def are_blocks(problem: Problem) -> bool:
-    """Return whether no body can yield, and some are in contact. Collective."""
+    """Return whether no body can yield and some bodies are in contact. Collective."""
     touch = problem.given.contacts or problem.given.obstacles
     cones = body_cones(problem).cones
     return bool(touch) and not any(it.yields for it in cones)
 
 
 def check_blocks(problem: Problem) -> None:
-    """Refuse joints that the programs of blocks do not support. Collective.
+    """Refuse joints that bounds of rigid blocks do not support. Collective.
 
     Raises:
-        InputError: Naming the obstacle to the computation.
+        InputError: If a joint is not supported; the message says why.
     """
     if (why := why_no_blocks(problem)) is not None:
         raise InputError(
@@ -62,17 +62,18 @@ def check_blocks(problem: Problem) -> None:
 
 
 def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
-    """Return both bounds of blocks. Collective.
+    """Return both bounds of the limit load of rigid blocks. Collective.
 
     Args:
-        problem: Bodies for which :func:`are_blocks` is true, with their loads.
-        rtol: Relative distance of each bound to the best one.
+        problem: The bodies and their loads; :func:`are_blocks` must be true for them.
+        rtol: Relative distance of each bound to the best bound of its kind.
 
     Raises:
-        InputError: If the program does not support the joints, or if they resist no load.
+        InputError: If bounds of rigid blocks do not support the joints, or if the joints cannot
+            carry the loads at any factor.
     """
     check_blocks(problem)
-    log.info("bounds of blocks: forces on their joints, and a mechanism")
+    log.info("bounds of rigid blocks: computing forces on their joints, and a mechanism")
     blocks = rigid_blocks(problem)
     question = Question.LIMIT if problem.loads.grows() else Question.STANDS
     found = block_limit(problem.comm, blocks, question, rtol)
@@ -81,14 +82,14 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
         found = block_limit(problem.comm, blocks, question, rtol)
     if Outcome.FAILED in (found.lower[0], found.upper[0]):
         raise InputError(
-            "the linear program of the joints has no reliable solution; choose units of "
-            "the mesh and the loads in which the numbers are closer to one."
+            "the linear program of the joints has no reliable solution; choose units for the "
+            "mesh and the loads in which the numbers are closer to 1."
         )
     if question is Question.LIMIT and not found.resists:
         raise InputError(
-            "no forces on the joints carry the loads: they move blocks apart or along "
-            "their joints; reverse the loads, support the blocks there, or give the "
-            "permanent loads (constant = true), such as their weight."
+            "no joint forces balance the loads, which move blocks apart or along their joints; "
+            "reverse the loads, support the blocks there, or give the permanent loads (constant "
+            "= true), such as their weight."
         )
     return _told(problem, blocks, found, question)
 
@@ -96,7 +97,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
 def _told(
     problem: Problem, blocks: RigidBlocks, found: BlockLimit, question: Question
 ) -> BodyBounds:
-    """Return the results as bounds of the body. Collective."""
+    """Return the results of the linear programs as bounds of the body. Collective."""
     lower = _bound("lower", *found.lower)
     upper = _bound("upper", *found.upper)
     mechanism = _velocity(problem, blocks, found.motion)
@@ -105,7 +106,9 @@ def _told(
         upper, most = replace(upper, value=least), least
     standing = Standing(least, most) if question is Question.STANDS else None
     limited = question is Question.LIMIT
-    static = most if least is None else least  # by duality, the bound of the dilating joint
+    static = (
+        most if least is None else least
+    )  # By duality, this is the bound for joints that dilate.
     reason = MET if most is not None else upper.why_not[0]
     mesh = LimitLoad(
         method=LimitMethod.INTERIOR_POINT,
@@ -137,7 +140,7 @@ def _told(
 
 
 def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
-    """Return the bound of a program."""
+    """Return the bound that a linear program gives."""
     if outcome is Outcome.FOUND:
         return Bound(value, kind, Scope.BODY)
     why = ANY_FACTOR if outcome is Outcome.UNBOUNDED else WITHOUT_FRICTION
@@ -145,7 +148,7 @@ def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
 
 
 def _velocity(problem: Problem, blocks: RigidBlocks, motion: Floats) -> fem.Function:
-    """Return the velocity field of motions of blocks. Collective."""
+    """Return the velocity field of the rigid motions of blocks. Collective."""
     found = fem.Function(problem.V, name="mechanism")
     d = problem.bodies.gdim
     x = problem.V.tabulate_dof_coordinates()[: len(blocks.of_node), :d]

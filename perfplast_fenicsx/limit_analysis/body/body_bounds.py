@@ -1,4 +1,4 @@
-"""Store bounds of the limit load of the body that a mesh fills, and describe them in words."""
+"""Store bounds of the limit load of the body that the mesh fills, and describe them in words."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,23 +36,23 @@ from perfplast_fenicsx.tables import NotebookResult, Row
 
 
 def sentence(words: str) -> str:
-    """Return a clause with a capital and without its full stop."""
+    """Return the clause with a capital letter and without its full stop."""
     return words[0].upper() + words[1:]
 
 
 def sentences(clauses: Iterable[str]) -> str:
-    """Return clauses as sentences that follow another one; an empty string without clauses."""
+    """Return clauses as sentences to be appended to a text; an empty string without clauses."""
     return "".join(f" {sentence(words)}." for words in clauses)
 
 
 def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequence[str]) -> str:
-    """Return a sentence on what both bounds prove.
+    """Return a sentence that says what both bounds prove.
 
     Args:
         lower: The lower bound.
         upper: The upper bound.
-        question: The loads whose factor is bounded.
-        why_not: Why a bound is not strict.
+        question: Which loads the bounded factor multiplies.
+        why_not: Reasons why a bound is not strict.
     """
     reasons = f" ({'; '.join(why_not)})" if why_not else ""
     body = "The body that the mesh fills"
@@ -63,7 +63,7 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
     if UNLIMITED in lower.why_not and UNLIMITED in upper.why_not:
         return f"{sentence(UNLIMITED)}."
     if upper.strict and upper.value is not None and upper.value < 0:
-        body = f"Without load the constant loads are not carried. {body}"
+        body = f"The bodies do not carry the constant loads alone. {body}"
     if lower.strict and upper.strict:
         return f"{body} collapses between {lower.shown} and {upper.shown}; both bounds are strict."
     if upper.strict:
@@ -74,38 +74,38 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
 
 
 def least_words(carried: float | None, none_below: float | None, lower: float | None) -> str:
-    """Return a sentence on the proven bounds of the least load factor.
+    """Return a sentence that says what is proven for the least load factor.
 
     Args:
-        carried: A load factor near the least one that is provably carried.
+        carried: A load factor near the least one that the bodies provably carry.
         none_below: Proven lower bound of the least load factor.
-        lower: A lower bound of the largest load factor, which is carried too.
+        lower: A lower bound of the largest load factor; the bodies carry this factor too.
     """
     told = []
     if carried is not None and lower is not None:
         first, last = min(carried, lower), max(carried, lower)
         ends = f"from {rounded_up(first)} to {rounded_down(last)}"
-        told.append(f"load factors {ends} are carried for certain")
+        told.append(f"the body certainly carries load factors {ends}")
     elif carried is not None:
-        told.append(f"the load factor {rounded_up(carried)} is carried for certain")
+        told.append(f"the body certainly carries the load factor {rounded_up(carried)}")
     if none_below is not None:
-        told.append(f"none below {rounded_down(none_below)} is carried")
+        told.append(f"the body carries no load factor below {rounded_down(none_below)}")
     if not told:
         return "Nothing is proven for the least load factor that is carried."
     words = f"{' and '.join(told)}; this is strict."
     words = sentence(words)
     if none_below is not None and none_below > 0:
-        return f"{words} Without load the constant loads are not carried."
+        return f"{words} The body does not carry the constant loads alone."
     if carried is None or (carried > 0 and (lower is None or lower > 0)):
-        return f"{words} Whether the constant loads are carried without load is not decided."
+        return f"{words} It is not decided whether the body carries the constant loads alone."
     return words
 
 
 def taken_as(problem: Problem) -> tuple[str, ...]:
-    """Return clauses on the idealisation of bodies and loads. Collective.
+    """Return clauses that describe how bodies and loads are idealised. Collective.
 
-    They concern associated ground, surfaces that share one polygon, and pore pressures and
-    strengths that are not linear in each cell.
+    The clauses concern ground that is treated as associated, and surfaces that are projected on one
+    polygon. They also concern pore pressures and strengths that are not linear in each cell.
     """
     told = (
         flow_words(problem.given.materials),
@@ -119,9 +119,9 @@ def taken_as(problem: Problem) -> tuple[str, ...]:
 NOT_SOUGHT = Bound(None, "lower", Scope.MESH, ("not computed; control = 'bounds' computes it",))
 
 DRUCKER = (
-    "With Coulomb's friction they are Drucker's pair: from below without friction other "
-    "than adhesion, from above with associated friction, whatever the true direction of "
-    "slip"
+    "With Coulomb's friction the bounds are Drucker's pair: the lower bound omits friction "
+    "except adhesion, and the upper bound assumes associated friction, whatever the true "
+    "direction of slip"
 )
 
 
@@ -129,11 +129,11 @@ DRUCKER = (
 class LeastLoad:
     """Bounds of the least load factor that the bodies carry.
 
-    It is the limit load of the reversed growing loads, with the opposite sign.
+    The least load factor is the limit load of the reversed live loads, with the opposite sign.
 
     Attributes:
-        low: Result with the best lower bound of the reversed loads.
-        high: Result with the best upper bound of the reversed loads.
+        low: Result with the best lower bound for the reversed loads.
+        high: Result with the best upper bound for the reversed loads.
     """
 
     low: "BodyBounds"
@@ -141,13 +141,13 @@ class LeastLoad:
 
     @property
     def carried(self) -> float | None:
-        """Return a load factor that is provably carried; None if no factor is proven."""
+        """Return a load factor that the bodies provably carry; None if no factor is proven."""
         bound = self.low.limits[0]
         return -bound.value if bound.strict and bound.value is not None else None
 
     @property
     def none_below(self) -> float | None:
-        """Return the factor below which provably no load factor is carried; None if not proven."""
+        """Return the factor below which the bodies provably carry no load; None if not proven."""
         bound = self.high.limits[1]
         return -bound.value if bound.strict and bound.value is not None else None
 
@@ -161,8 +161,8 @@ class JointProof:
     """The proof of a lower bound of rigid blocks.
 
     Attributes:
-        best: The best forces, on outer facets in the order of their cells.
-        inner: Forces inside their limits; None if none were found.
+        best: The best joint forces, on the exterior facets in the order of their cells.
+        inner: Forces strictly inside the friction cones; None if no such forces were found.
     """
 
     best: FoundForces
@@ -174,28 +174,32 @@ class BodyBounds(NotebookResult):
     """Bounds of the limit load of a body.
 
     Attributes:
-        problem: Problem on whose mesh the mechanism is given; in space each cell is split from its
-            centre.
-        lower: Lower bound.
+        problem: Problem on whose mesh the mechanism is given. In three dimensions its cells are
+            split at their centres.
+        lower: Lower bound of the load factor.
         upper: Upper bound.
-        mechanism: Velocity v of the upper bound, with L(v) = 1; zero without a mechanism.
-        by_flux: In axisymmetry v = ru (:mod:`ring_flux`), to which the upper bound belongs.
-        mesh: The limit load of this mesh, which is not a bound of that of the body.
+        mechanism: Velocity v of the upper bound, with L(v) = 1; zero if there is no mechanism.
+        by_flux: In axisymmetry, the velocity v = ru (:mod:`ring_flux`), to which the upper bound
+            belongs.
+        mesh: The limit load of the discrete problem, which does not bound the limit load of the
+            body.
         static: The lower bound with its stress; None if it was not computed.
-        stress: The stress of the lower bound as Mandel vectors at the vertices of this rank's cells
-            of ``problem``, shape (num_cells, d + 1, m). None without a lower bound, and in space
-            for cells that are not split (curved ones, linear elements).
-        shares: Contribution of each owned cell (before the split in space) to the gap
-            (:mod:`strict_work`), shape (num_cells,); None without both bounds.
-        certificates: Residuals of the conditions of a bound, by name.
+        stress: The stress of the lower bound, as Mandel vectors at the vertices of this rank's
+            cells of ``problem``, shape (num_cells, d + 1, m). None if there is no lower bound. Also
+            None in three dimensions if cells are not split, because they are curved or their
+            elements are linear.
+        shares: Contribution of each owned cell (before tetrahedra are split) to the gap
+            (:mod:`strict_work`), shape (num_cells,); None if a bound is missing.
+        certificates: Residuals of the conditions of the bounds, by name.
         steps: Number of steps of the interior point method for both bounds.
         factorisations: Number of factorisations for both bounds.
         advice: Advice for better bounds, in clauses.
-        weaker: The bodies of the lower bound, if they differ from those of ``problem``.
-        taken: Idealisations in clauses: ground with ψ < φ, and surfaces with different polygons.
-        joints: Proof by forces on joints, instead of a stress, for bodies that cannot yield.
-        question: The loads whose factor is bounded: the growing loads, or the constant ones if the
-            mesh does not carry them (:class:`load_factor.Question`).
+        weaker: The problem of the lower bound if its bodies differ from those of ``problem``.
+        taken: Idealisations, as clauses: of ground with ψ < φ, and of surfaces with different
+            polygons.
+        joints: Proof by joint forces instead of a stress, for bodies that cannot yield.
+        question: Which loads the bounded factor multiplies: the live loads, or the constant loads
+            if the mesh does not carry these (:class:`load_factor.Question`).
     """
 
     problem: Problem
@@ -224,23 +228,23 @@ class BodyBounds(NotebookResult):
 
     @property
     def limits(self) -> tuple[Bound, Bound]:
-        """Return bounds of the load factor ζ; without values if constant loads are bounded."""
+        """Return the bounds of ζ; their values are ``None`` if the constant loads are bounded."""
         if self.question is Question.LIMIT:
             return self.lower, self.upper
         why = (
-            "the bounds are not of a load factor, but of the multiple of the constant loads "
-            "that is carried",
+            "the bounds are not those of a load factor, but of the multiple of the constant "
+            "loads that the body carries",
         )
         return Bound(None, "lower", Scope.MESH, why), Bound(None, "upper", Scope.MESH, why)
 
     @property
     def strict(self) -> bool:
-        """Return whether both bounds hold for the body, apart from rounding."""
+        """Return whether both bounds are proven for the body."""
         return self.lower.strict and self.upper.strict
 
     @property
     def why_not(self) -> list[str]:
-        """Return why one of them does not hold for the body; an empty list if both hold."""
+        """Return the reasons why a bound does not hold for the body; empty if both bounds hold."""
         return [f"{bound.kind} bound: {why}" for bound in self._both for why in bound.why_not]
 
     @property
@@ -258,7 +262,7 @@ class BodyBounds(NotebookResult):
         return self.problem.bodies.gdim
 
     def rows(self) -> list[Row]:
-        """Return a row for each bound: its ``value``, whether it is ``strict``, and why not."""
+        """Return a table row for each bound: ``value``, ``strict``, and a reason if not strict."""
         return [
             {
                 "bound": bound.kind,
@@ -271,14 +275,14 @@ class BodyBounds(NotebookResult):
         ]
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the mechanism of the upper bound, coloured by speed, with both bounds above it.
+        """Plot the mechanism of the upper bound, coloured by speed, with both bounds above it.
 
         Collective.
         """
         corners, velocity = _visible(self.mechanism)
         speed = np.linalg.norm(velocity, axis=-1)
         size = float(np.ptp(corners, axis=(0, 1)).max())
-        share = 0.06  # the largest motion, as a share of the size of the bodies
+        share = 0.06  # largest drawn displacement, as a fraction of the size of the bodies
         drawn = corners + velocity * (share * size / (speed.max() or 1.0))
         speed /= speed.max() or 1.0
         if self.dimensions == 2:
@@ -313,9 +317,9 @@ class BodyBounds(NotebookResult):
         lower, upper = self.lower.strict, self.upper.strict
         early = []
         if not self.mesh.levelled_off and upper:
-            early.append(f" The upper one is not the best on its mesh: {self.mesh.reason}.")
+            early.append(f" The upper bound is not the best on its mesh: {self.mesh.reason}.")
         if self.static is not None and self.static.verdict is not Verdict.FOUND and lower:
-            early.append(f" The lower one is not the best on its mesh: {self.static.reason}.")
+            early.append(f" The lower bound is not the best on its mesh: {self.static.reason}.")
         early.append(sentences(self.advice))
         if self.friction is not None and (lower or upper):
             early.append(f" {self.friction}.")
@@ -327,7 +331,7 @@ class BodyBounds(NotebookResult):
 
     @property
     def least_in_words(self) -> str:
-        """Return the bounds of the least load factor in sentences; empty if not computed."""
+        """Return sentences on the bounds of the least load factor; empty if not computed."""
         if self.least is None:
             return ""
         lower = self.lower.value if self.lower.strict else None
@@ -340,17 +344,18 @@ class BodyBounds(NotebookResult):
         told = [DRUCKER] if any(not it.associated for it in rubs) else []
         if any(it.associated for it in rubs):
             told.append(
-                "With associated friction, slipping surfaces separate by the coefficient "
-                "of friction times the slip; true friction separates them less, and its "
-                "limit load is at most the upper bound"
+                "With associated friction, slipping surfaces separate by the coefficient of "
+                "friction times the slip; with true friction they separate less, and the limit "
+                "load is at most the upper bound"
             )
         return ". ".join(told) or None
 
 
 def _visible(velocity: fem.Function) -> tuple[Floats, Floats]:
-    """Return the corners of the triangles that are seen, and the velocity there. Collective.
+    """Return the corners of the visible triangles, and the velocity there. Collective.
 
-    They are the cells of a plane mesh, and the outer facets of a mesh in space, those of all ranks.
+    The triangles are the cells of a plane mesh or the exterior facets of a mesh of tetrahedra,
+    gathered from all ranks.
 
     Returns:
         Two arrays of shape (count, 3, gdim).
@@ -373,7 +378,7 @@ def _visible(velocity: fem.Function) -> tuple[Floats, Floats]:
 
 
 def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
-    """Return a sentence on whether constant loads alone are carried; None if more is known.
+    """Return whether the bodies carry constant loads alone, in a sentence; None if more is known.
 
     Args:
         limit: Limit load of the mesh.
@@ -385,21 +390,21 @@ def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str |
     if known or limit.standing is None or limit.question is Question.LIMIT:
         return None
     stands = limit.standing
-    return f"This mesh {stands.verdict}: {stands.in_words()}; this is no proof for the body."
+    return f"This mesh {stands.verdict}: {stands.in_words()}; this is not a proof for the body."
 
 
 def designed(
     zeta: float | None, name: str, limit: LimitLoad, body: BodyBounds | None
 ) -> DesignFactor | None:
-    """Return how many times the design load is carried; None without a design load or a bound.
+    """Return the multiple of the design load that the body carries, or ``None``.
 
-    If the least load factor is above the design load, the function reports no multiple: more load
-    is needed, not less. If the design load is not proven to be carried, it is not reported as
-    carried.
+    The result is ``None`` without a design load, and if the constant loads alone are not carried. It is
+    also ``None`` if the least load factor is above the design load, because then the bodies need more
+    load, not less. The result has a lower bound only if the bodies provably carry the design load.
 
     Args:
         zeta: Load factor of the design load.
-        name: Name of the combination of loads, if it has one.
+        name: Name of the load combination, if it has one.
         limit: Limit load of the mesh.
         body: Proven bounds of the body.
     """
@@ -419,13 +424,13 @@ def designed(
 
 @dataclass(frozen=True)
 class Effort:
-    """The cost of a search.
+    """The computational cost of a search.
 
     Attributes:
-        dim: Dimension of the bodies.
-        cells: Number of cells of the mesh; of several meshes, of the first one.
-        seconds: Wall time.
-        ended: Why there is no finer mesh, if the mesh was adapted; empty without adaptation.
+        dim: Dimension of the bodies, 2 or 3.
+        cells: Number of cells of the first mesh.
+        seconds: Wall time (s).
+        ended: Why the mesh was not refined further; empty without adaptation.
     """
 
     dim: int
@@ -435,11 +440,11 @@ class Effort:
 
 
 def next_steps(body: BodyBounds, effort: Effort) -> list[str]:
-    """Return sentences without a full stop; an empty list if both bounds hold and are close.
+    """Return advice for better bounds, as sentences without a full stop; possibly empty.
 
     Args:
         body: Proven bounds of the body.
-        effort: Cost of these bounds.
+        effort: Computational cost of these bounds.
     """
     return list(_steps(body, effort))
 
@@ -448,45 +453,46 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
     seconds, dim = effort.seconds, effort.dim
     lower, upper = body.lower, body.upper
     if lower == NOT_SOUGHT:
-        # Why an upper bound is missing or not strict although a lower one may still be computed.
+        # Reasons for a missing or unproven upper bound that do not rule out a lower bound.
         answered = {NO_MECHANISM, CURVED, ENTERS}
         if body.mesh.estimate is not None and set(upper.why_not) <= answered:
-            # Cost of bounds relative to that of the mesh's limit load, by dimension.
+            # Cost of bounds relative to the cost of the limit load of the mesh, by dimension.
             bounded = {2: (2, 5), 3: (4, 8)}
             yield (
                 'control = "bounds" under [loading] bounds what the bodies provably '
                 f"carry, and takes about {_times(bounded[dim], seconds)}"
             )
     elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
-        # Relative distance of bounds above which a message advises how to reduce it.
+        # Relative distance of the bounds above which a message says how to reduce the distance.
         wide = 0.1
         if apart > wide and effort.ended:
             yield (
-                f"the bounds are {percent(apart)} apart, and {effort.ended}; more meshes "
-                "(a smaller until, more cells), or a smaller size of the first one, bring "
-                "them closer"
+                f"the bounds are {percent(apart)} apart, and {effort.ended}; more meshes (a "
+                "smaller until, more cells), or a first mesh with smaller elements, reduce the "
+                "distance"
             )
         elif apart > wide:
-            # Relative cost of bounds with half the element size, by dimension: there are 4 or 8
-            # times as many cells, and the factors grow faster than this number.
+            # Relative cost of bounds with half the element size, by dimension. There are 4 or 8
+            # times as many cells, and the cost of the factors grows faster than the number of
+            # cells.
             longer = {2: (4, 8), 3: (15, 50)}
-            # Relative cost of bounds on several meshes, the last one with twice as many cells.
+            # Relative cost of bounds on several meshes, of which the last has twice as many cells.
             adapting = (2, 5)
             yield (
-                f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt = {{ "
-                f"until = {wide}, cells = {_rounded(2 * effort.cells)} }} under [mesh] "
-                f"brings them closer, and takes about {_times(adapting, seconds)}; "
-                f"elements of half the size (some {_rounded(2**dim * effort.cells)} cells) "
-                f"take about {_times(longer[dim], seconds)}"
+                f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt = "
+                f"{{ until = {wide}, cells = {_rounded(2 * effort.cells)} }} under [mesh] reduces "
+                f"the distance, and takes about {_times(adapting, seconds)}; elements of half the "
+                f"size (some {_rounded(2**dim * effort.cells)} cells) take about "
+                f"{_times(longer[dim], seconds)}"
             )
     if NO_MECHANISM in upper.why_not:
         locked = " and ".join(map(repr, body.mesh.locked))
         whose = f": {locked} {'locks' if len(body.mesh.locked) == 1 else 'lock'}" if locked else ""
         divided = ', or control = "bounds", which divides all elements,' if dim == 3 else ""
         yield (
-            f"no mechanism of this mesh preserves all volumes{whose}. Elements of half the "
-            f"size there (sizes under [geometry]){divided if lower == NOT_SOUGHT else ''} "
-            "may have one"
+            f"no mechanism of this mesh preserves the volume of every cell{whose}. Elements of "
+            "half the size there (sizes under "
+            f"[geometry]){divided if lower == NOT_SOUGHT else ''} may have one"
         )
     if UNMATCHED in (*lower.why_not, *upper.why_not):
         where = "" if dim == 3 else ", or let both surfaces end at the same places without a gap"
@@ -502,13 +508,13 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
 
 
 def _times(many: tuple[int, int], seconds: float) -> str:
-    """Return the cost in multiples and in time."""
+    """Return the cost in words, as multiples of this run and as time."""
     least, most = (clock(number * seconds) for number in many)
     return f"{many[0]} to {many[1]} times as long as this ({least} to {most})"
 
 
 def clock(seconds: float) -> str:
-    """Return a time in words, with two digits."""
+    """Return a time in words, rounded to two digits."""
     if seconds < 90:
         return f"{max(seconds, 1):.2g} s"
     if seconds < 90 * 60:
@@ -517,6 +523,6 @@ def clock(seconds: float) -> str:
 
 
 def _rounded(cells: int) -> int:
-    """Return a number of cells rounded up to two digits."""
+    """Return the number of cells, rounded up to two digits."""
     step = 10 ** max(len(str(cells)) - 2, 0)
     return -(-cells // step) * step
