@@ -174,8 +174,8 @@ class Flow:
 def with_memory(material: Material) -> Material | None:
     """Return a material that remembers its plastic flow.
 
-    An elastic material is returned unchanged. The result is ``None`` if the material cannot remember
-    its flow. A material's own method ``remembering()`` takes precedence.
+    An elastic material is returned unchanged. The result is ``None`` if the material cannot
+    remember its flow. A material's own method ``remembering()`` takes precedence.
     """
     own = getattr(material, "remembering", None)
     if own is not None:

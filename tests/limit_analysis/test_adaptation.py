@@ -70,7 +70,7 @@ def test_until_decided(share: float, carried: bool, refused: bool, shared_tmp_pa
     assert found.upper.strict
     told = DesignFactor.of(design, found.lower.value, found.upper.value, None)
     assert (told.carried, told.refused) == (carried, refused)
-    assert (found.reason == "it is decided whether the design load is carried") == told.decided
+    assert (found.reason == "it is proven whether the bodies carry the design load") == told.decided
     assert not decided(found.rounds[:-1], design), "it went on though it was decided"
 
 

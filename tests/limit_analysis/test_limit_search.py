@@ -172,7 +172,7 @@ def test_what_belongs_to_a_path_gives_one() -> None:
     limit = limit_load(problem, 1e-2, on_level=lambda level, _: levels.append(level))
     assert limit.method is LimitMethod.PATH
     assert len(levels) == limit.iterations
-    with pytest.raises(InputError, match="belong to a loading path"):
+    with pytest.raises(InputError, match="are arguments of a loading path"):
         limit_load(problem, 1e-2, Timid(problem), method="interior-point")
 
 

@@ -49,8 +49,8 @@ class Round:
         upper: Strict upper bound on this mesh; None if there is no such bound.
         gap: Relative gap between the best strict bounds so far; None if a bound is missing.
         seconds: Wall time so far (s).
-        not_proven: Unproven values in place of the lower and the upper bound. A value is ``None`` if
-            its bound is proven or was not found.
+        not_proven: Unproven values in place of the lower and the upper bound. A value is ``None``
+            if its bound is proven or was not found.
     """
 
     number: int

@@ -398,9 +398,10 @@ def designed(
 ) -> DesignFactor | None:
     """Return the multiple of the design load that the body carries, or ``None``.
 
-    The result is ``None`` without a design load, and if the constant loads alone are not carried. It is
-    also ``None`` if the least load factor is above the design load, because then the bodies need more
-    load, not less. The result has a lower bound only if the bodies provably carry the design load.
+    The result is ``None`` without a design load, and if the constant loads alone are not carried.
+    It is also ``None`` if the least load factor is above the design load, because then the bodies
+    need more load, not less. The result has a lower bound only if the bodies provably carry the
+    design load.
 
     Args:
         zeta: Load factor of the design load.
