@@ -87,7 +87,7 @@ class JointFacets:
     """Joint facets on rank 0, each with its opposite facet.
 
     Attributes:
-        rows: Facets on the first sides, in the structured dtype of :func:`_row_type`.
+        rows: Facets on the first sides, in the structured dtype of ``_row_type``.
         others: The opposite facet of each; at obstacles the facet itself.
         order: Index of the opposite vertex for each vertex, shape (n, d).
         into: Unit normals that point out of the first side, shape (n, d).
