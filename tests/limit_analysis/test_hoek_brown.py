@@ -27,24 +27,10 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_po
 from perfplast_fenicsx.problem.variant import variant
 from tests.limit_analysis.test_principal_cones import COMM, assert_proven
 from tests.limit_analysis.test_static_bound import rectangle
+from tests.limit_analysis.test_tension_cut_off import block
 
 ROCK = HoekBrown(1e4, 0.25, compressive_strength=20.0, m_b=1.5, s=0.01)
 WEAK = HoekBrown(1e4, 0.25, compressive_strength=30.0, m_b=0.6, s=1e-4)
-
-
-def block(material: Any, sign: float = 1.0, lateral: float = 0.0) -> Problem:
-    """A unit square on rollers: ζ presses on top (or pulls) beside a lateral pressure."""
-    surfaces: dict[str, Any] = {
-        "x0": lambda x: x[0] < 1e-9,
-        "y0": lambda x: x[1] < 1e-9,
-        "x1": lambda x: x[0] > 1 - 1e-9,
-        "top": lambda x: x[1] > 1 - 1e-9,
-    }
-    mesh = rectangle((1, 1), (1.0, 1.0), {"block": lambda x: x[1] < 2}, surfaces)
-    loads = [Pressure("top", sign)]
-    loads += [Pressure("x1", lateral, constant=True)] if lateral else []
-    supports = [Support("x0", "x"), Support("y0", "y")]
-    return Problem(mesh, {"block": material}, supports, loads, degree=2)
 
 
 def compressed(rock: HoekBrown, lateral: float) -> float:

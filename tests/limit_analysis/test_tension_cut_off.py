@@ -33,7 +33,7 @@ FAR_APART = Tresca(1e4, 0.2, 1e7, tensile_strength=1.0)
 SLOPE = (1 + math.sin(math.radians(25))) / (1 - math.sin(math.radians(25)))
 
 
-def block(material: Any, sign: float, lateral: float) -> Problem:
+def block(material: Any, sign: float = 1.0, lateral: float = 0.0) -> Problem:
     """A unit square on rollers: ζ presses on top (or pulls) beside a lateral pressure."""
     surfaces: dict[str, Any] = {
         "x0": lambda x: x[0] < 1e-9,

@@ -11,7 +11,8 @@ from perfplast_fenicsx.limit_analysis.conic import parabolas
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.cones import Cones
 from perfplast_fenicsx.proof.parabola import GENTLEST
-from tests.limit_analysis.test_hoek_brown import ROCK, block
+from tests.limit_analysis.test_hoek_brown import ROCK
+from tests.limit_analysis.test_tension_cut_off import block
 from tests.proof.forging import (
     Arrays,
     Forgery,

@@ -170,9 +170,8 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     first = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(first, of_cell, keys)
     comm.Allreduce(MPI.IN_PLACE, first, MPI.MIN)
-    number = np.argsort(
-        np.argsort(first)
-    )  # ordered by their first cells, independently of the number of ranks
+    # ordered by their first cells, independently of the number of ranks
+    number = np.argsort(np.argsort(first))
     of_cell, of_node = number[of_cell], number[problem.bodies.of_node]
     middle, extent = _sizes(comm, body.vertices, of_cell, count)
     outer = body.geometry.exterior
