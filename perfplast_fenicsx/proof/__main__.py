@@ -1,7 +1,8 @@
-"""Check files: ``python3 -m perfplast_fenicsx.proof FILE ...``; status 1 if a file fails.
+"""Check proof files: ``python3 -m perfplast_fenicsx.proof FILE ...``; exit with 1 if one fails.
 
-``--pair stands.h5 falls.h5`` checks both files of a factor of safety, and that their bodies are the
-same. ``--sha256 FILE ...`` prints only the SHA-256 of the numbers of each file, as reports show it.
+``--pair stands.h5 falls.h5`` checks the two files of a factor of safety, and checks that both
+describe the same bodies. ``--sha256 FILE ...`` only prints the SHA-256 of the numbers in each file,
+which reports show too.
 """
 
 import sys
@@ -14,7 +15,7 @@ PAIR = "--pair"
 """Option before the two files of a factor of safety."""
 
 DIGEST = "--sha256"
-"""Option before files whose numbers are not checked, but hashed."""
+"""Option to print the hash of the numbers in each file, without checking the files."""
 
 
 def main(arguments: Sequence[str]) -> int:

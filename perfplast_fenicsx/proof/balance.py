@@ -1,21 +1,22 @@
 """Compute the cost of unbalanced forces: the size of a stress that balances them.
 
-A stress σ leaves some unbalanced forces. If τ balances them, σ + τ is in equilibrium. The sum lies
-in a cone f(σ) ≤ c if f(σ) + f(τ) ≤ c, since f is convex and homogeneous of degree 1. So the size of
-τ in each cell is enough, and the module computes only an upper bound of it.
+A stress σ leaves some forces unbalanced. If τ balances these forces, σ + τ is in equilibrium. The
+sum lies in a cone f(σ) ≤ c if f(σ) + f(τ) ≤ c, since f is convex and homogeneous of degree 1. So
+only the size of τ in each cell is needed, and the module computes an upper bound of this size.
 
-1. Supports and contact exert further forces. Each connected piece of cells is then in equilibrium
-   as a whole (``_reactions``). The contact pressure must exceed these forces.
-2. The cells of a piece form a tree. Each cell transfers the force F and the moment M of all cells
-   beyond it through one facet, by the traction F/A + θ × (x − c) with Iθ = M. So each cell is in
-   equilibrium on its own.
-   With c = 0, tractions and τ can be zero at vertices of free surfaces. Then no traction passes
-   through facets between two of them, and those with one such end have quadratic tractions.
-3. Consider tractions that are linear on each facet of a simplex and in equilibrium with a uniform
+1. Supports and contact exert additional forces. They bring each connected piece of cells into
+   equilibrium as a whole (``_reactions``). The contact pressure must exceed these forces.
+2. The cells of a piece form a tree. Each cell transfers the resultant force F and moment M of all
+   cells beyond it through one facet, by the traction F/A + θ × (x − c) with Iθ = M. Then each cell
+   is in equilibrium on its own.
+   For c = 0, tractions and τ can be made zero at vertices of free surfaces. Then facets with two
+   such vertices transfer no traction, and facets with one such vertex transfer quadratic tractions.
+3. Take tractions that are linear on each facet of a simplex and in equilibrium with a uniform body
    force. They belong to a stress that is linear in each of the d + 1 parts into which the centre
    divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in space M. Křížek,
-   doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges 1 :data:`SIZE` bounds
-   this stress. The map x = By onto the cell gives τ = Bτ'Bᵀ and tractions times areas B⁻¹T/det B.
+   doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges of length 1
+   :data:`SIZE` bounds this stress. The map x = By from this simplex to the cell turns the stress
+   τ' into Bτ'Bᵀ. Tractions times areas T of the cell are B⁻¹T/det B on the simplex.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,29 +34,30 @@ from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
 """Bounds of the stress on a regular simplex, by dimension. The first factor multiplies the largest
-traction times area, summed over the facets; the second multiplies the force. A test computes both.
+traction times area, summed over the facets; the second multiplies the body force. A test computes
+both.
 """
 
 QUADRATIC = (3.7, 1.56)
-"""The same for coefficients of a stress in the plane whose tractions are quadratic: the factor of
-the largest coefficient of traction times length, summed over the sides, and that of the largest
-force (:mod:`ring_balance`). They are the larger values of triangles with and without a side on
-which the stress is zero. A test computes both."""
+"""Bounds for quadratic tractions in the plane (:mod:`ring_balance`). The first factor multiplies
+the largest coefficient of traction times length, summed over the sides; the second multiplies the
+largest body force. They bound the coefficients of the stress, both in triangles with a side on
+which the stress is zero and in triangles without. A test computes both."""
 
 VOLUME = {2: 3**0.5 / 4, 3: 2**0.5 / 12}
-"""Volume of the regular simplex with edges 1, by dimension."""
+"""Volume of the regular simplex with edges of length 1, by dimension."""
 
 MOST_NUMBERS = 40_000_000
-"""Largest number of entries of the matrix of forces on pieces, limited by memory."""
+"""Largest number of entries in the matrix of forces on pieces, limited by memory."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """The cost of unbalanced forces.
+    """The cost of balancing unbalanced forces.
 
     Attributes:
-        size: Size of τ, the largest in each cell, shape (num_cells,); ∞ if it is unknown.
-        reason: Why there is no τ, or None.
+        size: Largest size of τ in each cell, shape (num_cells,); ∞ if it is unknown.
+        reason: Reason why no τ is known, or None.
     """
 
     size: Floats
@@ -69,14 +71,14 @@ def cost_of(
     kinds: Sequence[tuple[float, Loads]],
     bare: Flags | None = None,
 ) -> Cost:
-    """Return the cost of a remainder.
+    """Return the cost of balancing the remainder of a stress.
 
     Args:
-        body: The bodies, of cells in the plane or in space.
+        body: The bodies, with cells in the plane or in space.
         left: The unbalanced forces.
         shapes: Shapes of the cells.
         kinds: Loads of each kind, and their factors.
-        bare: In the plane, vertices of cells where τ is zero, shape (num_cells, 3).
+        bare: In the plane, vertices of cells at which τ must be zero, shape (num_cells, 3).
     """
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
@@ -111,19 +113,19 @@ def cost_of(
 class _Acting:
     """Forces and moments on each cell that τ must balance.
 
-    A jump of tractions acts on the stronger cell.
+    The stronger of two cells takes the jump of tractions between them.
 
     Attributes:
         volumes: Volumes, bounded from below.
-        on_sides: The largest traction times area of each side, summed over the sides, shape
+        on_sides: Sum over the sides of each cell of the largest traction times area, shape
             (num_cells,).
         forces: Forces, shape (num_cells, d).
         moments: Moments about ``middles``, shape (num_cells, 1 or 3).
-        errors: Errors of forces and of moments, shape (2, num_cells).
+        errors: Errors of the forces and of the moments, shape (2, num_cells).
         middles: A point in each cell.
-        extents: The largest distance of its vertices from that point.
-        pieces: Number of the piece of each cell.
-        jumped: The side on which the jump of each inner facet acts.
+        extents: Largest distance of a cell's vertices from its middle.
+        pieces: Index of the piece of each cell.
+        jumped: The side on which each inner facet's jump acts.
     """
 
     def __init__(self, body: Body, left: Remainder, shapes: Shapes) -> None:
@@ -148,18 +150,18 @@ class _Acting:
         self._put(body, self.jumped, self._ends(body), left.inner)
 
     def _ends(self, body: Body) -> Longs:
-        """Return the vertices of inner facets, ordered by number."""
+        """Return the vertices of each inner facet, in ascending order of their indices."""
         own = body.cells[self.jumped // (body.dim + 1)]
         corners = body.corners[self.jumped % (body.dim + 1)]
         return np.sort(np.take_along_axis(own, corners, axis=1), axis=1)
 
     def is_clear(self, body: Body, left: Remainder, bare: Flags | None) -> bool:
-        """Return whether tractions on cells are exactly zero where τ is.
+        """Return whether tractions on cells are exactly zero wherever τ must be zero.
 
         Args:
             body: The bodies.
             left: The unbalanced forces.
-            bare: Vertices of cells where τ is zero.
+            bare: Vertices of cells at which τ must be zero.
         """
         if bare is None:
             return True
@@ -171,7 +173,7 @@ class _Acting:
         return not (pulled.any() or jumps.any())
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
-        """Add the forces of anchors."""
+        """Add the forces that anchors exert."""
         for facets, corners, sign in (
             (anchors.facets, anchors.corners, -1.0),
             (anchors.opposite, anchors.opposite_corners, 1.0),
@@ -189,13 +191,14 @@ class _Acting:
         at: tuple[Longs, Longs],
         wrenches: tuple[Floats, Floats],
     ) -> None:
-        """Add forces and moments about the middles of plates, acting through facets.
+        """Add forces and moments that plates transfer through facets.
 
         Args:
             body: The bodies.
             plates: Rigid surfaces.
-            at: A facet of each wrench, −1 for none, and the number of its plate.
-            wrenches: Forces, and moments over extents, shape (n, d + 1 or 3), and their errors.
+            at: The facet through which each wrench acts, −1 for none, and the index of its plate.
+            wrenches: Forces, and moments about the plates' centres over extents, shape (n, d + 1 or
+                3), and their errors.
         """
         d, some = body.dim, np.flatnonzero(at[0] >= 0)
         facets, of = at[0][some], at[1][some]
@@ -218,12 +221,12 @@ class _Acting:
         )
 
     def through(self, body: Body, plates: Plates, facets: Longs, sizes: Floats) -> Floats:
-        """Return upper bounds of tractions times area with which facets transfer plate forces.
+        """Return upper bounds of tractions times area by which facets transfer plate forces.
 
         Args:
             body: The bodies.
             plates: Rigid surfaces.
-            facets: A facet for each additional force of plates, not −1.
+            facets: The facet for each additional force of plates, never −1.
             sizes: Sizes of the forces.
         """
         of, d = plates.plate, body.dim
@@ -252,7 +255,7 @@ class _Acting:
         return upwards(force + (turn + off[1] + force * reach) * bends * (1 + 1e-9))
 
     def _put(self, body: Body, sides: Longs, vertices: Longs, tractions: Balls) -> None:
-        """Add tractions on sides, with the opposite sign."""
+        """Add tractions on sides of cells, with the opposite sign."""
         d = body.dim
         cells = sides // (d + 1)
         np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
@@ -272,12 +275,12 @@ class _Acting:
 
 
 def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
-    """Return the tractions times area of a unit moment on facets.
+    """Return the tractions times area that a unit moment causes on facets.
 
     Args:
         dim: Dimension of the bodies.
-        arms: Distances of the vertices from the middles, shape (n, dim).
-        area: Areas, bounded from below.
+        arms: Distances of the facets' vertices from the facets' middles, shape (n, dim).
+        area: Areas of the facets, bounded from below.
     """
     if dim == 2:
         return np.asarray(6 / area)
@@ -285,7 +288,7 @@ def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
 
 
 def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
-    """Return an upper bound of ‖B‖²‖B⁻¹‖/det B of cells."""
+    """Return an upper bound of ‖B‖²‖B⁻¹‖/det B for each cell."""
     largest, inverse = stretches_of(body, shapes, volumes)
     with np.errstate(divide="ignore", over="ignore"):
         found = largest**2 * inverse / (volumes / VOLUME[body.dim])
@@ -295,18 +298,18 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
 def _passed(
     body: Body, shapes: Shapes, acting: _Acting, pushes: Floats, zeros: Longs
 ) -> Floats | None:
-    """Return for each cell the sum over its facets of the transferred tractions.
+    """Return for each cell the sum of the tractions that its facets transfer.
 
-    None if no facet can transfer tractions from a cell. A traction that is zero at one end of a
-    facet is quadratic. Its coefficients times the length L are 0, 3F − 12M/L and 12M/L for a force
-    F and a moment M.
+    Return None if some cell has no facet that can transfer tractions. A traction that is
+    zero at one end of a facet of length L is quadratic. For a force F and a moment M its
+    coefficients times L are 0, 3F − 12M/L and 12M/L.
 
     Args:
         body: The bodies.
         shapes: Shapes of the cells.
         acting: Forces and moments of each cell.
         pushes: Sizes of additional forces on outer facets.
-        zeros: Number of vertices of each side where tractions are zero.
+        zeros: Number of vertices of each side at which tractions are zero.
     """
     d, wide, count = body.dim, body.dim + 1, len(body.cells)
     across = np.where(zeros < d, across_of(body), -1)
@@ -318,22 +321,22 @@ def _passed(
     more = np.bincount(body.outer // wide, weights=pushes, minlength=count)
     force_errors += more
     turn_errors += more * acting.extents
-    sizes = np.linalg.norm(forces, axis=1) + force_errors  # sum of all transferred forces
+    sizes = np.linalg.norm(forces, axis=1) + force_errors  # sum of their magnitudes
     away = np.flatnonzero(back >= 0)
     ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
-    middles = acting.middles.copy()  # along the way to the root
+    middles = acting.middles.copy()  # of the facets towards the root
     middles[away] = ends.mean(axis=1)
     vectors = shapes.areas[away, back[away] % wide]
     least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
     area = np.maximum(least * (1 - 1e-12), np.finfo(float).tiny)
-    bends = np.zeros(count)  # traction times area of a moment
+    bends = np.zeros(count)  # traction times area for a unit moment
     arms = np.linalg.norm(ends - middles[away][:, None], axis=2)
     bends[away] = bends_of(d, arms, area)
     shift = acting.middles - middles
     rounded = 32 * U * np.abs(x).max(axis=(1, 2))
     for cells in levels[:0:-1]:
         towards = across[back[cells]] // wide
-        # about the cell's middle, like the moments transferred to the cell
+        # about the middle of the facet towards the root
         turns[cells] += moments(shift[cells], forces[cells])
         force_errors[cells] += 8 * U * sizes[cells]
         force = np.linalg.norm(forces[cells], axis=1) + force_errors[cells]
@@ -356,14 +359,15 @@ def _passed(
         np.add.at(turn_errors, towards, added)
     if sum(map(len, levels)) < count:
         return None
-    # Sums of non-negative numbers: each is rounded once for each cell that follows.
+    # All terms are non-negative. Each is rounded at most once for each cell between it and the
+    # root.
     return upwards(found * (1 + 1e-12), 2 * count + 64)
 
 
 def _reactions(
     body: Body, left: Remainder, acting: _Acting, plates: Plates
 ) -> tuple[Floats | None, str | None]:
-    """Return sizes of the additional forces of supports, contact and plates on each facet.
+    """Return the sizes of the additional forces of supports, contact and plates on each facet.
 
     Args:
         body: The bodies.
@@ -372,7 +376,7 @@ def _reactions(
         plates: Rigid surfaces.
 
     Returns:
-        None and the reason if there are no such forces.
+        The sizes and None, or None and the reason why there are no such forces.
     """
     d, pieces, anchors = body.dim, acting.pieces, left.anchors
     count = int(pieces.max()) + 1
@@ -397,7 +401,7 @@ def _reactions(
     weights = weights_of(body, first, most)
 
     def push(forces: Floats) -> tuple[Floats, Floats]:
-        """Return the unbalanced forces with some additional forces, and their errors."""
+        """Return the unbalanced forces under additional forces, and their errors."""
         acting.push(body, anchors, forces[: len(anchors.facets)])
         values = plates.wrenches() * forces[len(anchors.facets) :, None]
         for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
@@ -427,13 +431,14 @@ def exerted_of(
     """Return upper bounds of additional forces that restore balance.
 
     Args:
-        rows: Forces and moments on pieces of each force, and errors, shape (num_rows, num_forces).
-        limits: Weights of the forces, and their largest sizes.
-        without: The unbalanced forces on pieces, and their errors.
-        push: Function that adds forces and returns the remaining unbalanced forces.
+        rows: Forces and moments that each unit force causes on the pieces, and their errors, shape
+            (num_rows, num_forces).
+        limits: Weights of the forces, and their largest admissible sizes.
+        without: Unbalanced forces on pieces without the additional forces, and their errors.
+        push: Function that applies forces and returns the forces that remain unbalanced.
 
     Returns:
-        None and the reason if there are no such forces.
+        The bounds and None, or None and the reason why there are no such forces.
     """
     (mid, rad), (weights, most), (missing, errors) = rows, limits, without
     columns = mid.shape[1]
@@ -442,11 +447,11 @@ def exerted_of(
         return np.zeros(columns), None
     if not columns:
         return None, HELD
-    # Other rows belong to bodies or directions on which nothing acts; they do not change.
+    # The other rows belong to bodies or directions on which nothing acts. They do not change.
     kept = _closed(active, (mid != 0) | (rad > 0))
     mid, rad = (part[kept] * weights for part in (mid, rad))
-    # Contact near slip can exert little, supports much: the rows are scaled to equal size, without
-    # error.
+    # Contact near slip can exert little force, but supports much. So rows are scaled to similar
+    # size by powers of 2, which causes no rounding error.
     size = np.linalg.norm(mid, axis=1)
     scale = 2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0)))
     mid, rad = mid * scale[:, None], rad * scale[:, None]
@@ -480,7 +485,7 @@ HELD = "neither supports nor contact pressure can balance the residual forces on
 
 
 def _closed(rows: Flags, touched: Flags) -> Flags:
-    """Return the relevant rows: those of forces that act on one of them, and so on."""
+    """Return which rows forces couple to the given rows, directly or through other rows."""
     while True:
         more = touched[:, touched[rows].any(axis=0)].any(axis=1) | rows
         if (more == rows).all():
@@ -489,12 +494,12 @@ def _closed(rows: Flags, touched: Flags) -> Flags:
 
 
 def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
-    """Return weights of forces: the capacity of contact, and for supports that of their cells.
+    """Return weights of forces: the capacity of contacts, and for supports that of their cells.
 
     Args:
         body: The bodies.
         facets: The facet of each force.
-        most: The largest sizes.
+        most: The largest admissible sizes of the forces.
     """
     cells = body.outer // (body.dim + 1)
     radii = body.yield_radius[cells][facets]
@@ -504,7 +509,7 @@ def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
 
 
 def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
-    """Return a point in each piece, and the extent of the piece."""
+    """Return the centre of each piece's bounding box, and the box's longest edge."""
     x = body.vertices[body.cells]
     least, most = np.full((count, body.dim), np.inf), np.full((count, body.dim), -np.inf)
     np.minimum.at(least, pieces, x.min(axis=1))
@@ -513,7 +518,7 @@ def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
 
 
 def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return forces, and moments over extents, on each piece, and errors, shape (count, 3 or 6)."""
+    """Return force and moment over extent on each piece, and errors, both (count, 3 or 6)."""
     d, pieces, count = body.dim, acting.pieces, len(about[1])
     arms = acting.middles - about[0][pieces]
     turns = acting.moments + moments(arms, acting.forces)
@@ -540,7 +545,7 @@ def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple
 def _of_plates(
     body: Body, plates: Plates, of_facets: Longs, about: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
-    """Return forces and moments of plates on pieces, in the form of :func:`_matrix`."""
+    """Return the forces and moments of plates on pieces, in the form of :func:`_matrix`."""
     d, count = body.dim, len(about[1])
     wrenches, columns = plates.wrenches(), np.arange(len(plates.first))
     mid, rad = np.zeros((2, count, wrenches.shape[1], len(columns)))

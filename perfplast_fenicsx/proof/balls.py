@@ -1,12 +1,12 @@
 """Compute with arrays of double-double numbers and bounds of their errors.
 
-A number is the sum of two doubles, the second at most a rounding error of the first. Its radius
-bounds the error: every result contains the exact result for any numbers within the radii. The sum
-and the product of two doubles are such pairs without error (T. J. Dekker, doi:10.1007/BF01397083).
-Each operation rounds only the second part, by at most U times its size, and the radius grows by
-this amount. Radii are rounded too, and enlarged accordingly. Arrays on file are between 1e-60 and
-1e60 in size, so that no product overflows. Numbers below 1e-75 become zero with this radius, so
-that underflow is covered.
+A number is the sum of two doubles. The second double is at most a rounding error of the first. The
+radius of a number bounds its error: every result contains the exact result for all numbers within
+the radii. Sums and products of two doubles are exact as pairs of doubles (T. J. Dekker,
+doi:10.1007/BF01397083). Each operation rounds only the second double, by at most U times its size,
+and increases the radius by this amount. Radii are rounded too, and enlarged accordingly. Arrays on
+file have entries between 1e-60 and 1e60 in size, so products do not overflow. Numbers below 1e-75
+become zero with the radius 1e-75, which covers underflow.
 """
 
 from collections.abc import Callable, Iterable
@@ -20,10 +20,10 @@ import numpy.typing as npt
 from perfplast_fenicsx.proof.load_kinds import Floats
 
 U = 2.0**-53
-"""Largest rounding of an operation, relative to its result."""
+"""Largest rounding error of an operation, relative to its result."""
 
 TINY = 1e-75
-"""Smaller numbers become zero with this radius."""
+"""Smaller numbers become zero, with this value as radius."""
 
 
 def upwards(values: Floats, terms: int = 16) -> Floats:
@@ -47,14 +47,14 @@ class Balls:
 
     @classmethod
     def exact(cls, values: Any) -> "Balls":
-        """Return numbers without error."""
+        """Return numbers with zero radius."""
         mid = np.asarray(values, dtype=np.float64)
         lost = (mid != 0) & (np.abs(mid) < TINY)
         return cls(np.where(lost, 0.0, mid), np.zeros_like(mid), np.where(lost, TINY, 0.0))
 
     @classmethod
     def part(cls, number: int) -> "Balls":
-        """Return 1 over a number."""
+        """Return 1/``number``."""
         mid = np.asarray(1 / number)
         product, rest = _product(mid, np.asarray(float(number)))
         low = np.asarray(((1 - product) - rest) / number)
@@ -62,15 +62,15 @@ class Balls:
 
     @property
     def size(self) -> Floats:
-        """Return the largest magnitudes."""
+        """Return upper bounds of the numbers' magnitudes."""
         return upwards(np.abs(self.mid) + np.abs(self.low) + self.rad)
 
     def norms(self) -> Floats:
-        """Return the largest Euclidean norms along the last axis."""
+        """Return upper bounds of the Euclidean norms along the last axis."""
         return upwards(np.sqrt((self.size**2).sum(axis=-1)))
 
     def each(self, change: Callable[[Floats], Any]) -> "Balls":
-        """Return the numbers after the same rearrangement of all parts."""
+        """Return the numbers with all three parts rearranged in the same way."""
         return Balls(*(np.asarray(change(part)) for part in (self.mid, self.low, self.rad)))
 
     def __getitem__(self, at: Any) -> "Balls":
@@ -98,13 +98,13 @@ class Balls:
         return Balls(*_short_sum(mid, low), upwards(rad))
 
     def sum(self, axis: int) -> "Balls":
-        """Return sums along a short axis."""
+        """Return sums along an axis with few entries."""
         count = self.mid.shape[axis]
         every = (slice(None),) * (axis % self.mid.ndim)
         return reduce(Balls.__add__, (self[(*every, k)] for k in range(count)))
 
     def where(self, here: Any, other: "Balls | None" = None) -> "Balls":
-        """Return these numbers where a condition holds, and others, or zero, elsewhere."""
+        """Return these numbers where a condition holds, and ``other`` or zero elsewhere."""
         if other is None:
             return self.each(lambda part: np.where(here, part, 0.0))
         return Balls(
@@ -114,7 +114,7 @@ class Balls:
         )
 
     def root(self) -> "Balls":
-        """Return square roots of numbers that are zero or larger than their radius."""
+        """Return square roots of numbers, which must be zero or larger than their radii."""
         mid = np.sqrt(self.mid)
         some = mid > 0
         square, rest = _product(mid, mid)
@@ -137,7 +137,7 @@ def _sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 def _short_sum(a: Floats, b: Floats) -> tuple[Floats, Floats]:
-    """Return a + b and its rounding error, where b is not larger than a."""
+    """Return a + b and its rounding error, for |b| ≤ |a|."""
     total = a + b
     return total, b - (total - a)
 
@@ -157,9 +157,9 @@ def _halves(a: Floats) -> tuple[Floats, Floats]:
 
 
 def inverse_of(of: Balls) -> Balls:
-    """Return 1 over numbers; the radius is ∞ where they may be zero.
+    """Return 1/x for numbers x; the radius is ∞ where x may be zero.
 
-    For y close to 1/x, it is y(1 + r + r² + ...) with r = 1 − yx.
+    For an approximation y of 1/x, the result is y(1 + r + r² + ...) with r = 1 − yx.
     """
     first = Balls.exact(np.divide(1.0, of.mid, out=np.zeros_like(of.mid), where=of.mid != 0))
     rest = Balls.exact(np.ones_like(of.mid)) - first * of
@@ -169,14 +169,14 @@ def inverse_of(of: Balls) -> Balls:
 
 
 def put(all_of: Balls, at: npt.NDArray[np.int64], values: Balls) -> Balls:
-    """Return rows with some of them replaced."""
+    """Return numbers with some rows replaced by others."""
     found = all_of.each(np.copy)
     found.mid[at], found.low[at], found.rad[at] = values.mid, values.low, values.rad
     return found
 
 
 def contracted(one: Balls, other: Balls) -> Balls:
-    """Return sums of products along a short last axis."""
+    """Return sums of products along the last axis, which has few entries."""
     return (one * other).sum(axis=-1)
 
 

@@ -1,29 +1,29 @@
 """Check whether forces on the joints of rigid blocks prove a lower bound.
 
-None of their cells can yield.
+No cell of these bodies can yield.
 
-A block is a set of cells joined by inner facets, and bears any stress. Only its resultant force and
-moment must balance. Its joints have forces at the vertices of facets, per thickness in the plane.
-Where surfaces adhere, shear tractions act in addition, linear between vertices. λ is a lower bound
-of the limit load if
+A block is a set of cells that inner facets connect. It bears any stress, so only its resultant
+force and moment must balance. Forces act on its joints at the vertices of facets, per thickness in
+the plane. Where surfaces adhere, shear tractions act in addition; they are linear between vertices.
+λ is a lower bound of the limit load if
 
 - the loads at λ, the forces and the tractions balance on each block;
 - the forces and tractions on both sides of a contact are opposite;
-- the contact forces push with p ≥ 0, and their shear is ‖f_t‖ ≤ μp;
-- the tractions lie in the facet and are at most c;
-- all other forces act where supports hold.
+- the contact forces push with p ≥ 0, and their shear force satisfies ‖f_t‖ ≤ μp;
+- the adhesive tractions are tangential to the facet, with a size of at most c;
+- all other forces act where supports hold the blocks.
 
-Proof: admissible rigid motions have jumps w with w_n + μ‖w_t‖ ≤ 0 in the joints. On these the
-forces do no negative work, and the tractions at least −∫c‖w_t‖ (static theorem, D. C. Drucker, W.
-Prager, H. J. Greenberg, doi:10.1090/qam/45573; for blocks, J. Heyman,
-doi:10.1016/0020-7683(66)90018-7).
+Proof: admissible rigid motions have jumps w in the joints with w_n + μ‖w_t‖ ≤ 0. The work of the
+    forces on these jumps is not negative, and the work of the tractions is at least −∫c‖w_t‖
+    (static theorem, D. C. Drucker, W. Prager, H. J. Greenberg, doi:10.1090/qam/45573; for blocks,
+    J. Heyman, doi:10.1016/0020-7683(66)90018-7).
 
-The checker decomposes the forces on file into pressures and shears that satisfy these conditions
-exactly, on the first side of each contact. They leave an unbalanced force and moment on each block.
-The best forces are at their limits and leave no capacity for forces that balance the residual. So a
-file has a second set of forces inside the limits, for loads at another factor. A mean of both sets
-has a capacity in proportion to the weight of the second one, and the bound is the same mean of both
-factors.
+The checker decomposes the forces on file into pressures and shear forces that satisfy these
+conditions exactly, on the first side of each contact. A residual force and moment remain on each
+block. The best forces are at their limits, so they have no capacity for forces that balance the
+residual. Therefore a file has a second set of forces inside the limits, for loads at another
+factor. A weighted mean of both sets has a capacity in proportion to the second set's weight. The
+bound is the mean of both factors with the same weights.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.remainder import shapes_of, summed
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 UNIT = 2e-12
-"""Twice the length error of unit vectors on file."""
+"""Twice the largest error of the length of unit vectors on file."""
 
 Factors = tuple[float, float, float]
 """Factors of the loads whose factor is sought, of constant loads and of free loads."""
@@ -49,12 +49,12 @@ Factors = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class JointForces:
-    """Forces on joints, as the file has them.
+    """Forces on joints, as stored in the file.
 
     Attributes:
         forces: Forces on the cells at the vertices of outer facets, shape (num_facets, d, d).
-        tractions: Adhesive tractions at the same places, linear between them (stress).
-        factors: Factors of the loads that they balance.
+        tractions: Adhesive tractions at the same vertices, linear between them (stress).
+        factors: Factors of the loads that these forces and tractions balance.
     """
 
     forces: Floats
@@ -64,12 +64,13 @@ class JointForces:
 
 @dataclass(frozen=True)
 class Carried:
-    """The loads that forces on joints carry.
+    """The loads that forces on joints provably carry.
 
     Attributes:
         factor: Factor of the loads whose factor is sought; None if nothing is proven.
         reason: Why nothing is proven, or None.
-        left: The sum of unbalanced forces, and moments over extents, of the first set.
+        left: Sum of the magnitudes of unbalanced forces, and moments over extents, for the first
+            set.
         loads: The sum of the loads' magnitudes.
     """
 
@@ -87,7 +88,7 @@ def carried_by(
     Args:
         body: The bodies, none of which can yield.
         best: Forces with the largest factor.
-        inner: Forces inside the limits; None if a file has none.
+        inner: Forces inside the limits; None if the file has no such forces.
         loads: Loads of each kind.
     """
     blocks = _Blocks(body, loads)
@@ -112,13 +113,14 @@ def carried_by(
         mixed = joints.inside(parts[0].mixed(parts[1], share))
         room = anchors.room(joints, mixed, size)
         most = np.where(anchors.is_limited, room, np.inf)
-        # Scaled by the inner capacity, so that small numbers are not lost next to large ones.
+        # Scaled by the capacity of the inner forces: otherwise small numbers are lost beside large
+        # ones.
         weights = np.minimum(share * inside, most)
 
         def push(
             forces: Floats, mixed: _Parts = mixed, factors: Factors = factors
         ) -> tuple[Floats, Floats]:
-            """Return the unbalanced forces with some additional forces, and their errors."""
+            """Return the unbalanced forces under additional forces, and their errors."""
             return joints.missing(mixed, factors, (anchors, forces))
 
         without = joints.missing(mixed, factors)
@@ -128,12 +130,12 @@ def carried_by(
 
 
 def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
-    """Return weights of the inner forces to be tried.
+    """Return the weights of the inner forces that the caller tries in turn.
 
-    The first weight is slightly more than the capacity for the balancing forces requires.
+    With the first weight, the capacity slightly exceeds what the balancing forces need.
 
     Args:
-        rows: Forces and moments on blocks of anchors, shape (num_rows, num_anchors).
+        rows: Forces and moments that each anchor exerts on blocks, shape (num_rows, num_anchors).
         missing: Unbalanced forces without inner forces.
         room: Capacity of the inner forces.
     """
@@ -148,13 +150,13 @@ def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
 
 @dataclass(frozen=True)
 class _Parts:
-    """Forces on joints and supports, decomposed.
+    """Forces on joints and supports, decomposed along normals, tangents and held directions.
 
     Attributes:
-        pressure: Pressure at each spot, not negative, shape (num_spots,).
-        shear: Shear as coefficients of the tangents, shape (num_spots, d − 1).
-        adhesion: Adhesive tractions as coefficients of the tangents.
-        held: Coefficients of directions that supports hold.
+        pressure: Pressure force at each spot, not negative, shape (num_spots,).
+        shear: Coefficients of the shear force along the tangents, shape (num_spots, d − 1).
+        adhesion: Coefficients of the adhesive traction along the tangents, same shape.
+        held: Coefficients of the forces along the directions that supports hold.
     """
 
     pressure: Floats
@@ -163,16 +165,17 @@ class _Parts:
     held: Floats
 
     def mixed(self, other: "_Parts", share: float) -> "_Parts":
-        """Return the mean with others, which have this weight.
+        """Return the weighted mean with another set; ``share`` is the weight of the other set.
 
-        All sets are convex, apart from rounding.
+        The mean satisfies the conditions, apart from rounding, since the admissible sets are
+        convex.
         """
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return _Parts(*((1 - share) * one + share * two for one, two in pairs))
 
 
 class _Blocks:
-    """Blocks, and loads on them.
+    """Blocks, and the loads on them.
 
     Attributes:
         of_facets: The block of each outer facet.
@@ -202,7 +205,7 @@ class _Blocks:
         return found
 
     def acting(self, factors: Factors) -> Balls:
-        """Return forces and moments of loads, shape (num_blocks, 3 or 6)."""
+        """Return the forces and moments of loads on blocks, shape (num_blocks, 3 or 6)."""
         body, d = self._body, self._body.dim
         kinds = list(zip(factors, self._loads, strict=True))
         force, traction = (
@@ -217,16 +220,16 @@ class _Blocks:
         return found + self.wrenches(self.of_facets[facets], middles, pushes)
 
     def hats(self, facets: Longs) -> Balls:
-        """Return tributary areas of vertices."""
+        """Return the tributary area of each vertex of facets."""
         return self.sizes[facets] * Balls.part(self._body.dim)
 
     def middles(self, facets: Longs, corners: Longs) -> Balls:
-        """Return the centres of tractions that are zero at all vertices but one."""
+        """Return the centres of facet tractions that are zero at all vertices but one."""
         x = Balls.exact(self._body.vertices[self._body.facets[facets]])
         return (x.sum(axis=1) + x[np.arange(len(facets)), corners]) * Balls.part(self._body.dim + 1)
 
     def turned(self, of: Longs, places: Balls, forces: Balls) -> Balls:
-        """Return forces with moments over extents, shape (n, 3 or 6)."""
+        """Return forces with their moments over extents, shape (n, 3 or 6)."""
         arms = (places - Balls.exact(self._middle[of])) * Balls.exact(self._over[of])[:, None]
         parts = forces, crossed(arms, forces)
         return Balls(
@@ -234,7 +237,7 @@ class _Blocks:
         )
 
     def wrenches(self, of: Longs, places: Balls, forces: Balls) -> Balls:
-        """Return sums of forces and moments over extents of each block."""
+        """Return the sums of forces and of moments over extents on each block."""
         each = self.turned(of, places, forces)
         order = np.argsort(of, kind="stable")
         of, each = of[order], each[order]
@@ -250,16 +253,16 @@ class _Blocks:
 
 
 class _Spots(NamedTuple):
-    """Vertices of facets in contact, with the opposite vertices; shapes (num_spots,).
+    """Vertices of facets in contact, and the vertices opposite them; shapes (num_spots,).
 
     Attributes:
-        facets: Facets of the first side.
-        corners: Indices of the vertices in these facets.
-        second: Opposite facets, −1 for obstacles.
-        opposite: Indices of the opposite vertices in these facets.
-        adhesion: Largest adhesive tractions.
-        friction: Coefficients of friction μ.
-        rounding: Largest length errors of normals.
+        facets: Facet on the first side.
+        corners: Index of the vertex in this facet.
+        second: Opposite facet, −1 for an obstacle.
+        opposite: Index of the opposite vertex in its facet.
+        adhesion: Largest adhesive traction.
+        friction: Coefficient of friction μ.
+        rounding: Largest error of the length of the normal.
     """
 
     facets: Longs
@@ -274,8 +277,8 @@ class _Spots(NamedTuple):
 class _Joints:
     """Points where forces can act: spots of joints, and directions that supports hold.
 
-    Forces at a spot act along a normal and tangents of the first side, without rounding, and
-    opposite on the second side.
+    Forces at a spot act along a normal and tangents of the first side, without rounding. The
+    opposite forces act on the second side.
 
     Attributes:
         reason: Why the conditions cannot be checked, or None.
@@ -315,7 +318,7 @@ class _Joints:
         self._find_supports(times)
 
     def _find_supports(self, times: Longs) -> None:
-        """Find directions that supports hold, and reasons that prevent the check."""
+        """Find the directions that supports hold, and any reason that prevents the check."""
         body = self._body
         guided = np.asarray(body.guided.any(axis=1))
         if (times > 1).any():
@@ -331,7 +334,7 @@ class _Joints:
         self._held_along = np.repeat(np.append(np.eye(d)[axes], body.guided[guided], axis=0), d, 0)
 
     def of(self, given: JointForces) -> _Parts:
-        """Return forces decomposed so that they satisfy all conditions."""
+        """Return the forces, decomposed so that they satisfy all conditions."""
         normal, tangents = self._normal.mid, self._tangents.mid
         at, along = (self._spots.facets, self._spots.corners), self._held_along
         force, traction = given.forces[at], given.tractions[at]
@@ -356,18 +359,18 @@ class _Joints:
         return _Parts(parts.pressure, shear, adhesion, parts.held)
 
     def _sizes(self, values: Floats) -> Floats:
-        """Return upper bounds of the lengths of tangent vectors."""
+        """Return upper bounds of the lengths of vectors with given tangent coefficients."""
         return (self._tangents * Balls.exact(values)[..., None]).sum(axis=1).norms()
 
     def _limits(self, parts: _Parts) -> tuple[Floats, Floats]:
-        """Return lower bounds of the largest shear forces and adhesive tractions."""
+        """Return lower bounds of the admissible shear forces and adhesive tractions."""
         less = 1 - 2 * self._spots.rounding
         return self._spots.friction * parts.pressure * less, self._spots.adhesion * (1 - 4 * U)
 
     def rooms(self, parts: _Parts) -> tuple[Floats, Floats]:
-        """Return lower bounds of additional forces and tractions that spots can carry."""
+        """Return lower bounds of the additional forces and tractions that spots can carry."""
         mu, (limit, adheres) = self._spots.friction, self._limits(parts)
-        # Reducing the pressure and increasing the shear by this force preserves ‖f_t‖ ≤ μp.
+        # ‖f_t‖ ≤ μp still holds if the pressure decreases and the shear increases by this force.
         beside = (limit - self._sizes(parts.shear)) / (1 + mu)
         room = np.where(mu > 0, beside, parts.pressure)
         less = 1 - 1e-9  # margin for rounding
@@ -379,7 +382,7 @@ class _Joints:
     def missing(
         self, parts: _Parts, factors: Factors, besides: tuple["_Anchors", Floats] | None = None
     ) -> tuple[Floats, Floats]:
-        """Return unbalanced forces and moments on blocks, and errors.
+        """Return the unbalanced forces and moments on blocks, and their errors.
 
         Args:
             parts: Decomposed forces on joints and supports.
@@ -404,7 +407,7 @@ class _Joints:
         return total.mid, upwards(total.rad + np.abs(total.low))
 
     def _on_both(self, forces: Balls, places: tuple[Balls, Balls]) -> list[Balls]:
-        """Return the contributions of forces at spots on both sides."""
+        """Return the contributions to both sides of forces that act at spots."""
         spots, blocks = self._spots, self._blocks
         two = np.flatnonzero(spots.second >= 0)
         return [
@@ -420,7 +423,7 @@ class _Joints:
         return one, other
 
     def _middles(self) -> tuple[Balls, Balls]:
-        """Return the centres of tractions, zero at all vertices but one, on both sides."""
+        """Return centres of tractions that are zero at all vertices but one, for both sides."""
         of = self._spots
         one = self._blocks.middles(of.facets, of.corners)
         return one, self._blocks.middles(of.second, of.opposite)
@@ -439,7 +442,7 @@ class _Joints:
         of_spots = self._blocks.of_facets[spots.facets]
         there = np.where(spots.second >= 0, self._blocks.of_facets[spots.second], -1)
         vertices, middles = self._vertices(), self._middles()
-        share = 0.999  # share of the capacity, to allow for rounding of lengths
+        share = 0.999  # share of the capacity that is used, since lengths are rounded
         found = list[tuple[int, Longs, Balls, tuple[Balls, Balls], Floats]]()
         for axis in np.eye(d):
             along = Balls.exact(np.tile(axis, (len(rubs), 1)))
@@ -472,16 +475,16 @@ class _Joints:
 
 @dataclass(frozen=True)
 class _Anchors:
-    """Additional forces on joints and supports.
+    """Additional forces that joints and supports can exert.
 
     Attributes:
         kind: 0 for forces on joints, 1 for adhesive tractions, 2 for supports; shape (n,).
         spot: Index of the spot, or of the held direction.
         along: Unit forces on the first side, shape (n, d).
-        block: Block on which each force acts, and the block on which it acts with the opposite
-            sign, −1 for none; shape (n, 2).
+        block: Block on which each force acts, and block on which the opposite force acts (−1 for
+            none); shape (n, 2).
         places: Points of action on both blocks.
-        scale: Forces are multiplied by these capacities of a spot.
+        scale: Capacity of the spot, by which the unit forces are multiplied.
     """
 
     kind: Longs
@@ -498,14 +501,14 @@ class _Anchors:
 
     @property
     def is_limited(self) -> Flags:
-        """Return which forces are limited."""
+        """Return which forces have a largest size."""
         return np.asarray(self.kind < 2)
 
     def room(self, joints: _Joints, parts: _Parts, size: float) -> Floats:
         """Return the largest forces that spots can carry.
 
-        For supports it is the largest of these sizes, so that small numbers are not lost next to
-        it.
+        For supports, it returns the largest size among these forces. So small numbers are not lost
+        beside it.
         """
         found = np.zeros(self.count)
         for kind, room in enumerate(joints.rooms(parts)):
@@ -515,7 +518,7 @@ class _Anchors:
         return found
 
     def acting(self, blocks: _Blocks, forces: Floats) -> list[Balls]:
-        """Return forces and moments on the blocks of both sides."""
+        """Return the forces and moments on the blocks of both sides."""
         values = self.along * Balls.exact(forces)[:, None]
         two = np.flatnonzero(self.block[:, 1] >= 0)
         return [
@@ -524,7 +527,7 @@ class _Anchors:
         ]
 
     def rows(self, blocks: _Blocks) -> tuple[Floats, Floats]:
-        """Return forces and moments on blocks, and errors, shape (num_rows, num_anchors)."""
+        """Return wrenches of unit forces on blocks, and errors, shape (num_rows, num_anchors)."""
         first = blocks.turned(self.block[:, 0], self.places[0], self.along)
         second = blocks.turned(np.maximum(self.block[:, 1], 0), self.places[1], -self.along)
         wide = first.mid.shape[1]
@@ -555,13 +558,13 @@ def _spots(
 
 
 def _joined(parts: Sequence[Balls]) -> Balls:
-    """Return concatenated numbers."""
+    """Return the numbers of several arrays, concatenated."""
     names = ("mid", "low", "rad")
     return Balls(*(np.concatenate([getattr(p, of) for p in parts]) for of in names))
 
 
 def _across(normal: Floats) -> Floats:
-    """Return vectors perpendicular to another one, without rounding, shape (d − 1, d)."""
+    """Return vectors perpendicular to a vector, without rounding, shape (d − 1, d)."""
     if len(normal) == 2:
         return np.array([[-normal[1], normal[0]]])
     axes = np.eye(3)[np.argsort(np.abs(normal))[:2]]

@@ -1,4 +1,4 @@
-"""Store the bodies of one half of a proof: cells, strengths, surfaces, loads, supports, contact."""
+"""Store the bodies of one half of a proof: cells, strengths, loads, supports and contact."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
 
 
 def with_rigid(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with empty rigid surfaces if a file has none."""
+    """Return the arrays, with empty rigid surfaces if the file has none."""
     d = np.shape(arrays.get("vertices", ()))[1:]
     none: dict[str, npt.NDArray] = {}
     if "rigid" not in arrays:
@@ -34,43 +34,45 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Body:
-    """The bodies of dimension d, as stored in the file. Stresses and loads are in the same units.
+    """The bodies of dimension d, as stored in the file. Stresses and loads have the same units.
 
     Attributes:
         vertices: Coordinates, shape (num_vertices, d).
         cells: Vertices of the cells, shape (num_cells, d + 1).
         cone: Index of the cone that bounds the stress of each cell, shape (num_cells,); −1 for
-            elastic and rigid cells, which bear any stress. If all cells are −1, only contacts and
+            elastic and rigid cells, which bear any stress. If all entries are −1, only contacts and
             obstacles limit the load (:mod:`blocks`).
         cone_bound: c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
-        cone_slope: q, shape (num_cones, m), m = 3 in the plane and 6 in space.
+        cone_slope: q, shape (num_cones, m), with m = 3 in the plane and 6 in space.
         cone_matrix: M, shape (num_cones, m, m).
-        cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, which has q = 0
-            and M = 0, NaN for others; shape (num_cones,).
-        cone_tension: Tensile strength f of each additional condition σ₁ ≤ f, NaN without one; same
-            shape.
-        cone_curvature: k of each parabola R² ≤ k (c − σ₁) of in-plane stresses, which has q = 0 and
-            M = 0 (:mod:`parabola`), NaN for others; same shape.
-        cell_strength: Factor of c at the vertices of each cell, positive and linear between them,
-            shape (num_cells, d + 1); 1 for a uniform strength.
-        sought: Loads of λ = 1.
-        constant: Permanent loads.
-        others: Loads that may have any factor, at factor 1.
+        cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, for which q = 0
+            and M = 0; NaN for other cones; shape (num_cones,).
+        cone_tension: Tensile strength f of each additional condition σ₁ ≤ f; NaN without this
+            condition; same shape.
+        cone_curvature: k of each parabola R² ≤ k (c − σ₁) of in-plane stresses (:mod:`parabola`),
+            for which q = 0 and M = 0; NaN for other cones; same shape.
+        cell_strength: Positive factor of c at the vertices of each cell, linear between them, shape
+            (num_cells, d + 1); 1 for a uniform strength.
+        sought: The loads whose factor λ is bounded, at λ = 1.
+        constant: Permanent loads, which λ does not multiply.
+        others: Free loads, which may have any factor, at factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
-        surface: Tag of the surface of each facet; 0 without a surface.
-        revolved: Whether cells are sections of rings around x = 0; by default they are not.
+        surface: Tag of each facet's surface; 0 if the facet is on no surface.
+        revolved: Whether the cells are sections of rings around x = 0; False by default.
         held: Which components of the velocity are zero on each facet, shape (num_facets, d).
-        guided: Unit vector along which the velocity is zero in addition, 0 for none, same shape.
-        rigid: Tags of surfaces glued to a rigid plate, which the loads move.
-        rigid_held: Which components of the plate's velocity are zero, shape (num_rigid, d); with
-            any such component it does not rotate.
-        contacts: Tags of two surfaces that cannot penetrate each other, shape (num_contacts, 2).
-        contact_adhesion: Shear stress c at which slip begins without pressure, for each contact.
+        guided: Unit vector of an additional direction in which the velocity is zero; 0 without this
+            direction; same shape.
+        rigid: Tags of surfaces that are glued to a rigid plate, which the loads move.
+        rigid_held: Which components of each plate's velocity are zero, shape (num_rigid, d). A
+            plate with a held component does not rotate.
+        contacts: Tags of the two surfaces of each contact, which cannot penetrate each other, shape
+            (num_contacts, 2).
+        contact_adhesion: Shear stress c at which each contact slips without pressure.
         contact_friction: μ ≥ 0 of each contact: the shear limit grows by μ times the pressure.
         obstacles: Tags of surfaces that cannot penetrate a half space.
         obstacle_normals: Unit vectors into the obstacles, shape (num_obstacles, d).
-        obstacle_adhesion: As for contacts.
-        obstacle_friction: As for contacts.
+        obstacle_adhesion: Same as for contacts.
+        obstacle_friction: Same as for contacts.
     """
 
     vertices: Floats
@@ -155,7 +157,7 @@ class Body:
         if len(np.unique(self.rigid)) < rigid or not np.isin(self.rigid, self.surface).all():
             raise ProofError("rigid contains a surface twice, or a surface that does not exist.")
         if not self.plastic.any() and (self.is_revolved or not (pairs or k)):
-            raise ProofError("no cell can yield, so that nothing limits the load.")
+            raise ProofError("no cell can yield, so nothing limits the load.")
         places = self.vertices[self.cells]
         check_cells(places, self.volumes, lambda: self.gradients)
         if self.is_revolved:
@@ -211,24 +213,24 @@ class Body:
         return self.cone >= 0
 
     def varies_by(self, number: int) -> str:
-        """Return in words the factors by which a cone's bound varies; empty if it does not vary."""
+        """Return the range of a cone's strength factors in words; empty if all are 1."""
         here = self.cell_strength[self.cone == number]
         return f" times {here.min():.6g} to {here.max():.6g}" if (here != 1).any() else ""
 
     @property
     def loose(self) -> bool:
-        """Return whether any cell has a cone without a bound."""
+        """Return whether any cell has a cone with c = 0."""
         return bool((self.cone_bound[self.cone[self.plastic]] == 0).any())
 
     @cached_property
     def cones(self) -> Cones:
-        """Return the cones that bound stresses."""
+        """Return the cones that bound the stresses."""
         quadratic = self.cone_bound, self.cone_slope, self.cone_matrix
         return Cones(*quadratic, self.cone_sine, self.cone_tension, self.cone_curvature)
 
     @cached_property
     def yield_radius(self) -> Floats:
-        """Return a stress that each cell bears, ∞ for elastic cells, as scale of residuals."""
+        """Return a stress that each cell bears, as scale of residuals; ∞ for elastic cells."""
         weakest = self.cell_strength.min(axis=1)
         return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
 
@@ -259,15 +261,16 @@ class Body:
 
     @cached_property
     def corners(self) -> Longs:
-        """Return indices of the vertices of the facet opposite each vertex, shape (d + 1, d)."""
+        """Return the vertex indices of the facet opposite each vertex, shape (d + 1, d)."""
         return np.array([np.delete(np.arange(self.dim + 1), i) for i in range(self.dim + 1)])
 
     @cached_property
     def sides(self) -> tuple[Longs, Longs]:
-        """Return two sides of each inner facet and one of each outer one.
+        """Return the two sides of each inner facet, and the one side of each outer facet.
 
         Returns:
-            A side is cell · (d + 1) + index in the cell. Shapes (num_inner, 2) and (num_outer,).
+            The index of a side is cell · (d + 1) + index of the facet in the cell. Shapes
+            (num_inner, 2) and (num_outer,).
 
         Raises:
             ProofError: If more than two cells share a facet.
@@ -283,22 +286,22 @@ class Body:
 
     @cached_property
     def outer(self) -> Longs:
-        """Return the side of each of ``facets``."""
+        """Return the index of each facet's side."""
         return self._found[0]
 
     @cached_property
     def places(self) -> Longs:
-        """Return indices in the cell of the vertices of ``facets``, shape (num_facets, d)."""
+        """Return the index in its cell of each facet's vertices, shape (num_facets, d)."""
         cells = self.cells[self.outer // (self.dim + 1)]
         return np.argmax(cells[:, None] == self.facets[:, :, None], axis=2)
 
     @cached_property
     def normals(self) -> Floats:
-        """Return the outward unit normals of ``facets``."""
+        """Return the unit normals of ``facets``, pointing out of the cells."""
         return self.normals_of(self.outer)
 
     def normals_of(self, sides: Longs) -> Floats:
-        """Return the unit normals of sides, out of their cells."""
+        """Return the unit normals of sides, pointing out of their cells."""
         inward = self.gradients.reshape(-1, self.dim)[sides]
         return -inward / np.linalg.norm(inward, axis=1, keepdims=True)
 
@@ -323,13 +326,13 @@ class Body:
 
     @cached_property
     def _found(self) -> tuple[Longs, bool]:
-        """Return the sides of the facets on file, and whether these are all outer facets."""
+        """Return the sides of the facets on file, and whether they are all outer facets."""
         outer = self.sides[1]
         mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
         return in_order_of(outer, mine, self.facets)
 
     def _check_strength(self) -> None:
-        """Refuse variable strengths that are not positive, or whose variation is not supported."""
+        """Refuse strengths that are not positive, or a variation that is not supported."""
         strength = self.cell_strength
         if not (np.isfinite(strength) & (strength > 0)).all():
             raise ProofError("cell_strength is not positive and finite.")
@@ -345,7 +348,7 @@ class Body:
         check_sizes("a strength", self.cones.bound[self.cone, None] * strength)
 
     def _check_tags(self) -> None:
-        """Refuse contacts and obstacles of unknown surfaces, or of surfaces named twice."""
+        """Refuse contacts, obstacles and plates whose surface does not exist or is repeated."""
         named = {"contacts": self.contacts, "obstacles": self.obstacles, "rigid": self.rigid}
         if self.surface.size and self.surface.min() < 0:
             raise ProofError("surface has negative tags.")

@@ -1,4 +1,4 @@
-"""Pairs of boxes that meet, one of each of two sets, found by two trees of larger boxes."""
+"""Find intersecting pairs of boxes from two sets, by binary trees of larger boxes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,27 +15,28 @@ AT_ONCE = 300_000
 """Number of pairs that are processed together, limited by memory."""
 
 MOST_PAIRS = 1000
-"""Pairs that there may be for each box; cells of two meshes in space have some 300."""
+"""Allowed number of pairs for each box; cells of two meshes in space have about 300."""
 
 FEW_PAIRS = 20_000_000
-"""Number of pairs that is allowed in any case."""
+"""Number of pairs that is always allowed."""
 
 IN_LEAF = 4
-"""Boxes in a leaf of a tree, at most."""
+"""Largest number of boxes in a leaf of a tree."""
 
 
 def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     """Yield indices of intersecting boxes, each pair once, in batches.
 
-    Boxes that are near each other are under one node of a binary tree. Where two nodes meet, their
-    branches are compared.
+    Boxes that are close to each other have a common ancestor near the leaves of a binary tree. The
+    function compares the children of two nodes only if the nodes' boxes intersect.
 
     Args:
-        ones: Least and largest coordinates of boxes, shape (2, n, d); no box is a point.
+        ones: Least and largest coordinates of boxes, shape (2, n, d); every box has a positive
+            size.
         others: The boxes of the other set.
 
     Raises:
-        ProofError: If too many boxes intersect for their number.
+        ProofError: If the number of intersecting boxes is too large for the number of boxes.
     """
     if not (ones.shape[1] and others.shape[1]):
         return
@@ -60,7 +61,7 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
             continue
         wide = 2 if level < depth else IN_LEAF
         pieces = len(a) * wide**2 // AT_ONCE + 1
-        for piece in range(pieces):  # of pairs everywhere, so that one of each kind is seen soon
+        for piece in range(pieces):  # strided, to meet every kind of pair early
             below = [wide * of[piece::pieces, None] + np.arange(wide) for of in (a, b)]
             pairs = np.broadcast_arrays(below[0][:, :, None], below[1][:, None])
             waiting.append((level + 1, pairs[0].ravel(), pairs[1].ravel()))
@@ -71,9 +72,10 @@ class _Tree:
     """A binary tree of boxes.
 
     Attributes:
-        levels: Boxes around all that is under each node, from the root to the leaves, and then the
-            boxes themselves; shape (2, n, d). Those that fill the last leaves meet nothing.
-        order: The number of each of the last.
+        levels: Bounding boxes of the nodes on each level, from the root to the leaves, and last the
+            boxes themselves; shape (2, n, d). Boxes that only fill the last leaves are empty and
+            intersect nothing.
+        order: Index of each box on the last level; −1 for boxes that only fill leaves.
     """
 
     levels: list[Floats]
@@ -81,13 +83,13 @@ class _Tree:
 
     @classmethod
     def of(cls, boxes: Floats, depth: int) -> "_Tree":
-        """Return one of a depth. Leaves have ``IN_LEAF`` boxes."""
+        """Return the tree of some boxes with a given depth. A leaf has ``IN_LEAF`` boxes."""
         _, count, d = boxes.shape
         size = IN_LEAF * 2**depth
         middle = boxes.sum(axis=0)
         order = np.full(size, -1, dtype=np.int64)
         order[:count] = np.arange(count)
-        for level in range(depth):  # each half of a node has as many boxes, along its longest side
+        for level in range(depth):  # halves each node along its longest side
             parts = order.reshape(2**level, -1)
             x, filled = middle[parts], parts[..., None] >= 0
             highest = np.where(filled, x, -np.inf).max(axis=1)

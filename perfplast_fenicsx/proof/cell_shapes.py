@@ -12,9 +12,10 @@ Longs = npt.NDArray[np.int64]
 
 
 def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with defaults: cells are not sections of rings.
+    """Return the arrays, with defaults for missing ones: cells are not sections of rings.
 
-    By default no cone has a tensile strength or a curvature, and strengths do not vary in a cell.
+    By default no cone has a tensile strength or a curvature, and strengths are uniform in each
+    cell.
     """
     none = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
     ones = np.ones(np.shape(arrays.get("cells", ())))
@@ -28,14 +29,14 @@ def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]
     Args:
         places: Coordinates of the cells' vertices, shape (num_cells, d + 1, d).
         volumes: Volumes of the cells.
-        gradients: Function that returns the gradients of their barycentric coordinates, if there is
-            a volume.
+        gradients: Function that returns the gradients of the cells' barycentric coordinates; called
+            only if every volume is positive.
 
     Raises:
-        ProofError: If a shape is lost.
+        ProofError: If the shape of a cell is lost, or if its numbers are too small or too large.
     """
     d, size = places.shape[2], np.ptp(places, axis=1).max(axis=1)
-    # Distance from the origin relative to the cell; farther away its shape is lost to rounding.
+    # Distance from the origin relative to the size of the cell; farther away its shape is lost.
     farthest = 1e12
     if not (np.abs(places).max(axis=(1, 2)) <= farthest * size).all():
         raise ProofError(
@@ -54,12 +55,12 @@ def check_sections(
 
     Args:
         places: Coordinates of the cells' vertices.
-        pores: Pore pressures of each kind of loads, which may cancel.
-        held: Components of rigid surfaces that cannot move, shape (num_rigid, 2).
-        loose: Whether a cone has no bound.
+        pores: Pore pressures of each kind of loads, checked separately since their sum may vanish.
+        held: Components of the velocity that are zero on rigid surfaces, shape (num_rigid, 2).
+        loose: Whether a cone has c = 0.
 
     Raises:
-        ProofError: If they are refused.
+        ProofError: If cells or data are refused.
     """
     if places.shape[2] != 2 or places[..., 0].min() < 0:
         raise ProofError("bodies of revolution reach negative radii, or are not sections.")
@@ -74,12 +75,12 @@ def check_sections(
 
 
 def in_order_of(sides: Longs, mine: Longs, given: Longs) -> tuple[Longs, bool]:
-    """Return sides of facets in a given order, and whether they are the same facets.
+    """Return the sides of given facets, and whether both sets of facets are equal.
 
     Args:
         sides: Sides, shape (n,).
         mine: Vertices of each side, shape (n, d).
-        given: Vertices of facets, shape (num_facets, d).
+        given: Vertices of the given facets, shape (num_facets, d).
     """
     mine, given = np.sort(mine, axis=1), np.sort(given, axis=1)
     if len(mine) != len(given):

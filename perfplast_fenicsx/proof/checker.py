@@ -1,13 +1,13 @@
 """Prove the bounds of a file independently: ``python3 -m perfplast_fenicsx.proof DIR/bounds.h5``.
 
-The file has a group ``lower`` with a stress, ``upper`` with a velocity, or both. Each group
-contains all data of its proof, including the bodies with their loads (:class:`body.Body`). The
-checker runs on one process.
+The file has a group ``lower`` with a stress, a group ``upper`` with a velocity, or both. Such a
+group is called a half. It contains all data of its proof, including the bodies with their loads
+(:class:`body.Body`). The checker runs on one process.
 
-Detect overlapping cells: whether points just inside outer facets are in another cell too.
-Since inner facets have their cells on opposite sides, the number of cells around a point changes
-only across an outer facet. So where cells overlap, the region just inside such a facet shares a
-volume with a cell other than its own.
+The checker detects overlapping cells by a region just inside each outer facet. Inner facets have
+their cells on opposite sides, so the number of cells around a point changes only across an outer
+facet. So where cells overlap, the region inside some outer facet shares a volume with a cell other
+than its own.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.verdict import ROUNDED, Checked, faults_of, roundin
 
 
 def overlapping(body: Body) -> int:
-    """Return how many outer facets have another cell just inside them; for many, only some."""
+    """Return how many outer facets have another cell just inside them, or only some of many."""
     slices, cells = _slices(body), body.vertices[body.cells]
     own = body.outer // (body.dim + 1)
     found = np.zeros(len(slices), dtype=bool)
@@ -49,15 +49,15 @@ def overlapping(body: Body) -> int:
         others = (own[a] != b) & ~found[a]
         a, b = a[others], b[others]
         found[a[have_common_volume(slices[a], cells[b])]] = True
-        if found.any():  # one is enough to refuse the bodies
+        if found.any():  # one such facet is enough to refuse the bodies
             break
     return int(found.sum())
 
 
 def _slices(body: Body) -> Floats:
-    """Return flat simplices just inside outer facets, each in its own cell."""
-    # Their depth and thickness, relative to the height of their cell. Touching bodies overlap only
-    # by rounding, which is less.
+    """Return flat simplices just inside outer facets, each within the facet's cell."""
+    # Depth and thickness of a simplex, relative to the height of its cell. Bodies that touch each
+    # other overlap by less, because of rounding.
     depth = 1e-3
     cells = body.outer // (body.dim + 1)
     opposite = body.vertices[body.cells[cells, body.outer % (body.dim + 1)]][:, None]
@@ -76,18 +76,18 @@ DRUCKER = (
 """The note on two halves with different friction."""
 
 TOO_LARGE = "it is too large for this machine"
-"""Why a proof may not be checked."""
+"""Reason why a proof may not be checked."""
 
 
 @dataclass(frozen=True)
 class _Half:
-    """A checked half.
+    """A half after its check.
 
     Attributes:
         checked: Its verdict.
         body: The bodies.
-        overlaps: Number of sample points that lie in more than one cell.
-        power: The dissipation over L(v).
+        overlaps: Number of outer facets that have another cell just inside them.
+        power: Dissipation divided by the work L(v) of the sought loads.
     """
 
     checked: Checked
@@ -98,12 +98,12 @@ class _Half:
 
 @dataclass(frozen=True)
 class Pair:
-    """Both sides of a factor of safety.
+    """The verdict on the two files of a factor of safety.
 
     Attributes:
-        carried: The factor at which the bodies carry the loads.
-        not_carried: The factor at which they do not.
-        faults: Why the pair is not proven for one set of bodies.
+        carried: The factor at which the bodies provably carry the loads.
+        not_carried: The factor at which they provably do not.
+        faults: Reasons why the two factors are not proven for the same bodies.
     """
 
     carried: float
@@ -124,7 +124,7 @@ def check(path: str | Path) -> dict[str, Checked]:
         path: The file.
 
     Returns:
-        The verdicts by "lower" and "upper".
+        The verdicts, by "lower" and "upper".
 
     Raises:
         ProofError: If the file cannot be read, or is not a proof.
@@ -133,7 +133,7 @@ def check(path: str | Path) -> dict[str, Checked]:
 
 
 def numbers_digest(path: str | Path) -> str:
-    """Return the SHA-256 of the numbers of a file (:func:`plain_arrays.digest_of`).
+    """Return the SHA-256 of the numbers in a file (:func:`plain_arrays.digest_of`).
 
     Raises:
         ProofError: If the file cannot be read, or is not a proof.
@@ -142,7 +142,7 @@ def numbers_digest(path: str | Path) -> str:
 
 
 def _of_file(path: str | Path, of: Callable[[dict[str, dict[str, npt.NDArray]]], Told]) -> Told:
-    """Return a function of the arrays and numbers of a file, by half."""
+    """Return the result of a function of a file's arrays and numbers, which are sorted by half."""
     try:
         with stored_file(path) as file:
             halves = {kind: stored_arrays(file, kind) for kind in JUDGES if kind in file}
@@ -154,13 +154,13 @@ def _of_file(path: str | Path, of: Callable[[dict[str, dict[str, npt.NDArray]]],
 
 
 def check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, Checked]:
-    """Check the bounds of arrays, as a file has them.
+    """Check the bounds in arrays, which are named as in a file.
 
     Args:
         halves: Arrays and numbers by name, of "lower", "upper" or both.
 
     Returns:
-        What is proven, by the same.
+        The verdicts, by "lower" and "upper".
 
     Raises:
         ProofError: If the arrays do not fit together.
@@ -177,7 +177,7 @@ def check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, C
 
 
 def _check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, Checked]:
-    """Check the bounds of arrays; errors of unsuitable arrays are of any type."""
+    """Check the bounds in arrays; unsuitable arrays raise errors of any type."""
     judged: dict[str, _Half] = {}
     before: _Half | None = None
     for kind, judge in JUDGES.items():
@@ -194,17 +194,18 @@ def _check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, 
 def check_pair(
     below: str | Path, above: str | Path, found: Sequence[Mapping[str, Checked]] | None = None
 ) -> Pair:
-    """Check both files of a factor of safety, and that their bodies are the same.
+    """Check the two files of a factor of safety, and check that both describe the same bodies.
 
-    In each file, strengths are divided by its own factor. Without the factor they must be equal.
+    In each file, strengths are divided by the factor of this file. The undivided strengths must be
+    equal.
 
     Args:
         below: The file with the stress.
         above: The file with the velocity.
-        found: Results of :func:`check` for both files; None to check them now.
+        found: Results of :func:`check` for both files; None to check the files now.
 
     Raises:
-        ProofError: If a file cannot be read, is not a proof, or has other halves or no factor.
+        ProofError: If a file cannot be read, is not a proof, has another half, or has no factor.
     """
     halves = []
     verdicts = (check(below), check(above)) if found is None else found
@@ -232,7 +233,7 @@ def check_pair(
 
 
 def factor_of(path: str | Path, kind: str) -> float:
-    """Return the factor that divides the strengths of a half.
+    """Return the factor by which the strengths of a half are divided.
 
     Args:
         path: A file of a factor of safety.
@@ -251,11 +252,12 @@ def factor_of(path: str | Path, kind: str) -> float:
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     """Check a stress: ``stress`` (num_cells, d + 1, d, d), ``bound``, and the bodies.
 
-    It balances the loads at ``factor``, or at ``bound`` without it. For bodies of revolution
-    ``stress`` contains the coefficients of rσ (:mod:`rings`), shape (num_cells, 6, 2, 2). If no
-    cell can yield, ``joint_force`` (num_facets, d, d) replaces ``stress``, with ``joint_traction``
-    of the same shape for adhesive joints. ``inner_force``, ``inner_traction``, ``inner_factor`` and
-    ``inner_any_factor`` are a second set (:mod:`blocks`).
+    The stress balances the loads at ``factor``, or at ``bound`` if ``factor`` is missing. For
+    bodies of revolution ``stress`` contains the coefficients of rσ (:mod:`rings`), shape
+    (num_cells, 6, 2, 2). If no cell can yield, ``joint_force`` (num_facets, d, d) replaces
+    ``stress``; adhesive joints also have ``joint_traction`` of the same shape. The second set of
+    forces is ``inner_force``, ``inner_traction``, ``inner_factor`` and ``inner_any_factor``
+    (:mod:`blocks`).
 
     Raises:
         ProofError: If the arrays do not fit together.
@@ -305,14 +307,14 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 @dataclass(frozen=True)
 class _Found:
-    """The load factor that a stress, or forces on joints, proves.
+    """The load factor that a stress, or forces on joints, prove.
 
     Attributes:
         factor: The load factor; None if it is not proven.
         reasons: Why it is not proven.
-        rows: Violated conditions in words.
+        rows: Violated conditions, in words.
         measured: The residual of each condition.
-        forces: The sum of unbalanced forces.
+        forces: Sum of the magnitudes of unbalanced forces.
         loads: The sum of the loads' magnitudes.
         over: The factor by which stresses may exceed the strength.
     """
@@ -327,7 +329,7 @@ class _Found:
 
 
 def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
-    """Return what a stress proves, for loads at some factors."""
+    """Return what a stress proves, for loads at given factors."""
     stress, d = checked(arrays, ("stress",))["stress"], body.dim
     if stress.shape != (len(body.cells), 6 if body.is_revolved else d + 1, d, d):
         raise ProofError("the stress does not fit the cells.")
@@ -346,7 +348,7 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
 
 
 def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
-    """Return what forces on the joints of rigid blocks prove, for loads at some factors."""
+    """Return what forces on the joints of rigid blocks prove, for loads at given factors."""
     best = _joint_forces(body, arrays, "joint", factors)
     inner = None
     if "inner_force" in arrays:
@@ -364,7 +366,7 @@ def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
 def _joint_forces(
     body: Body, arrays: Mapping[str, npt.NDArray], prefix: str, factors: Factors
 ) -> JointForces:
-    """Return the forces on joints that belong to loads at some factors."""
+    """Return the forces on joints that belong to loads at given factors."""
     none = np.zeros((len(body.facets), body.dim, body.dim))
     names = (f"{prefix}_force", f"{prefix}_traction")
     forces, tractions = checked({names[1]: none, **arrays}, names).values()
@@ -374,7 +376,7 @@ def _joint_forces(
 
 
 def _divided(claimed: float, over: float) -> float:
-    """Return the lower bound of a stress that exceeds its limit by a factor."""
+    """Return the lower bound from a claim whose stress exceeds its limit by a factor."""
     return claimed if over <= 1 else float(np.nextafter(claimed / over, -np.inf))
 
 
@@ -404,12 +406,12 @@ def _upper(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 
 def _up_to(proven: float, factor: float) -> str:
-    """Return a sentence on the factors of the free loads up to which a bound holds.
+    """Return a sentence on the range of the free loads' factors for which a bound holds.
 
     Args:
         proven: The bound without the free loads.
-        factor: Factor at which the free loads may do as much work as the loads whose factor is
-            bounded.
+        factor: Factor at which the largest possible work of the free loads equals the work of the
+            sought loads.
     """
     if proven < 1:
         most = (1 - proven) * factor
@@ -422,7 +424,7 @@ def _up_to(proven: float, factor: float) -> str:
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
-    """Return why both halves cannot be in one file, and a sentence on their distance.
+    """Return the faults of both halves in one file, and a sentence on the bounds' distance.
 
     The function compares the proven bounds, not the claimed ones.
     """
@@ -452,9 +454,9 @@ def _with(half: Checked, faults: list[str]) -> Checked:
 
 
 def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body, int]:
-    """Return the bodies of a half and the number of their overlaps.
+    """Return the bodies of a half, and how many outer facets have another cell inside them.
 
-    Earlier bodies if they are equal.
+    If the half before has equal bodies, the function returns that half's body and number.
     """
     body = Body.of(arrays, None if before is None else before.body)
     if before is not None and body is before.body:
@@ -464,7 +466,7 @@ def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body
 
 
 def _reasons(overlaps: int, reason: str | None) -> list[str]:
-    """Return the reasons that prevent a verdict."""
+    """Return the reasons why a half cannot be proven."""
     words = f"cells overlap ({overlaps} points of cells are also in others)"
     return [words] * (overlaps > 0) + ([] if reason is None else [reason])
 
@@ -473,4 +475,4 @@ JUDGES: Mapping[str, Callable[[Mapping[str, npt.NDArray], _Half | None], _Half]]
     "lower": _lower,
     "upper": _upper,
 }
-"""Judges of each half, in addition to the one before it."""
+"""Function that checks each half, given the half that was checked before it."""

@@ -1,4 +1,4 @@
-"""Compare the cones of cells that differ in size: their shapes and strengths."""
+"""Compare the strengths of cells whose cones may have different shapes and sizes."""
 
 from typing import NamedTuple
 
@@ -12,13 +12,13 @@ class Strengths(NamedTuple):
     """Strength of the cone of each cell; shapes (num_cells,).
 
     Attributes:
-        family: Index of the pair of MᵀM and the direction of q, for a matrix M of size 1, or of all
-            cones of principal stresses with the same ratio of c to a tensile strength, or of all
-            parabolas with the same ratio of k to f.
-        slope: |q|, or the sine.
-        bound: Bound of cones whose M has size 1.
-        axial: Whether M q = 0, or the cone bounds principal stresses: a smaller slope and an apex
-            that is not higher make it smaller.
+        family: Index of the shape. Cones of one shape have equal MᵀM and direction of q after
+            scaling M to size 1. Cones of principal stresses have one shape if the ratio of c to the
+            tensile strength is equal, and parabolas if the ratio of k to f is equal.
+        slope: |q| after this scaling, or the sine.
+        bound: c after this scaling.
+        axial: Whether M q = 0, or the cone bounds principal stresses. Then a smaller slope with an
+            apex that is not higher gives a smaller cone.
     """
 
     family: Longs
@@ -27,23 +27,24 @@ class Strengths(NamedTuple):
     axial: Flags
 
     def of(self, cells: Longs) -> "Strengths":
-        """Return the strengths of some cells."""
+        """Return the strengths of selected cells."""
         return Strengths(
             self.family[cells], self.slope[cells], self.bound[cells], self.axial[cells]
         )
 
 
 def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
-    """Return whether sets of cells may fail to contain those of others.
+    """Return which cones of the first cells may lie partly outside those of the second cells.
 
-    For slopes α < α' on one axis, the set of α is contained in that of α' if its apex is not
-    higher, c/α ≤ c'/α'. At the apex both conditions hold, and below it the other cone opens faster.
+    For slopes α < α' on one axis, the cone of α lies within the cone of α' if its apex is not
+    higher, c/α ≤ c'/α'. The condition holds at the apex, and below the apex the other cone opens
+    faster.
 
     Args:
         lower: Strengths of n cells.
-        upper: Strengths of n cells that should contain them.
+        upper: Strengths of n cells whose cones should contain those of ``lower``.
     """
-    rounding = 1e-12  # relative tolerance of a bound over the size of its matrix
+    rounding = 1e-12  # relative tolerance of scaled bounds
     digits = 1e-11  # tolerance for slopes of cones of size 1
     same = np.abs(lower.slope - upper.slope) <= digits
     more = lower.bound <= upper.bound * (1 + rounding)
@@ -57,7 +58,7 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
 def strengths_of(*bodies: Body) -> list[Strengths]:
     """Return the strengths of the cells of each body.
 
-    Elastic cells count as bodies of infinite strength that preserve their volume.
+    Elastic cells count as volume-preserving bodies of infinite strength.
     """
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
@@ -90,13 +91,13 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
 
 
 def _shape(matrices: Floats) -> Floats:
-    """Return MᵀM of matrices of size 1, as rows."""
+    """Return MᵀM of matrices after scaling them to size 1, as rows."""
     unit = matrices / np.linalg.norm(matrices, axis=(1, 2), keepdims=True)
     return np.asarray((unit.transpose(0, 2, 1) @ unit).reshape(len(unit), unit.shape[2] ** 2))
 
 
 def _alike_rows(rows: Floats) -> Longs:
-    """Return an index for each row, equal for rows that round to the same values."""
-    digits = 11  # decimal places in the comparison of entries of cones of size 1
+    """Return an index for each row; rows that round to the same values have the same index."""
+    digits = 11  # decimal places that are compared
     _, numbers = np.unique(np.round(rows, digits), axis=0, return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)

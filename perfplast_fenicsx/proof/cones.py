@@ -1,21 +1,21 @@
 """Define bounds of the stress of each material, ‖Mσ‖ ≤ c − q·σ, and their dissipation.
 
-Another form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). Rates are then
-admissible if tr ε ≥ s Σ|ε_i|, and dissipate (c/2s) tr ε. For s = 0 they need tr ε = 0, and
-dissipate (c/2) Σ|ε_i|. With σ₁ ≤ f as well, rates need tr ε ≥ s Σ|ε_i| for any s ≥ 0, and dissipate
-(f − h) tr ε + h Σ|ε_i| with h = (c/2 − sf)/(1 − s). A third form is a parabola of in-plane
-principal stresses (:mod:`parabola`), whose tensile strength is c.
+A second form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). Strain rates
+are then admissible if tr ε ≥ s Σ|ε_i|, and dissipate (c/2s) tr ε. For s = 0 they must have tr ε =
+0, and dissipate (c/2) Σ|ε_i|. With the additional condition σ₁ ≤ f, rates must have tr ε ≥ s Σ|ε_i|
+for any s ≥ 0, and dissipate (f − h) tr ε + h Σ|ε_i| with h = (c/2 − sf)/(1 − s). A third form is a
+parabola of in-plane principal stresses (:mod:`parabola`), whose tensile strength is c.
 
-Stresses are vectors of the in-plane components (σ_xx, σ_yy, √2σ_xy) in the plane, (σ_rr, σ_zz,
-σ_θθ, √2σ_rz) in axisymmetry, and (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy) in space. Strain rates
-have the same form, so that σ:ε is their product. By duality the supremum of σ:ε is the least cz
-with ε = Mᵀy + qz, ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq it is
+Stresses are vectors of the components (σ_xx, σ_yy, √2σ_xy) in the plane, (σ_rr, σ_zz, σ_θθ, √2σ_rz)
+in axisymmetry, and (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy) in space. Strain rates have the same
+form, so σ:ε is the scalar product of the vectors. By duality the supremum of σ:ε is the least cz
+with ε = Mᵀy + qz and ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq, the least z is
 
-- if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), which must be at least ‖η − rz‖;
-- otherwise, for ‖r‖ < 1, z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²); and ε·ν must be zero if
-  there is a null vector.
+- if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), where ‖η − rz‖ ≤ z must hold;
+- otherwise, for ‖r‖ < 1: z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²), where ε·ν must be zero
+  if M has a null vector ν.
 
-The first is linear in ε, the second convex.
+The first z is linear in ε, the second is convex.
 """
 
 from dataclasses import dataclass
@@ -40,17 +40,17 @@ Flags = npt.NDArray[np.bool_]
 
 
 RANK = 1e-6
-"""Least ratio of a nonzero singular value of a matrix to the largest one."""
+"""Least ratio of a matrix's nonzero singular values to the largest one."""
 
 ROUNDED = 1e-13
-"""Ratio below which a singular value, or q·ν to ‖q‖, counts as zero."""
+"""Ratio of singular values, or of q·ν to ‖q‖, below which the smaller number counts as zero."""
 
 STEEPEST = 1 - 1e-9
-"""Largest ‖r‖ of a set that is not closed by the slope along a null vector."""
+"""Largest ‖r‖ of cones that have no null vector ν with q·ν > 0."""
 
 
 def vectors(tensors: Floats) -> Floats:
-    """Return vectors of symmetric matrices, shape (..., m) from (..., d, d)."""
+    """Return the vectors of symmetric matrices, shape (..., m) from (..., d, d)."""
     d = tensors.shape[-1]
     pairs = [(0, 1)] if d == 2 else [(1, 2), (0, 2), (0, 1)]
     columns = [tensors[..., i, i] for i in range(d)]
@@ -61,16 +61,17 @@ def vectors(tensors: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Cones:
-    """The cones of all materials, by index.
+    """The cones of all materials, by their index.
 
     Attributes:
-        bound: c ≥ 0 (stress), 0 for a cone with its apex at zero; shape (num_cones,).
+        bound: c ≥ 0 (stress); 0 for a cone with its apex at zero stress; shape (num_cones,).
         slope: q, shape (num_cones, m).
         matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
-        sine: s of bounds of principal stresses, whose M and q are zero; NaN for others; shape
-            (num_cones,).
-        tension: Tensile strength f of these cones; NaN without one, and for other cones.
-        curvature: k of parabolas, whose M and q are zero; NaN for others.
+        sine: s of cones that bound principal stresses, whose M and q are zero; NaN for other cones;
+            shape (num_cones,).
+        tension: Tensile strength f of these cones; NaN without a tensile strength, and for other
+            cones.
+        curvature: k of parabolas, whose M and q are zero; NaN for other cones.
     """
 
     bound: Floats
@@ -87,7 +88,7 @@ class Cones:
 
     @property
     def is_pointwise(self) -> Flags:
-        """Return which cones have their dissipation from :meth:`principal_power`."""
+        """Return which cones compute their dissipation by :meth:`principal_power`."""
         return self.is_principal | self.is_curved
 
     @property
@@ -101,7 +102,7 @@ class Cones:
         return ~np.isnan(self.sine)
 
     def check(self, m: int) -> None:
-        """Refuse cones without zero inside, or whose admissible rates are not supported.
+        """Refuse cones that do not contain zero, or whose admissible rates are not supported.
 
         Args:
             m: Number of components of a stress.
@@ -138,7 +139,7 @@ class Cones:
         Cones(*(part[~self.is_pointwise] for part in vars(self).values()))._check_quadratic()
 
     def _check_quadratic(self) -> None:
-        """Check the second-order cones, whose numbers are finite."""
+        """Check the second-order cones, whose entries are known to be finite."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         largest = values[:, :1]
         if not (values[:, -2:-1] > RANK * largest).all():
@@ -156,49 +157,49 @@ class Cones:
 
     @cached_property
     def has_null(self) -> Flags:
-        """Return whether the matrix leaves a stress free."""
+        """Return whether the matrix has a null vector, along which it bounds no stress."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         return np.asarray(values[:, -1] <= ROUNDED * values[:, 0])
 
     @cached_property
     def _null(self) -> Floats:
-        """Return unit null vectors ν; zero where there is none."""
+        """Return the unit null vectors ν, zero for matrices without a null vector."""
         found = np.linalg.svd(self.matrix)[2][:, -1]
         return np.asarray(np.where(self.has_null[:, None], found, 0.0))
 
     @cached_property
     def _pull(self) -> Floats:
-        """Return q·ν."""
+        """Return q·ν of each cone."""
         return np.einsum("ni,ni->n", self.slope, self._null)
 
     @cached_property
     def grows(self) -> Flags:
-        """Return whether the bound falls along the matrix's null vector: such bodies dilate."""
+        """Return which cones narrow along the null vector of M: these materials dilate."""
         falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
         return falls | (self.sine > 0) | self.is_cut | self.is_curved
 
     @property
     def is_linear(self) -> Flags:
-        """Return whether the dissipation of such bodies is linear in the rates."""
+        """Return which cones have a dissipation that is linear in admissible rates."""
         return self.grows & ~self.is_cut & ~self.is_curved
 
     @cached_property
     def _back(self) -> Floats:
-        """Return M⁺ᵀ."""
+        """Return M⁺ᵀ of each cone."""
         inverse = np.linalg.pinv(self.matrix, rcond=RANK / 2)
         return np.asarray(inverse.transpose(0, 2, 1), dtype=np.float64)
 
     @cached_property
     def _tilt(self) -> Floats:
-        """Return M⁺ᵀq."""
+        """Return M⁺ᵀq of each cone."""
         return np.einsum("nij,nj->ni", self._back, self.slope)
 
     @cached_property
     def radius(self) -> Floats:
-        """Return a stress that the material bears: c over the largest singular value.
+        """Return a stress that each material bears: c over the largest singular value.
 
-        For principal stresses, all stresses of size c/√(2(1 + s²)) are admissible if none exceeds
-        f.
+        For principal stresses, all stresses of size c/√(2(1 + s²)) are admissible, unless one
+        exceeds f.
         """
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         sines = np.where(self.is_principal, self.sine, 0.0)
@@ -211,28 +212,28 @@ class Cones:
 
     @property
     def weakness(self) -> Floats:
-        """Return the most that a stress of size 1 adds to :meth:`ratios`, for c > 0."""
+        """Return the largest increase of :meth:`ratios` by a stress of size 1, for c > 0."""
         found = 1 / self.radius + np.linalg.norm(self.slope, axis=1) / self.bound
         rounding = 1e-12  # relative error of singular values
         return np.asarray(found * (1 + rounding))
 
     @cached_property
     def growth(self) -> Floats:
-        """Return the most that a stress of size 1 adds to :meth:`excess`."""
+        """Return the largest increase of :meth:`excess` by a stress of size 1."""
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         rounding = 1e-12  # relative error of singular values
         return np.asarray((values + np.linalg.norm(self.slope, axis=1)) * (1 + rounding))
 
     @cached_property
     def relief(self) -> Floats:
-        """Return by how much a pressure of 1 reduces :meth:`excess` at least, 0 if it may not."""
+        """Return the least decrease of :meth:`excess` by a pressure of 1, 0 if it may increase."""
         normals = {3: 2, 4: 3, 6: 3}[self.slope.shape[1]]
         along = self.slope[:, :normals].sum(axis=1)
         across = np.linalg.norm(self.matrix[:, :, :normals].sum(axis=2), axis=1)
         return np.asarray(np.maximum(along - across, 0.0))
 
     def excess(self, at: Longs, stress: Floats) -> Floats:
-        """Return ‖Mσ‖ + q·σ, at most c in a cone that does not bound principal stresses.
+        """Return ‖Mσ‖ + q·σ, at most c inside cones that do not bound principal stresses.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -242,9 +243,10 @@ class Cones:
         return np.asarray(sizes + np.einsum("ci,cvi->cv", self.slope[at], stress))
 
     def own_radius(self, at: Longs, stress: Floats) -> Floats:
-        """Return the radius of each cell; for c = 0 from the stress itself, with −q·σ instead of c.
+        """Return the radius of each cell; for c = 0 from its stress, with −q·σ instead of c.
 
-        The radius is the least over the points of the cell with any stress, ∞ without stress.
+        For c = 0 the radius is the least over the cell's points at which the stress is not zero; ∞
+        without such points.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -262,8 +264,8 @@ class Cones:
     def ratios(self, at: Longs, stress: Floats) -> Floats:
         """Return (‖Mσ‖ + q·σ)/c, or the equivalent for principal stresses.
 
-        A stress divided by its ratio lies in the cone. For c = 0 the ratio is ‖Mσ‖/(−q·σ), 0
-        without stress; it is at most 1 in the cone.
+        A stress divided by its ratio lies in the cone. For c = 0 the ratio is ‖Mσ‖/(−q·σ), or 0
+        where the stress is zero; it is at most 1 in the cone.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -291,7 +293,7 @@ class Cones:
         return found
 
     def _at_apex(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """Return z and ‖y‖ of dilating cells; meaningless in others."""
+        """Return z and ‖y‖ of dilating cells; the values of other cells have no meaning."""
         free = np.einsum("ci,cvi->cv", self._null[at], rates)
         pull = np.where(self.grows & ~self.is_curved, self._pull, 1.0)[at, None]
         heads: Floats = free / pull
@@ -310,9 +312,9 @@ class Cones:
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """Return the dissipation of other cells with principal stresses, or with parabolas.
+        """Return the dissipation of the other cells with principal stresses, and of parabolas.
 
-        It is convex in admissible rates.
+        The dissipation is convex in admissible rates.
         """
         factors = power_factors(self.bound[at], self.sine[at], self.tension[at])
         of_trace, of_sizes = (factor[:, None] for factor in factors)
@@ -338,8 +340,8 @@ class Cones:
     def steepness(self) -> Floats:
         """Return the largest Lipschitz constant of the dissipation per volume.
 
-        This dissipation is defined for any rate, admissible or not; it is convex and homogeneous of
-        degree 1.
+        Here the dissipation is extended to any rate, admissible or not; this extension is convex
+        and homogeneous of degree 1.
         """
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         square = 1 - np.einsum("ni,ni->n", self._tilt, self._tilt)
@@ -356,7 +358,7 @@ class Cones:
 
     @cached_property
     def alertness(self) -> Floats:
-        """Return the most that a unit rate changes the lack of dilatancy (:meth:`short`)."""
+        """Return the largest change of the lack of dilatancy (:meth:`short`) by a unit rate."""
         pull = np.where(np.abs(self._pull) > 0, np.abs(self._pull), 1.0)
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         found = 1 / pull + back * (1 + np.linalg.norm(self.slope, axis=1) / pull)
@@ -387,10 +389,10 @@ class Cones:
         return np.asarray(found)
 
     def keeps_volume(self, normals: int) -> Flags:
-        """Return whether a rate is admissible if and only if its trace is zero.
+        """Return which cones admit a rate if and only if its trace is zero.
 
         Args:
-            normals: Number of normal components, which come first.
+            normals: Number of normal components, which come first in a vector.
         """
         unit = np.zeros(self.slope.shape[1])
         unit[:normals] = 1 / np.sqrt(normals)
@@ -400,11 +402,11 @@ class Cones:
 
     @property
     def takes_any(self) -> Flags:
-        """Return whether every rate is admissible."""
+        """Return which cones admit every rate."""
         return ~self.has_null & ~self.grows & ~self.is_principal
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """Return a and b, linear in the rates, of the dissipation ‖a‖ + b of other cones.
+        """Return a and b, linear in the rates, with the dissipation ‖a‖ + b of the other cones.
 
         Returns:
             a has the shape (num_cells, points, m), and b the shape (num_cells, points).

@@ -1,15 +1,16 @@
 """Compute an upper bound of a mechanism's dissipation in cells, and check its strain rates.
 
-Rates are multiplied by the volume of the cell, so that nothing is divided by it. In dilating cells
-a rate is admissible if z ≥ ‖y‖ (:mod:`cones`). These rates form a convex cone. The condition holds
-everywhere if it holds at the vertices, or in axisymmetry for the Bernstein coefficients. It must
-hold with a margin above rounding. Where volume is preserved, the dissipation is that of the rate
-without its trace, since another velocity undoes the trace (:mod:`volume_change`).
+Rates are multiplied by the volume of their cell, which avoids a division by the volume. In dilating
+cells a rate is admissible if z ≥ ‖y‖ (:mod:`cones`). The admissible rates form a convex cone. So
+the condition holds everywhere in a cell if it holds at the vertices, or in axisymmetry for the
+Bernstein coefficients. It must hold with a margin above rounding. In cells that preserve their
+volume, the dissipation is that of the rate without its trace, since another velocity undoes the
+trace (:mod:`volume_change`).
 
 ε(v) is linear in a cell. The integral of a convex D is at most that of its linear interpolation on
-any subdivision. For a linear D it is the mean over the vertices. A strength that is linear in the
-cell multiplies that interpolation, and the product is integrated exactly. For bodies of revolution
-the velocity is v = ru (:mod:`rings`), and works are divided by 2π.
+any subdivision of the cell. If D is linear, its mean is the mean over the vertices. A strength that
+is linear in the cell multiplies this interpolation, and the product is integrated exactly. For
+bodies of revolution the velocity is v = ru (:mod:`rings`), and works are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -38,14 +39,14 @@ SUBDIVISIONS = 3
 
 @dataclass(frozen=True)
 class Rates:
-    """Strain rates times the volume, at vertices or as coefficients, with errors.
+    """Strain rates times the cell's volume, at vertices or as coefficients, with errors.
 
     Attributes:
-        values: Vectors, shape (num_cells, d + 1 or 6, m); in axisymmetry of r²ε.
+        values: Vectors, shape (num_cells, d + 1 or 6, m); in axisymmetry coefficients of r²ε.
         errors: Error of each cell, shape (num_cells,).
         change: div v times the volume at vertices, shape (num_cells, d + 1).
-        reach: ∫ of a unit rate over its cell, divided by the volume: 1, in axisymmetry ∫1/r.
-        of_gradient: The largest rate for ‖∇w‖ = 1 in a cell, including ``reach``.
+        reach: Integral of a unit rate over its cell, divided by the volume: 1, in axisymmetry ∫1/r.
+        of_gradient: Largest rate for ‖∇w‖ = 1 in a cell, without ``reach``.
     """
 
     values: Floats
@@ -61,7 +62,7 @@ def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
     own = mechanism.at.each(lambda part: part[mechanism.places.of_cells])
     number = numbers_in_cell(d)
     slopes = shapes.areas * Balls.part(d) * Balls.exact(-2.0)
-    own = own.where(~mechanism.rigid[:, None, None])  # whose rates are exactly zero
+    own = own.where(~mechanism.rigid[:, None, None])  # rates of rigid cells are exactly zero
     columns = []
     for a in range(d + 1):
         parts = [own[:, number[a, b]][:, :, None] * slopes[:, b][:, None] for b in range(d + 1)]
@@ -83,13 +84,13 @@ def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
 
 
 def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change: Balls) -> Rates:
-    """Return coefficients of r²ε, and their change with ∇w.
+    """Return coefficients of r²ε, and their largest change for ‖∇w‖ = 1.
 
-    r²ε has at most the norm r‖∇w‖ + √2 |w|. In a cell of size h at a distance of at least r₀ from
-    the axis
-    |w| ≤ h‖∇w‖, as w = 0 at vertices. In a cell that touches the axis |w| ≤ κr‖∇w‖, with the
-    the factor κ bounds distances of other vertices from those on the axis, divided by their radii.
-    A line towards such a vertex, or next to it to the edge on the axis, has this length.
+    The norm of r²ε is at most r‖∇w‖ + √2 |w|, and w = 0 at vertices. In a cell of size h at a
+    distance of at least r₀ from the axis |w| ≤ h‖∇w‖ ≤ (h/r₀) r‖∇w‖. In a cell that touches the
+    axis |w| ≤ κr‖∇w‖, where κ bounds the distances of the other vertices from those on the axis,
+    divided by their radii. A line towards such a vertex, or beside it to the edge on the axis, has
+    this length.
     """
     radii, volumes = radii_of(body), body.volumes
     sizes = own.mid + own.low
@@ -114,7 +115,7 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
 
 
 def _worst(body: Body) -> Floats:
-    """Return the largest squared edge over the volume of each cell, to scale rounding errors."""
+    """Return 1 + h^d/V of each cell with the largest extent h, to scale rounding errors."""
     x = body.vertices[body.cells]
     size = np.ptp(x, axis=1).max(axis=1)
     return np.asarray(1 + size**body.dim / body.volumes)
@@ -126,8 +127,8 @@ class Dissipated:
 
     Attributes:
         total: Total dissipation, bounded from above.
-        short: The largest lack of dilatancy in each cell, including errors, in units of the rates;
-            −∞ for cells that do not dilate.
+        short: Largest lack of dilatancy in each cell, including errors, in units of the rates; −∞
+            for cells that do not dilate.
     """
 
     total: float
@@ -157,7 +158,7 @@ def dissipated(body: Body, rates: Rates) -> Dissipated:
 
 
 def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
-    """Return ∫D from rates times volumes, and the number of summed terms."""
+    """Return ∫D from rates times volumes, and the number of terms in the sum."""
     cones, at, strength = body.cones, body.cone[plastic], body.cell_strength[plastic]
     linear, principal = cones.is_linear[at], cones.is_pointwise[at]
     total = _of_linear(cones.linear_power(at[linear], rates[linear]), strength[linear])
@@ -180,7 +181,7 @@ def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
 
 
 def _of_linear(values: Floats, strength: Floats) -> float:
-    """Return the sum of the cell means of products of two functions linear in the cells.
+    """Return the sum over cells of the means of products of two linear functions.
 
     Args:
         values: First function at the vertices, shape (num_cells, d + 1).
@@ -190,7 +191,7 @@ def _of_linear(values: Floats, strength: Floats) -> float:
 
 
 def _of_rings_in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
-    """Return ∫D from coefficients of r²ε, and the number of summed terms."""
+    """Return ∫D from coefficients of r²ε, and the number of terms in the sum."""
     cones, at, radii = body.cones, body.cone[plastic], radii_of(body)[plastic]
     linear, principal = cones.is_linear[at], cones.is_pointwise[at]
     parts, total = parts_of(2, SUBDIVISIONS), 0.0

@@ -1,8 +1,8 @@
-"""Handle facets held along one direction in addition to components, as by planes of symmetry.
+"""Handle facets that are held along one direction, in addition to held components.
 
-The velocity has no component along this direction, and the traction may have any, as for held
-components. So their work is zero, whatever the direction. The direction is the normal of flat
-surfaces.
+An example are planes of symmetry. The velocity has no component along this direction, and the
+traction may have any, as for held components. So the work of this traction is zero, whatever the
+direction is. The direction is the normal of a flat surface.
 """
 
 from collections.abc import Mapping
@@ -15,19 +15,19 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_guided(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with zero directions if a file has none."""
+    """Return the arrays, with zero directions if the file has none."""
     if "guided" in arrays or "facets" not in arrays:
         return dict(arrays)
     return {**arrays, "guided": np.zeros(np.shape(arrays["facets"]))}
 
 
 def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
-    """Return the parts of vectors at facets along free directions.
+    """Return the components of vectors at facets along free directions.
 
     Args:
         vectors: Vectors, shape (num_facets, n, d).
         held: Held components, shape (num_facets, d).
-        guided: Unit vectors, 0 for none, same shape.
+        guided: Unit vectors of additional held directions, 0 without one, same shape.
     """
     free = vectors * ~held[:, None]
     along = np.where(held, 0.0, guided)
@@ -41,7 +41,7 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
 
 
 def differ(one: Floats, other: Floats) -> Flags:
-    """Return whether directions differ by more than rounding and sign, shape (n,)."""
+    """Return whether directions differ by more than rounding and their sign, shape (n,)."""
     rounding = 1e-9
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
     return np.asarray(np.minimum(*apart) > rounding)

@@ -1,8 +1,9 @@
-"""Check whether both halves of a proof have the same bodies, whatever their meshes.
+"""Check whether both halves of a proof have the same bodies, even if their meshes differ.
 
-The comparison is local, not by sums. Outer facets of one half coincide with those of the other
-(:mod:`shared_facets`), with the same surface, supports and tractions. Cells with a common volume
-(:mod:`shared_cells`) have the same forces and pressures, and the upper half has no weaker cones.
+The comparison is local and does not use sums. Outer facets of one half coincide with those of the
+other (:mod:`shared_facets`) and have the same surface, supports and tractions. Cells with a common
+volume (:mod:`shared_cells`) have the same body forces and pore pressures, and no cone of the upper
+half is weaker there.
 """
 
 from collections.abc import Iterator
@@ -17,10 +18,11 @@ from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
 SAME = 1e-9
-"""Loads with a smaller relative difference are equal."""
+"""Loads count as equal if their relative difference is smaller."""
 
 NOTHING = 1e-14
-"""Loads below this share of the largest of their kind on their surface count as rounding."""
+"""Loads count as zero if they are smaller than this share of the largest load of their kind on
+their surface."""
 
 
 def differences(lower: Body, upper: Body) -> list[str]:
@@ -64,7 +66,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
 
 
 def _told(what: str, places: Floats) -> list[str]:
-    """Return a difference with its first place in words; empty without places."""
+    """Return a difference and its first place in words; an empty list if there are no places."""
     if not len(places):
         return []
     first = ", ".join(f"{x:.6g}" for x in places[np.lexsort(places.T[::-1])[0]])
@@ -84,7 +86,7 @@ def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
     Args:
         one: Vectors, shape (n, points, components).
         other: Vectors of the same shape.
-        nothing: Largest difference that counts as equal, shape (n,).
+        nothing: Largest size of vectors that count as zero, shape (n,).
     """
     off = np.abs(one - other).max(axis=(1, 2), initial=0)
     size = np.maximum(np.abs(one), np.abs(other)).max(axis=(1, 2), initial=0)
@@ -92,7 +94,7 @@ def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
 
 
 def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Return whether tractions on coinciding facets differ, at the vertices of the smaller one."""
+    """Return whether tractions on coinciding facets differ at the vertices of the smaller facet."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.facets[a]], upper.vertices[upper.facets[b]]
     tags, at = np.unique(lower.surface[a], return_inverse=True)
@@ -109,7 +111,7 @@ def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
 
 
 def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
-    """Return linear functions on simplices, evaluated at points on them or near them.
+    """Return the values of linear functions on simplices, at points on or near them.
 
     Args:
         places: Points, shape (n, points, d).
@@ -122,7 +124,7 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
 
 
 def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
-    """Return centres of common cells that are weaker above, and of those with other loads."""
+    """Return centres of shared cells that are weaker in the upper half or have other loads."""
     strong = strengths_of(lower, upper)
     kinds = list(_kinds(lower, upper))
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
@@ -157,10 +159,10 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
 def _weaker_somewhere(
     bodies: tuple[Body, Body], strong: tuple[Strengths, Strengths], pairs: tuple[Longs, Longs]
 ) -> Flags:
-    """Return whether variable strengths may be smaller above where cells overlap.
+    """Return whether variable strengths may be smaller in the upper half where cells overlap.
 
-    Both are linear in their cells, so that the vertices of the overlap suffice. These are among the
-    ends of those parts of each cell's edges that lie in the other cell.
+    Both strengths are linear in their cells, so the vertices of the overlap suffice. The end points
+    that :func:`overlap_ends` returns contain these vertices.
     """
     found = np.zeros(len(pairs[0]), dtype=bool)
     at_once = 20_000  # number of pairs processed together, limited by memory
@@ -182,7 +184,7 @@ def _weaker_somewhere(
 
 
 def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Return whether pore pressures of cells differ, at the vertices of the smaller one."""
+    """Return whether pore pressures of cells differ at the vertices of the smaller cell."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.cells], upper.vertices[upper.cells]
     smaller = lower.volumes[a] <= upper.volumes[b]
@@ -227,7 +229,7 @@ def _same_plates(lower: Body, upper: Body) -> bool:
 
 
 def _contacts(body: Body) -> Floats:
-    """Return a row for each contact: its ordered tags, adhesion and friction."""
+    """Return a row for each contact: its sorted tags, its adhesion and its friction."""
     rows = np.column_stack(
         [np.sort(body.contacts, axis=1), body.contact_adhesion, body.contact_friction]
     )
@@ -235,7 +237,7 @@ def _contacts(body: Body) -> Floats:
 
 
 def _obstacles(body: Body) -> Floats:
-    """Return a row for each obstacle: its tag and normal, adhesion and friction."""
+    """Return a row for each obstacle: its tag, normal, adhesion and friction."""
     rows = np.column_stack(
         [body.obstacles, body.obstacle_normals, body.obstacle_adhesion, body.obstacle_friction]
     )
@@ -243,7 +245,7 @@ def _obstacles(body: Body) -> Floats:
 
 
 def _same_contacts(lower: Body, upper: Body) -> bool:
-    """Return whether contacts and obstacles are the same, with no less friction above."""
+    """Return whether both halves have the same contacts, with no less friction in the upper one."""
     for rows in (_contacts, _obstacles):
         one, other = rows(lower), rows(upper)
         tags = 2 if rows is _contacts else 1
@@ -259,7 +261,7 @@ def _same_contacts(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
-    """Return whether any cell has a smaller slope than the upper half has at the same place."""
+    """Return whether any cell has a smaller slope in the lower half than in the upper half."""
     less, more = strengths_of(lower, upper)
 
     def flatter(a: Longs, b: Longs) -> Flags:
@@ -270,7 +272,7 @@ def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_drucker(lower: Body, upper: Body) -> bool:
-    """Return whether friction other than adhesion exists only in the upper half."""
+    """Return whether the lower half has less friction μ (without adhesion) than the upper half."""
     sums = (body.contact_friction.sum() + body.obstacle_friction.sum() for body in (lower, upper))
     less, more = sums
     return bool(less < more)

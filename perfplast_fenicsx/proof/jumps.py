@@ -1,8 +1,9 @@
 """Compute jumps of a velocity in contact, and move free points out of penetrations.
 
-A jump w has Bernstein coefficients on a facet. If all satisfy w·n + μ‖w_t‖ ≤ 0, then w satisfies it
-everywhere: the polynomials are non-negative and sum to 1, and the condition describes a convex
-cone. Also, ∫c‖w_t‖ is at most c times the area times the mean norm of the coefficients.
+A jump w has Bernstein coefficients on a facet. If all of them satisfy w·n + μ‖w_t‖ ≤ 0, then w
+satisfies it everywhere: Bernstein polynomials are non-negative and sum to 1, and the condition
+describes a convex cone. Also, ∫c‖w_t‖ is at most c times the area times the mean norm of the
+coefficients.
 """
 
 from itertools import combinations
@@ -16,20 +17,20 @@ from perfplast_fenicsx.proof.remainder import Shapes
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 FREE = 0.01
-"""Least squared mobility along a normal of a point that is moved."""
+"""Least squared mobility along a normal for which a point is moved."""
 
 DIGITS = 1e-28
-"""Least relative separation speed of bodies: several rounding errors of double-double numbers."""
+"""Least relative speed of separation: several rounding errors of double-double numbers."""
 
 
 class Jumps:
     """Coefficients of jumps in contact, one per row.
 
     Attributes:
-        first: Points on the first surface, shape (n,).
-        second: Opposite points, −1 for obstacles.
+        first: Index of the point on the first surface, shape (n,).
+        second: Index of the opposite point, −1 for obstacles.
         facet: The facet of each coefficient.
-        reason: Why contact cannot be checked, or None.
+        reason: Reason why contact cannot be checked, or None.
     """
 
     def __init__(self, body: Body, places: Places, shapes: Shapes) -> None:
@@ -94,7 +95,7 @@ class Jumps:
         return np.asarray(np.where(np.isfinite(total), total / self._sizes, np.inf))
 
     def _slips(self, w: Balls) -> Floats:
-        """Return upper bounds of ‖w_t‖."""
+        """Return upper bounds of ‖w_t‖ for jumps w."""
         values = w.mid + w.low
         along = np.einsum("ni,ni->n", values, self._units)
         size = np.linalg.norm(values, axis=1)
@@ -102,7 +103,7 @@ class Jumps:
         return np.asarray(np.linalg.norm(values - along[:, None] * self._units, axis=1) + rounding)
 
     def slip(self, at: Balls) -> float:
-        """Return the largest dissipation of slip: c times the area times the mean norm."""
+        """Return an upper bound of the dissipation of slip: c times area times mean norm."""
         some = np.flatnonzero(self._adhesion > 0)
         if not len(some):
             return 0.0
@@ -111,14 +112,14 @@ class Jumps:
         return float(powers.sum() * (1 + 8 * len(some) * U))
 
     def alone(self, free: Flags) -> Flags:
-        """Return which jumps no free point can move apart."""
+        """Return which jumps cannot be opened by moving a free point."""
         sides = (self._freedom(side, free) for side in (self.first, self.second))
         return np.asarray(np.maximum(*sides) < FREE)
 
     def rows(self, some: Longs) -> tuple[Floats, Longs]:
-        """Return vectors r with r·w ≤ −1 at separating jumps, and the jump of each.
+        """Return vectors r such that r·w ≤ −1 means separation, and the index of each one's jump.
 
-        In space a pyramid with eight sides encloses the friction cone.
+        In space, a pyramid with eight sides that encloses the friction cone replaces the cone.
         """
         n, mu = self._units[some], self._friction[some]
         if not (mu > 0).any():
@@ -138,11 +139,11 @@ class Jumps:
         return np.concatenate(sides), np.tile(some, len(sides))
 
     def _freedom(self, side: Longs, free: Flags) -> Floats:
-        """Return the squared mobility of points along the normal."""
+        """Return the squared mobility of points along the contact normal."""
         return np.where(side >= 0, ((self._units * free[side]) ** 2).sum(axis=1), 0.0)
 
     def parted(self, at: Balls, enters: Floats, free: Flags) -> Balls:
-        """Return coefficients with free points moved out of penetrations."""
+        """Return the coefficients after free points were moved out of penetrations."""
         bad = enters > 0
         if not bad.any():
             return at

@@ -1,4 +1,4 @@
-"""Compute the strength of cells in relation to a stress, as the scale of residuals."""
+"""Compute the strength of cells under a given stress, as the scale of residuals."""
 
 import numpy as np
 
@@ -9,16 +9,16 @@ from perfplast_fenicsx.proof.rings import radii_of
 TINY = float(np.finfo(np.float64).tiny)
 
 BARE = float(np.finfo(np.float64).max)
-"""Strength of cells without stress and cohesion. Rows that touch only such cells must be exact. For
-elastic cells with strength ∞, residuals are relative to the weakest cell."""
+"""Strength of cells without cohesion at zero stress. Rows that touch only such cells must be exact.
+For elastic cells with strength ∞, residuals are relative to the weakest cell."""
 
 
 def least_radii(body: Body, stress: Floats) -> Floats:
-    """Return the strength of each cell: its yield radius, or without cohesion from the stress.
+    """Return the strength of each cell: its yield radius, which depends on the stress if c = 0.
 
     Args:
         body: The bodies.
-        stress: Stress as for :func:`lower.measure_stress`.
+        stress: Stress, in the form of :func:`lower.measure_stress`.
     """
     found, plastic = body.yield_radius.copy(), body.plastic
     if body.is_revolved:
@@ -29,11 +29,11 @@ def least_radii(body: Body, stress: Floats) -> Floats:
 
 
 def least_of(radii: Floats) -> float:
-    """Return the least radius, or the smallest number without any radius."""
+    """Return the least finite radius, or the smallest positive number if none is finite."""
     least = float(radii.min())
     return least if 0 < least < BARE else TINY
 
 
 def finite(radii: Floats, weakest: float) -> Floats:
-    """Return the finite radii, and the weakest one in place of the others."""
+    """Return the radii, with ``weakest`` in place of those that are not finite."""
     return np.where(np.isinf(radii), weakest, np.where(radii == BARE, TINY, radii))

@@ -1,6 +1,6 @@
-"""Store loads of one kind as on file.
+"""Store the loads of one kind, as in the file.
 
-They are a force per volume of each cell, tractions on facets, and a pore pressure of cells.
+Loads are a force per volume of each cell, tractions on facets, and pore pressures in cells.
 """
 
 from collections.abc import Mapping
@@ -12,18 +12,18 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 NAMES = ("body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment")
-"""Names of the arrays of a kind of loads."""
+"""Names of the arrays that describe loads of one kind."""
 
 KINDS = ("", "constant_", "any_")
-"""Prefixes of the arrays of loads: those whose factor is bounded, permanent ones, and those of any
-factor. A file without such arrays has no loads of this kind."""
+"""Prefixes of the arrays by kind: sought loads (their factor is bounded), permanent loads, and free
+loads (of any factor). A file without the arrays of a kind has no such loads."""
 
 EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)
-"""All arrays of loads."""
+"""Names of all arrays of loads."""
 
 
 def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with zeros for the loads that a file does not contain."""
+    """Return the arrays, with zeros for loads that the file does not contain."""
     like = {"body_force": "body_force", "traction": "traction", "pore_pressure": "cells"}
     shapes = {name: np.shape(arrays[of]) for name, of in like.items() if of in arrays}
     axes = np.shape(arrays.get("vertices", ()))[1:]
@@ -40,15 +40,15 @@ def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of one kind.
+    """The loads of one kind.
 
     Attributes:
         body_force: Force per volume, shape (num_cells, d).
         traction: Force per area at the vertices of facets, linear between them, shape (num_facets,
             d, d).
         pore_pressure: Pore pressure u at the vertices of cells, linear between them, shape
-            (num_cells, d + 1). The cones bound effective stresses σ′, and σ′ − uI is in
-            equilibrium.
+            (num_cells, d + 1). The cones bound effective stresses σ′; the stress in equilibrium is
+            σ′ − uI.
         rigid_force: Force on each rigid surface, shape (num_rigid, d).
         rigid_moment: Moment on each rigid surface about the origin, shape (num_rigid, 1 or 3).
     """
@@ -69,19 +69,19 @@ class Loads:
         return Loads(*(factor * getattr(self, name) for name in NAMES))
 
     def total(self, stress: Floats) -> Floats:
-        """Return the stresses in equilibrium from effective ones at the cells' vertices."""
+        """Return total stresses, from effective stresses at the cells' vertices."""
         return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
 
     def same(self, other: "Loads") -> bool:
-        """Return whether other loads are exactly equal."""
+        """Return whether the other loads are exactly equal to these."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in NAMES)
 
     def pore_work(self, volumes: Floats, growth: Floats) -> float:
-        """Return ∫u div v, computed exactly.
+        """Return ∫u div v, without integration error.
 
         Args:
             volumes: Volumes of the cells.
-            growth: div v at their vertices, linear between them, shape (num_cells, d + 1).
+            growth: div v at the cells' vertices, linear between them, shape (num_cells, d + 1).
         """
         n = growth.shape[1]
         sums = self.pore_pressure.sum(axis=1) * growth.sum(axis=1)
@@ -89,14 +89,14 @@ class Loads:
         return float(volumes @ sums) / (n * (n + 1))
 
     def sizes(self, volumes: Floats, areas: Floats) -> tuple[Floats, Floats]:
-        """Return magnitudes of forces in cells, including pore pressures, and on facets."""
+        """Return magnitudes of the forces in cells, including pore pressures, and on facets."""
         d = self.body_force.shape[1]
         pores = volumes ** ((d - 1) / d) * np.abs(self.pore_pressure).mean(axis=1)
         in_cells = volumes * np.linalg.norm(self.body_force, axis=1) + pores
         return in_cells, areas * np.linalg.norm(self.traction, axis=2).mean(axis=1)
 
     def stress(self, places: Floats) -> float:
-        """Return a stress that they cause: the largest traction, pore pressure or column pressure.
+        """Return a stress scale of these loads: their largest traction, pore or column pressure.
 
         Args:
             places: Coordinates of the cells' vertices, shape (num_cells, d + 1, d).

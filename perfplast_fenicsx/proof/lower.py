@@ -1,18 +1,19 @@
 """Check whether a stress proves a lower bound.
 
-It is linear in each cell, and given at the cells' vertices.
+The stress is linear in each cell, and is given at the cells' vertices.
 
 λ is a lower bound of the limit load of the bodies under the following conditions (static theorem,
-W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, for
-the force b per volume of all loads at λ. Tractions are equal on both sides of inner facets, and
-equal to the loads on outer ones. Contact has a pressure q ≥ 0 and no shear, or with friction a
-shear ‖τ‖ ≤ c + μq. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell (:mod:`cones`), and so
-everywhere, since these stresses form a convex set. With a pore pressure u, the cones bound
-effective stresses σ′, and σ = σ′ − uI. Where c varies it is linear in the cell, so that vertices
-are enough. Another stress balances the residual of equilibrium, and its size reduces the bound
-(:mod:`balance`). For cones with c = 0 the stress must lie inside of them by this size at each
-vertex. At vertices of free surfaces both stresses are zero. For bodies of revolution the same
-conditions apply to S = rσ, which is quadratic (:mod:`rings`, :mod:`ring_balance`), divided by 2π.
+W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, where
+b is the force per volume of all loads at λ. Tractions are equal on both sides of inner facets, and
+equal to the loads on outer facets. Contact has a pressure q ≥ 0 and no shear; with friction, it has
+a shear traction ‖τ‖ ≤ c + μq. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell
+(:mod:`cones`). The condition then holds in the whole cell, since these stresses form a convex set.
+With a pore pressure u, the cones bound effective stresses σ′, and σ = σ′ − uI. Where c varies it is
+linear in the cell, so vertices suffice. Another stress balances the residual of equilibrium, and
+its size reduces the bound (:mod:`balance`). For cones with c = 0 the stress must lie inside the
+cone by this size at each vertex. At vertices of free surfaces both stresses are zero. For bodies of
+revolution the same conditions apply to S = rσ, which is quadratic (:mod:`rings`,
+:mod:`ring_balance`), and works are divided by 2π.
 """
 
 from collections.abc import Sequence
@@ -44,24 +45,26 @@ from perfplast_fenicsx.proof.verdict import share_of
 
 @dataclass(frozen=True)
 class Left:
-    """Residuals of the conditions of a stress.
+    """Residuals of the conditions that a stress must satisfy.
 
     Attributes:
         measured: Relative residuals by name. ``equilibrium``, ``inner_tractions``,
-            ``outer_tractions``, ``tension`` and ``unequal_pressures`` are stresses relative to the
-            least finite yield radius of the cells that each row touches (a cell and its neighbours;
-            both sides of a facet, also of a contact), or to the least of all if these are elastic.
-            ``asymmetry`` is relative to the least of all. ``left_of_load`` is the sum of all
-            unbalanced forces relative to those of the loads at λ, ``left_of_piece`` the same for
-            each piece, and ``left_of_strength`` relative to the least γV^((d − 1)/d) of a cell of
-            volume V. ``yield_ratio`` is the largest (‖Mσ‖ + q·σ)/c: the stress divided by it lies
-            in the cone, because 0 is inside. With rigid surfaces also ``rigid_forces``, force and
-            moment over the area. With friction also ``unequal_shears``, ``shear`` (beyond μq
-            without adhesion) and ``shear_ratio``, the largest (‖τ‖ − μq)/c with adhesion. For
-            bodies of revolution also ``axis``, the largest S there.
+            ``outer_tractions``, ``tension`` and ``unequal_pressures`` are stresses. They are
+            relative to the least finite yield radius of the cells that a row touches (a cell and
+            its neighbours; both sides of a facet, also in contact), or to the least radius of all
+            cells if the touched cells are elastic. ``asymmetry`` is relative to the least radius of
+            all cells. ``left_of_load`` is the sum of all unbalanced forces relative to the sum of
+            the loads at λ. ``left_of_piece`` is the same ratio for each piece, and
+            ``left_of_strength`` is relative to the least γV^((d − 1)/d) of a cell with yield radius
+            γ and volume V. ``yield_ratio`` is the largest (‖Mσ‖ + q·σ)/c: the stress divided by it
+            lies in the cone, since the cone contains 0. With rigid surfaces there is also
+            ``rigid_forces``, force and moment over the area. With friction there are also
+            ``unequal_shears``, ``shear`` (beyond μq without adhesion) and ``shear_ratio``, the
+            largest (‖τ‖ − μq)/c with adhesion. For bodies of revolution there is also ``axis``, the
+            largest S on the axis.
         forces: The sum of the magnitudes of all unbalanced forces.
-        loads: The sum of the loads' magnitudes at λ.
-        reason: Why the contact conditions cannot be checked, or None.
+        loads: Sum of the loads' magnitudes at λ.
+        reason: Reason why the contact conditions cannot be checked, or None.
     """
 
     measured: dict[str, float]
@@ -75,8 +78,8 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
 
     Args:
         body: The bodies.
-        stress: σ, effective with a pore pressure, at the vertices of each cell, shape (num_cells, d
-            + 1, d, d), or coefficients of S, shape (num_cells, 6, 2, 2).
+        stress: σ (effective stress with a pore pressure) at the vertices of each cell, shape
+            (num_cells, d + 1, d, d), or coefficients of S, shape (num_cells, 6, 2, 2).
         kinds: All loads at λ, by kind.
     """
     loads = sum(kinds[1:], start=kinds[0])
@@ -84,7 +87,7 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
     d, radii, effective = body.dim, least_radii(body, stress), stress
     stress = stress if body.is_revolved else loads.total(effective)
     weakest = least_of(radii)
-    section = body.volumes ** ((d - 1) / d)  # radii of rings contain r
+    section = body.volumes ** ((d - 1) / d)  # for rings the radii contain the factor r
     vector, divergence = _balance(body, stress, loads)
     left_in = np.linalg.norm(divergence, axis=2)
     in_cells = left_in.mean(axis=1) * body.volumes
@@ -138,15 +141,15 @@ def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
 
 @dataclass(frozen=True)
 class Overstress:
-    """By how much an equilibrated stress near a given one may exceed its limits.
+    """Factor by which an equilibrated stress near a given stress may exceed the strength.
 
     Attributes:
-        factor: The largest (f(σ) + f(τ))/c of cones with c > 0. Divided by it, σ + τ lies in them;
-            ∞ if no τ is known.
-        has_room: Whether σ + τ lies in the cones with c = 0; True without such cones.
-        lacks: A c with which it does, a stress; ∞ if no τ is known.
-        pressure: The pressure on all surfaces that does the same as c = ``lacks``.
-        reason: Why no τ is known, or None.
+        factor: The largest (f(σ) + f(τ))/c of cones with c > 0. After division by it, σ + τ lies in
+            these cones. ∞ if no τ is known.
+        has_room: Whether σ + τ lies in the cones with c = 0; True if there are no such cones.
+        lacks: Value of c (a stress) for which σ + τ lies in these cones; ∞ if no τ is known.
+        pressure: Pressure on all surfaces that has the same effect as c = ``lacks``.
+        reason: Reason why no τ is known, or None.
     """
 
     factor: float
@@ -156,7 +159,7 @@ class Overstress:
     reason: str | None
 
     def words(self) -> list[str]:
-        """Return why the stress does not prove what ground with c = 0 carries, with a remedy."""
+        """Return why the stress proves no bound for ground with c = 0, and a remedy, in words."""
         if self.has_room:
             return []
         why = "ground with c = 0 has no strength left for rounding; give it a small cohesion"
@@ -167,14 +170,14 @@ class Overstress:
 
 
 def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]) -> Overstress:
-    """Return by how much an equilibrated stress near a given one may exceed its limits.
+    """Return by how much an equilibrated stress near a given stress may exceed the strength.
 
-    A stress τ balances the residual of σ. f(σ + τ) is at most f(σ) + f(τ), at each vertex. At
+    A stress τ balances the residual of σ. At each vertex f(σ + τ) is at most f(σ) + f(τ). At
     vertices of free surfaces with c = 0 both are zero.
 
     Args:
         body: The bodies.
-        stress: As for :func:`measure_stress`.
+        stress: In the form of :func:`measure_stress`.
         kinds: Loads of each kind, and their factors.
     """
     shapes, plastic = shapes_of(body), body.plastic
@@ -218,8 +221,8 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
 def bare_vertices(body: Body, kinds: Sequence[tuple[float, Loads]]) -> Flags:
     """Return vertices of cells where only zero stress is admissible, shape (num_cells, d + 1).
 
-    On a free surface one principal stress is zero, and with c = 0 in the plane the other one too.
-    So is the stress in all cells with c = 0 around a vertex of this surface.
+    On a free surface one principal stress is zero. In the plane with c = 0, the other principal
+    stress is zero too. So the stress is zero at such a vertex in all cells with c = 0 around it.
 
     Args:
         body: The bodies.
@@ -241,17 +244,18 @@ def bare_vertices(body: Body, kinds: Sequence[tuple[float, Loads]]) -> Flags:
 
 
 def _room(used: Floats, size: Floats, bare: Flags) -> Floats:
-    """Return how much of the cone with c = 0 remains in cells, negative if it is too little.
+    """Return the remaining distance to the cones with c = 0 in cells; negative if too small.
 
-    −f(σ) is at least the linear function with the values −``used`` at vertices, 0 at bare ones.
-    τ is quadratic in three parts of a cell with bare vertices. Its Bernstein coefficients are at
-    most its size, and zero where the linear function is. So τ is at most twice its size times this
-    function over its least positive value at vertices and at the centre.
+    −f(σ) is at least the linear function with the values −``used`` at vertices and 0 at bare
+    vertices. In a cell with bare vertices, τ is quadratic in each of three parts. The Bernstein
+    coefficients of τ are at most its size, and zero where the linear function is zero. So τ is at
+    most twice its size times this function divided by the function's least positive value at
+    vertices and at the centre.
 
     Args:
         used: f(σ) at vertices, shape (num_cells, values).
         size: f(τ) in each cell, shape (num_cells, 1).
-        bare: Vertices where both are zero, shape (num_cells, values).
+        bare: Vertices at which both are zero, shape (num_cells, values).
     """
     some = bare.any(axis=1)
     room = -used - size
@@ -262,13 +266,13 @@ def _room(used: Floats, size: Floats, bare: Flags) -> Floats:
 
 
 def _largest(values: Floats) -> float:
-    """Return the largest magnitude; ∞ if one is not a number."""
+    """Return the largest magnitude; ∞ if any value is not a number."""
     largest = float(np.abs(values).max(initial=0))
     return largest if np.isfinite(largest) else np.inf
 
 
 def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
-    """Return vectors of the stress, and the residual of equilibrium at points of each cell."""
+    """Return the stress as vectors, and the residual of equilibrium at points of each cell."""
     if body.is_revolved:
         vector, rest = whole_stress(body, stress, loads.body_force)
         return vector, rest[..., None]
@@ -277,7 +281,7 @@ def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
-    """Return magnitudes of forces in cells and on facets, for bodies of revolution over 2π."""
+    """Return magnitudes of forces in cells and on facets; divided by 2π for revolution."""
     if not body.is_revolved:
         return loads.sizes(body.volumes, body.areas)
     pushes = np.linalg.norm(applied(body, loads), axis=2).mean(axis=1)
@@ -286,7 +290,7 @@ def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _places(body: Body, sides: Longs) -> Longs:
-    """Return indices in the cells of the stresses on sides, ordered alike for both cells."""
+    """Return indices in the cells of the stresses on sides, in equal order for both cells."""
     d = body.dim
     if body.is_revolved:
         return facet_coefficients(body, sides)

@@ -1,15 +1,16 @@
-"""Correct a velocity near the one on file so that it is exactly admissible.
+"""Correct the velocity on file so that it is exactly admissible.
 
 The velocity is quadratic in each cell, with Bernstein coefficients at vertices and edges. It is
-continuous, since neighbouring cells share these. The coefficients are corrected as exact numbers
-(:class:`balls.Balls`), and all results use the corrected ones:
+continuous, since neighbouring cells share these coefficients. The coefficients are corrected as
+exact numbers (:class:`balls.Balls`), and all results use the corrected coefficients:
 
 - They are zero along the directions that supports hold.
-- Elastic cells that share a point, and rigid surfaces with them, move as one rigid body.
-- In contact a coefficient w of the jump must separate by −w·n ≥ μ‖w_t‖. Then the jump does so
-  everywhere, because Bernstein polynomials are non-negative and this set is a convex cone. Where
-  jumps separate too little, points are moved along the normals: points of deformable cells one by
-  one, and rigid bodies by motions that separate them from all bodies in contact.
+- Elastic cells that share a point, and the rigid surfaces that share points with them, move as one
+  rigid body.
+- In contact, a coefficient w of the jump must separate the surfaces by −w·n ≥ μ‖w_t‖. Then they
+  separate everywhere, because Bernstein polynomials are non-negative and this set is a convex cone.
+  Where surfaces separate too little, points move along the normals. Points of deformable cells move
+  one by one, and rigid bodies by motions that separate them from all bodies in contact with them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,16 +34,16 @@ from perfplast_fenicsx.proof.places import Places, places_of
 from perfplast_fenicsx.proof.remainder import Shapes
 
 RESTING = 1e-5
-"""Cells may count as rigid if they deviate from a rigid motion by less than this share of the
-velocity."""
+"""Largest deviation from a rigid motion, relative to the largest velocity, of cells that may count
+as rigid."""
 
 ROUNDS = 12
-"""Number of passes over the contacts, since a body that moves away from one may meet another."""
+"""Number of passes over the contacts: a body that moves away from one contact may close another."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A velocity that is admissible apart from volume changes.
+    """A velocity that is admissible except for volume changes.
 
     Attributes:
         places: Points of the coefficients.
@@ -52,8 +53,8 @@ class Mechanism:
         centres: Centres of the rigid surfaces, shape (num_rigid, d).
         slip: Dissipation of slip, bounded from above.
         parts: Whether any contact separates without dissipation.
-        rigid: Cells that move exactly as rigid bodies.
-        reason: Why the velocity is not admissible, or None.
+        rigid: Whether each cell moves exactly as a rigid body.
+        reason: Reason why the velocity is not admissible, or None.
     """
 
     places: Places
@@ -67,7 +68,7 @@ class Mechanism:
 
 
 def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs] = ()) -> Mechanism:
-    """Return an admissible velocity near the one on file.
+    """Return an admissible velocity near the velocity on file.
 
     Args:
         body: The bodies.
@@ -115,9 +116,9 @@ def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs]
 
 
 def resting_in(body: Body, v: Floats) -> list[Longs]:
-    """Return sets of plastic cells with one cone that move nearly as rigid bodies.
+    """Return sets of plastic cells with one cone that move almost as rigid bodies.
 
-    In strong cells, the dissipation from rounding may exceed that of all others.
+    Rounding can cause more dissipation in very strong cells than all other cells dissipate.
 
     Args:
         body: The bodies.
@@ -148,7 +149,7 @@ def resting_in(body: Body, v: Floats) -> list[Longs]:
 
 
 def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
-    """Return velocities at points by unit motions about centres, shape (n, d, 3 or 6)."""
+    """Return the velocities at points of unit rigid motions about a centre, (n, d, 3 or 6)."""
     d = x.shape[1]
     shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
     turns = [_turned(axis, x - centre) for axis in np.eye(2 * d - 3)]
@@ -157,7 +158,7 @@ def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
 
 
 def _held(body: Body, places: Places) -> Flags:
-    """Return the components that supports hold, and for rings all components on the axis."""
+    """Return the components that supports hold; for rings, also all components on the axis."""
     held = np.zeros((places.count, body.dim), dtype=bool)
     for column in places.of_facets.T:
         np.logical_or.at(held, column, body.held)
@@ -169,7 +170,7 @@ def _held(body: Body, places: Places) -> Flags:
 
 
 def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
-    """Return coefficients without components along the directions of guides."""
+    """Return the coefficients without their components along guided directions."""
     some = np.flatnonzero(body.guided.any(axis=1))
     if not len(some):
         return at
@@ -182,18 +183,18 @@ def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
 
 
 def _across(values: Balls, held: Flags, numbers: Longs, directions: Floats) -> Balls:
-    """Return vectors without their components along some directions.
+    """Return vectors without their components along given directions.
 
-    A vector becomes zero if it has at least as many directions as axes.
+    A vector becomes zero if it has at least as many directions as space has axes.
 
     Args:
         values: Vectors, shape (n, d).
-        held: Held axes, shape (n, d).
-        numbers: Indices of the vectors with other directions.
+        held: Axes along which the vectors are zero, shape (n, d).
+        numbers: Indices of the vectors that have further directions.
         directions: Unit vectors, shape (len(numbers), d), distinct for each vector.
     """
     d = held.shape[1]
-    known = (directions * ~held[numbers]).any(axis=1)  # excludes those along held axes
+    known = (directions * ~held[numbers]).any(axis=1)  # excludes directions along held axes
     numbers, directions = numbers[known], directions[known]
     order = np.argsort(numbers, kind="stable")
     some, first, counts = np.unique(numbers[order], return_index=True, return_counts=True)
@@ -274,13 +275,13 @@ class _Units:
                 directions = np.unique(body.guided[guides[mine_too]], axis=0)
                 numbers = np.zeros(len(directions), dtype=np.int64)
                 motion = _across(motion, ~free[None, :d], numbers, directions)
-                free[:d] = False  # not moved again
+                free[:d] = False  # these components do not move again
             motions = put(motions, np.array([unit]), motion)
             self._free[unit] = free
         self._motions = motions
 
     def _allowed(self, mine: Longs, held: Flags, unit: int) -> tuple[Flags, Floats]:
-        """Return the free components of a motion, and its centre."""
+        """Return the components of a motion that are free, and the centre of its rotation."""
         body, d = self._body, self._body.dim
         x = body.vertices[mine]
         fixed = held.any(axis=1)
@@ -302,7 +303,7 @@ class _Units:
         return free, centre
 
     def _fitted(self, mine: Longs, v: Floats, free: Flags, centre: Floats) -> Floats:
-        """Return the rigid motion closest to velocities at vertices."""
+        """Return the rigid motion closest to the velocities at vertices."""
         d, x = self._body.dim, self._body.vertices[mine]
         columns = _columns(x, centre, self._body.is_revolved) * free
         size = np.abs(columns).max(axis=(0, 1), initial=0.0)
@@ -312,7 +313,7 @@ class _Units:
         return np.asarray(found * free)
 
     def moved(self, at: Balls) -> Balls:
-        """Return coefficients with those of rigid bodies replaced by their motions."""
+        """Return the coefficients, with those of rigid bodies replaced by rigid motions."""
         n, some = len(self._body.vertices), self.of_place >= 0
         if not some.any():
             return at
@@ -322,7 +323,7 @@ class _Units:
         return put(found, n + edges, (ends[:, 0] + ends[:, 1]) * Balls.exact(0.5))
 
     def _at_vertices(self, vertices: Longs) -> Balls:
-        """Return velocities of vertices of units."""
+        """Return the velocities of vertices that belong to units."""
         x, unit = self._body.vertices[vertices], self.of_place[vertices]
         arms = Balls.exact(x) - Balls.exact(self._centres[unit])
         turns = Balls.exact(self._turns[unit])
@@ -334,7 +335,7 @@ class _Units:
         return found * Balls.exact(x[:, :1]) if self._body.is_revolved else found
 
     def moved_with(self, bodies: "_Units", motions: Floats) -> None:
-        """Add motions of bodies to their units.
+        """Add the motions of bodies to their units.
 
         Args:
             bodies: The bodies.
@@ -352,7 +353,7 @@ class _Units:
         self._turns = np.asarray(self._turns + turns * self._free[:, d:])
 
     def lifted(self, at: Balls, jumps: "Jumps", units: "_Units") -> Balls:
-        """Return coefficients with whole bodies moved out of penetrations."""
+        """Return the coefficients after whole bodies were moved out of penetrations."""
         enters = jumps.enters(at)
         motions = self._lift(at, jumps, enters, np.ones(len(enters), dtype=bool))
         if motions is None:
@@ -364,7 +365,7 @@ class _Units:
         return units.moved(at + shift)
 
     def parted(self, at: Balls, jumps: "Jumps", enters: Floats, free: Flags) -> Balls:
-        """Return coefficients with rigid bodies moved out of remaining penetrations."""
+        """Return the coefficients after rigid bodies were moved out of remaining penetrations."""
         motions = self._lift(at, jumps, enters, jumps.alone(free))
         if motions is None:
             return at
@@ -374,9 +375,9 @@ class _Units:
         return self.moved(at)
 
     def _lift(self, at: Balls, jumps: "Jumps", enters: Floats, some: Flags) -> Floats | None:
-        """Return motions that separate the chosen penetrating jumps; None if least squares fails.
+        """Return motions that separate selected penetrating jumps; None if least squares fails.
 
-        Nearby jumps do not penetrate because of the motions.
+        The motions cause no penetration at neighbouring jumps.
         """
         if not self._free.any():
             return None
@@ -414,7 +415,7 @@ class _Units:
         return np.asarray((scale * motion / size).reshape(self._free.shape) * self._free)
 
     def _middles(self) -> Floats:
-        """Return the points; those of edges are in the middle."""
+        """Return the coordinates of the points; points of edges are their middles."""
         x = self._body.vertices
         return np.concatenate([x, x[self._places.ends].mean(axis=1)])
 
@@ -425,15 +426,15 @@ class _Units:
 
 
 def _hinges(x: Floats, held: Flags, first: Floats) -> Iterator[Floats]:
-    """Return points about which a body may rotate, in addition to supports.
+    """Yield points about which a body may rotate although supports hold it.
 
-    A rotation moves a point that is held along one axis if its arm is along another axis. It may do
-    so where all of that has the same coordinate as the place.
+    A rotation does not move a point along a held axis if the point's arm is parallel to this axis.
+    So a centre is possible where all such points have the same coordinate as the centre.
 
     Args:
-        x: Vertices that are held, shape (n, d).
-        held: Along which axes, the same shape.
-        first: A place.
+        x: Vertices that supports hold, shape (n, d).
+        held: The axes along which they are held, same shape.
+        first: The first point to return.
     """
     every = []
     for j, of_first in enumerate(first):
@@ -458,7 +459,7 @@ def _join(labels: Longs, groups: Sequence[Longs]) -> None:
 
 
 def _turned(turn: Floats, arms: Floats) -> Floats:
-    """Return rotation × arms, shape (n, d), for one rotation or one for each arm."""
+    """Return rotation × arms, shape (n, d), for one rotation or for one rotation per arm."""
     if arms.shape[1] == 2:
         return np.asarray(turn[..., :1] * np.column_stack([-arms[:, 1], arms[:, 0]]))
     return np.asarray(np.cross(turn, arms), dtype=np.float64)

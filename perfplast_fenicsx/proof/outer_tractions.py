@@ -1,4 +1,4 @@
-"""Compute residuals of a stress on outer facets: of loads, contact, and rigid surfaces."""
+"""Compute the residuals of a stress on outer facets, from loads, contact and rigid surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ class Outer:
     """Residuals on outer facets.
 
     Attributes:
-        ratios: Ratios of each condition, relative to the weakest cell of a row, or to the limit.
+        ratios: Residual of each condition, relative to the weakest cell of a row, or to the limit.
         lost: Unbalanced forces of each facet, shape (num_facets,).
-        of_plates: Unbalanced forces of the plate of each rigid surface, shape (num_rigid,).
-        reacts: Magnitudes of the forces of contact and of rigid surfaces on each facet.
-        reason: Why the contact conditions cannot be checked, or None.
+        of_plates: Unbalanced forces on each rigid surface, shape (num_rigid,).
+        reacts: Magnitudes of the forces that contact and rigid surfaces exert on each facet.
+        reason: Reason why the contact conditions cannot be checked, or None.
     """
 
     ratios: dict[str, Floats]
@@ -63,7 +63,7 @@ def outer_tractions(
     traction = tractions_on(body, stress, body.outer, places, body.normals)
     rest = traction - applied(body, loads)
     free = ~body.held
-    into = np.zeros_like(body.normals)  # where contact pushes from: σn = λt − p into
+    into = np.zeros_like(body.normals)  # direction of contact pressure: σn = λt − p into
     times = np.zeros(len(into), dtype=int)
     adhesion, friction = np.zeros(len(into)), np.zeros(len(into))
     radii = strengths[cells]
@@ -97,14 +97,14 @@ def outer_tractions(
     rest = rest * ~glued[:, None, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
-    # If supports leave less than this of a contact's normal free, its force cannot be determined.
+    # If supports leave less than this part of a contact's normal free, its force is unknown.
     undetermined = 1e-12
     told = square > undetermined
     pressure = np.zeros(rest.shape[:2])
     pressure[told] = -np.einsum("fvi,fi->fv", rest[told], share[told]) / square[told, None]
     shears = (rest + pressure[..., None] * into[:, None]) * free[:, None]
     wrong = np.linalg.norm(shears, axis=2)
-    pressure[guided] = 0.0  # forces of supports may pull as well
+    pressure[guided] = 0.0  # forces of supports may also pull
     tension = np.maximum(-pressure, 0.0)
     unequal = np.zeros_like(pressure)
     for pair in pairs:
@@ -140,7 +140,7 @@ def outer_tractions(
 
 
 def _order(body: Body, pair: Touching) -> Longs:
-    """Return indices of values on opposite facets, in the order of those on the first ones."""
+    """Return the indices of values on opposite facets, in the order of the first facets' values."""
     if not body.is_revolved:
         return pair.order
     return np.column_stack([pair.order, np.full(len(pair.order), 2)])
@@ -149,7 +149,8 @@ def _order(body: Body, pair: Touching) -> Longs:
 def _unequal_shears(body: Body, pairs: Sequence[Touching], shears: Floats, rubs: Flags) -> Floats:
     """Return differences of shear tractions on both sides of contact with friction.
 
-    Components that supports hold are unknown on that side, and balance those of the other side.
+    Components that supports hold are unknown on their side of the contact. They balance the
+    components on the other side.
     """
     found = np.zeros(shears.shape[:2])
     for pair in pairs:

@@ -1,9 +1,9 @@
 """Bound in-plane stresses by a parabola: R² ≤ k (f − σ₁), the criterion of Hoek and Brown.
 
-R = (σ₁ − σ₃)/2 is the radius of Mohr's circle. The gauge of the set is the positive root g of
-kfg² − kσ₁g − R² = 0. The supremum of σ:ε for v = tr ε > 0 and γ = ε₁ − ε₃ is fv + (k/4)(γ − v)₊²/v.
-It has no limit as v falls to 0. So the checker requires v ≥ δγ. These rates form a convex cone, on
-which the supremum has a Lipschitz constant.
+R = (σ₁ − σ₃)/2 is the radius of Mohr's circle. The gauge of this set of stresses is the positive
+root g of kfg² − kσ₁g − R² = 0. For v = tr ε > 0 and γ = ε₁ − ε₃ the supremum of σ:ε is fv + (k/4)(γ
+− v)₊²/v. It tends to infinity as v tends to 0, so the checker requires v ≥ δγ. Rates with v ≥ δγ
+form a convex cone, on which the supremum has a Lipschitz constant.
 """
 
 import numpy as np
@@ -14,11 +14,11 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
 Floats = npt.NDArray[np.float64]
 
 GENTLEST = 0.01
-"""Least v/γ, which is the sine of the friction angle under a pressure of about 2500 k."""
+"""Least δ = v/γ, which is the sine of the friction angle under a pressure of about 2500 k."""
 
 
 def check_parabolas(curvature: Floats, tension: Floats, m: int) -> None:
-    """Refuse parabolas without zero inside, and those that are not in the plane.
+    """Refuse parabolas that do not contain zero stress, or that are not for plane strain.
 
     Args:
         curvature: k, shape (n,).
@@ -26,7 +26,7 @@ def check_parabolas(curvature: Floats, tension: Floats, m: int) -> None:
         m: Number of components of a stress.
 
     Raises:
-        ProofError: If one is refused.
+        ProofError: If a parabola is refused.
     """
     if len(curvature) and m != 3:
         raise ProofError("cone_curvature is given for bodies that are not in plane strain.")
@@ -47,13 +47,13 @@ def gauges(curvature: Floats, tension: Floats, stress: Floats) -> Floats:
 
 
 def most_gauge(curvature: Floats, tension: Floats) -> Floats:
-    """Return the most that a stress of size 1 adds to the gauge: σ₁ ≤ 1 and R ≤ 1/√2."""
+    """Return the largest gauge of a stress of size 1, for which σ₁ ≤ 1 and R ≤ 1/√2."""
     root = np.sqrt(curvature**2 + 2 * curvature * tension)
     return np.asarray((curvature + root) / (2 * curvature * tension))
 
 
 def powers(curvature: Floats, tension: Floats, rates: Floats) -> Floats:
-    """Return the dissipation of rates, with the least dilation for those that have less."""
+    """Return the dissipation of rates, after raising v to δγ where it is smaller."""
     growth, shear = sizes(rates)
     growth = np.maximum(growth, GENTLEST * shear)
     over = np.maximum(shear - growth, 0.0)
@@ -64,7 +64,8 @@ def powers(curvature: Floats, tension: Floats, rates: Floats) -> Floats:
 def steepest(curvature: Floats, tension: Floats) -> Floats:
     """Return the Lipschitz constant of :func:`powers`.
 
-    The derivatives by v and γ are at most f + k/4δ² and k/2δ + fδ, and |dv|, |dγ| ≤ √2 |dε|.
+    The derivatives with respect to v and γ are at most f + k/4δ² and k/2δ + fδ, and |dv|, |dγ| ≤ √2
+    |dε|.
     """
     by_growth = tension + curvature / (4 * GENTLEST**2)
     by_shear = curvature / (2 * GENTLEST) + tension * GENTLEST

@@ -13,13 +13,14 @@ CHILDREN = {
         *("01 02 03 13", "01 02 12 13", "02 03 13 23", "02 12 13 23"),
     ),
 }
-"""Parts of a simplex with halved edges, by dimension: ends of the edges whose middles are the
-vertices. The order is that of J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
+"""Parts of a simplex with halved edges, by dimension. A vertex of a part is the middle of an edge,
+and is written as the ends of this edge. The order is that of J. Bey, Tetrahedral grid refinement,
+Computing 55 (1995), 355."""
 
 
 @lru_cache
 def parts_of(dim: int, times: int) -> Floats:
-    """Return barycentric coordinates of their vertices, shape (num_parts, dim + 1, dim + 1)."""
+    """Return barycentric coordinates of the parts' vertices, (num_parts, dim + 1, dim + 1)."""
     parts: Floats = np.eye(dim + 1)[None]
     ends = np.array([[list(map(int, edge)) for edge in child.split()] for child in CHILDREN[dim]])
     for _ in range(times):
@@ -31,12 +32,12 @@ def parts_of(dim: int, times: int) -> Floats:
 
 @lru_cache
 def halved(dim: int, times: int) -> tuple[Floats, Floats]:
-    """Return points and weights of the vertex rule on these parts.
+    """Return the points and weights of the vertex rule on the parts.
 
     Returns:
         Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume, same shape.
-        A share is the mean of a point's hat function times a barycentric coordinate. The sum over
-        the coordinates is the weight of the point.
+        A share is the mean of a point's hat function times a barycentric coordinate. The weight of
+        a point is the sum of its shares.
     """
     parts = parts_of(dim, times)
     points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
@@ -53,7 +54,7 @@ def mean_shares(values: Floats) -> Floats:
         values: Values of the functions at the vertices k, shape (..., dim + 1, n).
 
     Returns:
-        ∫ λ_k f divided by the volume, same shape as the values. It is the sum of f_k and of all
+        ∫ λ_k f divided by the volume, same shape as the values. It equals f_k plus the sum of all
         values, divided by (dim + 1)(dim + 2).
     """
     n = values.shape[-2]

@@ -1,4 +1,4 @@
-"""Find pieces of cells connected by facets, and trees of them; check each piece's equilibrium."""
+"""Find pieces of cells connected by facets, build trees of them, and check their equilibrium."""
 
 import numpy as np
 
@@ -6,18 +6,18 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 
 
 def pieces_of(body: Body) -> Longs:
-    """Return an index for each cell, equal for cells joined by inner facets, shape (num_cells,)."""
+    """Return an index for each cell, equal for connected cells, shape (num_cells,)."""
     one, other = (body.sides[0] // (body.dim + 1)).T
     return joined(len(body.cells), one, other)
 
 
 def joined(count: int, one: Longs, other: Longs) -> Longs:
-    """Return an index for each of ``count`` things, equal for those that pairs join.
+    """Return an index for each of ``count`` items, equal for items that pairs connect.
 
     Args:
-        count: Number of things.
-        one: The first of each pair.
-        other: The second of each pair.
+        count: Number of items.
+        one: First item of each pair.
+        other: Second item of each pair.
     """
     found = np.arange(count)
     while (found[one] != found[other]).any():
@@ -34,15 +34,14 @@ def largest_share(
 ) -> float:
     """Return the largest unbalanced force of a piece relative to its loads.
 
-    A piece without loads could be free of stress, so that its residual is harmless. A small share
-    of all loads counts as rounding in any piece, unless it exceeds the capacity of the piece's
-    cells.
+    A piece without loads may be free of stress, and then its residual is harmless. A small share of
+    all loads counts as rounding in any piece, unless it exceeds the strength of the piece's cells.
 
     Args:
         body: The bodies.
-        left: Magnitudes of unbalanced forces of cells, inner facets and outer ones.
-        applied: Magnitudes of loads of cells, and of loads and contact forces on outer facets.
-        strengths: Forces that cells bear.
+        left: Magnitudes of unbalanced forces on cells, inner facets and outer facets.
+        applied: Magnitudes of the loads on cells, and of loads and contact forces on outer facets.
+        strengths: Forces that the cells bear.
     """
     pieces, wide = pieces_of(body), body.dim + 1
     inner, outer = pieces[body.sides[0][:, 0] // wide], pieces[body.outer // wide]
@@ -61,11 +60,11 @@ def largest_share(
 
 
 def bare_ends(body: Body, bare: Flags | None) -> Longs:
-    """Return the number of vertices of each side where tractions are zero, shape (num_sides,).
+    """Return for each side the number of its vertices with zero traction, shape (num_sides,).
 
     Args:
         body: The bodies.
-        bare: Vertices of cells where the stress is zero; None for no such vertices.
+        bare: Vertices of cells at which the stress is zero; None if there are no such vertices.
     """
     wide = body.dim + 1
     if bare is None:
@@ -79,7 +78,7 @@ def bare_ends(body: Body, bare: Flags | None) -> Longs:
 
 
 def across_of(body: Body) -> Longs:
-    """Return the opposite side of each side, −1 for outer ones."""
+    """Return the opposite side of each side, −1 for outer facets."""
     sides = body.sides[0]
     found = np.full(len(body.cells) * (body.dim + 1), -1)
     found[sides[:, 0]], found[sides[:, 1]] = sides[:, 1], sides[:, 0]
@@ -89,7 +88,7 @@ def across_of(body: Body) -> Longs:
 def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[list[Longs], Longs]:
     """Return the cells by their distance from the roots, and each cell's side towards its root.
 
-    The side is −1 at a root, which is the largest cell of its piece. The tree prefers large facets.
+    The side is −1 at a root, the largest cell of its piece. The tree prefers large facets.
     """
     wide, count = body.dim + 1, len(body.cells)
     size = body.areas_of(np.arange(count * wide))

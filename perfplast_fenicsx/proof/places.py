@@ -1,4 +1,4 @@
-"""Number the points of a quadratic velocity's Bernstein coefficients: vertices and edges."""
+"""Number the Bernstein coefficients of a quadratic velocity, at vertices and edges."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -13,10 +13,11 @@ class Places:
     """The points of Bernstein coefficients: first the vertices, then the edges.
 
     Attributes:
-        of_cells: Indices for each cell: its vertices, then its edges 01, 02, ..., 12, ...; shape
-            (num_cells, 6 or 10).
-        of_facets: Indices for outer facets in the same order, shape (num_facets, 3 or 6).
-        ends: Vertices of the edges, shape (num_edges, 2).
+        of_cells: Indices of each cell's points: its vertices, then its edges 01, 02, ..., 12, ...;
+            shape (num_cells, 6 or 10).
+        of_facets: Indices of each outer facet's points in the same order, shape (num_facets, 3 or
+            6).
+        ends: Indices of the vertices at the ends of edges, shape (num_edges, 2).
         count: Number of points.
     """
 
@@ -27,7 +28,7 @@ class Places:
 
 
 def places_of(body: Body) -> Places:
-    """Return the points of the coefficients of bodies."""
+    """Return the points of the Bernstein coefficients for given bodies."""
     d, n = body.dim, len(body.vertices)
     pairs = list(combinations(range(d + 1), 2))
     ends = np.sort(body.cells[:, pairs].reshape(-1, 2), axis=1)

@@ -22,7 +22,7 @@ NUMBERS = (
     *("bound", "factor", "any_factor", "inner_factor", "inner_any_factor"),
     *("revolved", "strength_factor"),
 )
-"""Names of numbers that are attributes of a half."""
+"""Names of numbers that a half stores as attributes."""
 
 FLAGS = ("held", "rigid_held", "revolved", "cell_kept", "contact_kept", "obstacle_kept")
 
@@ -32,10 +32,10 @@ class ProofError(ValueError):
 
 
 def plain(name: str, values: Any) -> npt.NDArray:
-    """Return an array of the type for its name: float64, int64 or bool.
+    """Return the values as an array of the type that its name requires: float64, int64 or bool.
 
     Raises:
-        ProofError: If it has another type, or flags other than 0 and 1.
+        ProofError: If the values have another type, or are flags other than 0 and 1.
     """
     array = np.asarray(values)
     kinds, what = "fiu", "real numbers"
@@ -77,10 +77,10 @@ def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
 
 
 def number_of(name: str, values: Any) -> float:
-    """Return a claimed number.
+    """Return a number of the file.
 
     Raises:
-        ProofError: If it is not one finite real number.
+        ProofError: If the value is not one finite real number.
     """
     array = np.asarray(values)
     if array.shape != () or array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
@@ -94,12 +94,13 @@ def bound_of(values: Any, with_constant: bool) -> float:
     """Return the claimed bound.
 
     Args:
-        values: As given.
-        with_constant: Whether there are constant loads. Without them the bodies carry zero load,
-            and a negative bound is not valid.
+        values: The value in the file.
+        with_constant: Whether there are constant loads. Without constant loads the bodies bear zero
+            load, so a negative bound is not valid.
 
     Raises:
-        ProofError: If it is not one finite real number, or is negative without constant loads.
+        ProofError: If the value is not one finite real number, or is negative without constant
+            loads.
     """
     bound = number_of("bound", values)
     if bound < 0 and not with_constant:
@@ -108,20 +109,21 @@ def bound_of(values: Any, with_constant: bool) -> float:
 
 
 def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
-    """Return the uncompressed arrays of an HDF5 group.
+    """Return the arrays of an HDF5 group, as NumPy arrays.
 
     Args:
         file: File from :func:`stored_file.stored_file`.
-        kind: Its name.
+        kind: Name of the group.
 
     Raises:
-        ProofError: If it is not a group of arrays, or if an array is larger than its stored data.
+        ProofError: If this is not a group of arrays, or an array declares more numbers than it
+            stores.
     """
     group = file[kind]
     if not isinstance(group, h5py.Group):
         raise ProofError("a half is not a group of arrays.")
     found: dict[str, npt.NDArray] = {}
-    most_axes = 4  # an array of a proof
+    most_axes = 4  # largest number of axes of a proof's arrays
     for name in (*FLOATS, *LONGS, *FLAGS):
         if name not in group or name == "revolved":  # a number of the group
             continue
@@ -142,12 +144,12 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
 
 
 def equal(one: npt.NDArray, other: npt.NDArray) -> bool:
-    """Return whether arrays are exactly equal; NaN equals NaN."""
+    """Return whether two arrays are exactly equal, where NaN equals NaN."""
     return np.array_equal(one, other, equal_nan=other.dtype.kind == "f")
 
 
 def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[str, npt.NDArray]:
-    """Return arrays by name with the required types.
+    """Return the named arrays with the required types.
 
     Raises:
         ProofError: If an array is missing or of another type.
@@ -159,16 +161,17 @@ def checked(arrays: Mapping[str, npt.NDArray], names: tuple[str, ...]) -> dict[s
 
 
 def digest_of(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> str:
-    """Return the SHA-256 of the numbers of a proof, whatever types and order the file has.
+    """Return the SHA-256 of a proof's numbers, independent of types and order in the file.
 
-    It is that of, for each half and name in alphabetical order, the line "half/name shape" and the
-    numbers as doubles, the lowest byte first.
+    The hashed bytes consist of two parts for each half and name, in alphabetical order. The first
+    part is the line "half/name shape". The second part is the numbers as doubles, lowest byte
+    first.
 
     Args:
         halves: Arrays and numbers by name, of "lower", "upper" or both.
 
     Raises:
-        ProofError: If an array or a number is not plain.
+        ProofError: If a value is not an array of numbers, or is not a number.
     """
     found = hashlib.sha256()
     for kind in sorted(halves):

@@ -1,9 +1,10 @@
-"""Balance a stress on rigid plates: the residual of the loads on their surfaces.
+"""Balance a stress on rigid plates: compute the residual of the loads on their surfaces.
 
-A plate exerts any tractions on its surface whose resultant is that of its loads. So it transfers
-the missing part of the resultant through one facet, as a cell does (:mod:`balance`). Along held
-axes, and then about all axes, it exerts any further force. A plate that is glued to several pieces
-passes any force, and any moment, from one to another.
+The tractions of a plate on its surface are arbitrary, but their resultant must equal that of the
+plate's loads. So the plate transfers the missing part of the resultant through one facet, as a cell
+does (:mod:`balance`). A plate that is held along an axis exerts any additional force along this
+axis, and any moment. A plate that is glued to several pieces transfers any force and moment from
+one piece to another.
 """
 
 from collections.abc import Sequence
@@ -22,21 +23,22 @@ AROUND = Balls(np.asarray(1 / (2 * np.pi)), np.asarray(0.0), np.asarray(U))
 
 @dataclass(frozen=True)
 class Plates:
-    """Forces and moments of plates.
+    """The forces and moments of plates.
 
     Attributes:
         centres: Points about which moments are taken, shape (num_rigid, d).
-        extents: The largest distances of the surfaces from these points.
-        missing: Forces, and moments over extents, that complete the resultants to those of the
-            loads, shape (num_rigid, d + 1 or 3); zero along held components.
-        errors: Their errors.
-        through: The facet through which each plate transfers them.
-        first: A facet on which a further force of any size can act, shape (n,).
-        second: Facet on which it acts with the opposite sign, −1 for none.
-        plate: The plate of each force.
-        component: Index of the force or moment component.
-        acts: Whether anything but the body itself acts on each plate along each axis, shape
-            (num_rigid, d): loads, a support, or another piece.
+        extents: Largest distances of the surfaces from these points.
+        missing: Forces, and moments over extents, that are missing between the tractions'
+            resultants and those of the loads, shape (num_rigid, d + 1 or 3); zero along held
+            components.
+        errors: Errors of ``missing``.
+        through: The facet through which each plate transfers the missing resultant.
+        first: Facet on which an additional force of any size can act, shape (n,).
+        second: Facet on which the opposite force acts, −1 if there is none.
+        plate: Index of each force's plate.
+        component: Index of the component of force or moment.
+        acts: Whether anything except the piece itself acts on each plate along each axis (loads, a
+            support, or another piece), shape (num_rigid, d).
     """
 
     centres: Floats
@@ -51,7 +53,7 @@ class Plates:
     acts: Flags
 
     def acts_on(self, body: Body, acts: Flags) -> Flags:
-        """Return whether anything outside pieces acts on their facets along each axis.
+        """Return whether anything outside a piece acts on its facets along each axis.
 
         Forces between a plate and a piece are internal to both together.
 
@@ -69,19 +71,19 @@ class Plates:
         return found
 
     def wrenches(self) -> Floats:
-        """Return the further unit forces and moments, shape (n, d + 1 or 3)."""
+        """Return the additional unit forces and moments, shape (n, d + 1 or 3)."""
         return np.asarray(np.eye(self.missing.shape[1])[self.component])
 
 
 def plates_of(
     body: Body, rest: Balls, kinds: Sequence[tuple[float, Loads]], pieces: Longs
 ) -> Plates:
-    """Return the missing parts of the resultants of plates' loads.
+    """Return the missing parts of the resultants of the plates' loads.
 
     Args:
         body: The bodies.
         rest: Tractions times areas at the vertices of facets, minus the loads, shape (num_facets,
-            d, d), or coefficients of r times these, shape (num_facets, 3, 2).
+            d, d), or coefficients of r times this difference, shape (num_facets, 3, 2).
         kinds: Loads of each kind, and their factors.
         pieces: Index of the piece of each cell.
     """
@@ -126,7 +128,7 @@ def plates_of(
 
 
 def _of_tractions(body: Body, rest: Balls, x: Floats, centre: Floats) -> Balls:
-    """Return forces and moments opposite to facet tractions, shape (n, d + 1 or 3)."""
+    """Return forces and moments opposite to those of facet tractions, (n, d + 1 or 3)."""
     d = body.dim
     if body.is_revolved:
         force = -rest.sum(axis=1) * Balls.part(3)
@@ -139,7 +141,7 @@ def _of_tractions(body: Body, rest: Balls, x: Floats, centre: Floats) -> Balls:
 
 
 def _of_loads(body: Body, loads: Loads, number: int, centre: Floats, factor: float) -> Balls:
-    """Return the force and moment of loads on a plate, shape (1, d + 1 or 3)."""
+    """Return the force and moment of the loads on a plate, shape (1, d + 1 or 3)."""
     force = Balls.exact(loads.rigid_force[number, None])
     about = Balls.exact(loads.rigid_moment[number, None])
     about = about - crossed(Balls.exact(centre[None]), force)
@@ -152,7 +154,7 @@ def _columns(values: Balls) -> list[Balls]:
 
 
 def _through(body: Body, facets: Longs, pieces: Longs) -> tuple[int, list[int]]:
-    """Return the largest facet of a surface, and the largest facets on other pieces."""
+    """Return the largest facet of a surface, and the largest facet on each other piece."""
     of = pieces[body.outer[facets] // (body.dim + 1)]
     order = np.lexsort([facets, -body.areas[facets]])
     _, first = np.unique(of[order], return_index=True)

@@ -1,9 +1,9 @@
 """Bound principal stresses: (1 + s)σ₁ − (1 − s)σ₃ ≤ c, with or without a tensile strength σ₁ ≤ f.
 
 In plane strain the out-of-plane stress is free; some value of it between the in-plane stresses is
-always admissible. There is no out-of-plane strain rate. The supremum of σ:ε is at the apex c/2s for
-all three stresses, or with f at the vertices with σ₁ = f, where σ₂ and σ₃ are each f or r = ((1 +
-s)f − c)/(1 − s).
+always admissible. The out-of-plane strain rate is zero. Without a tensile strength, the supremum of
+σ:ε is attained at the apex, where all three stresses are c/2s. With f it is attained at vertices
+with σ₁ = f, where σ₂ and σ₃ are each either f or r = ((1 + s)f − c)/(1 − s).
 """
 
 import numpy as np
@@ -18,13 +18,13 @@ Flags = npt.NDArray[np.bool_]
 def check_principal(
     bound: Floats, sine: Floats, tension: Floats, sines: tuple[float, float]
 ) -> None:
-    """Refuse bounds without zero inside, or whose dissipation is not supported.
+    """Refuse bounds that do not contain zero stress, or whose dissipation is not supported.
 
     Args:
         bound: c, shape (n,).
         sine: s, same shape.
-        tension: f, same shape, NaN without one.
-        sines: The least value that is not nearly zero, and the largest value.
+        tension: f, same shape, NaN without a tensile strength.
+        sines: Least nonzero value of s, and largest value of s, that are supported.
 
     Raises:
         ProofError: If a bound is refused.
@@ -41,7 +41,7 @@ def check_principal(
 
 
 def eigenvalues(vector: Floats) -> Floats:
-    """Return ascending principal values of stresses, shape (..., 3) from vectors (..., m)."""
+    """Return the principal stresses in ascending order, shape (..., 3) from vectors (..., m)."""
     if vector.shape[-1] == 3:  # in the plane
         mean = vector[..., :2].mean(axis=-1)
         vector = np.insert(vector, 2, mean, axis=-1)
@@ -61,7 +61,7 @@ def power_factors(bound: Floats, sine: Floats, tension: Floats) -> tuple[Floats,
     Args:
         bound: c, shape (n,).
         sine: s, same shape.
-        tension: f, same shape, NaN without one.
+        tension: f, same shape, NaN without a tensile strength.
     """
     steep, cut = sine > 0, ~np.isnan(tension)
     apex = bound / np.where(steep, 2 * sine, 1.0)

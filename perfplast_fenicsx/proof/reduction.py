@@ -1,9 +1,9 @@
-"""Handle strengths that a factor of safety divides, and those that it leaves unchanged.
+"""Handle strengths that a factor of safety divides, and strengths that remain undivided.
 
 In a half with the number ``strength_factor``, strengths are divided by it: cohesions, slopes of
 friction and yield stresses, except those marked by ``cell_kept``, ``contact_kept`` and
-``obstacle_kept``. All other conditions use the strengths on file. This module computes the
-strengths without the factor, so that a reader can compare them with the data of the bodies.
+``obstacle_kept``. All other modules use the divided strengths on file. This module computes the
+undivided strengths, which a reader can compare with the data of the bodies.
 """
 
 from collections.abc import Mapping
@@ -27,14 +27,14 @@ MOST = 6
 def reduction_of(
     body: Body, arrays: Mapping[str, npt.NDArray]
 ) -> tuple[float, dict[str, npt.NDArray]] | None:
-    """Return the factor that divides strengths, and the flags of unchanged strengths.
+    """Return the factor that divides strengths, and the flags of undivided strengths.
 
     Args:
         body: The bodies with divided strengths.
         arrays: Arrays of the half.
 
     Returns:
-        None for a half without a factor.
+        The factor and the flags, or None for a half without a factor.
 
     Raises:
         ProofError: If the factor is not positive, if the flags do not fit the bodies, or if a
@@ -65,14 +65,14 @@ def reduction_of(
 def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Body:
     """Return the bodies with undivided strengths.
 
-    The function multiplies cohesions, tangents of friction angles, tensile strengths and friction
-    by the factor. For cones without a known angle, such as cones with a slope in space, it
-    preserves only the apex and sets the slope to the size of the matrix.
+    The function multiplies cohesions, tangents of friction angles, tensile strengths and
+    coefficients of friction by the factor. For cones without a known friction angle, such as cones
+    with a slope in space, it preserves only the apex and sets the slope to the size of the matrix.
 
     Args:
         body: The bodies with divided strengths.
         factor: The factor.
-        kept: Flags of unchanged strengths (:func:`reduction_of`).
+        kept: Flags of undivided strengths (:func:`reduction_of`).
     """
     bound, slope = body.cone_bound.copy(), body.cone_slope.copy()
     sine, tension = body.cone_sine.copy(), body.cone_tension.copy()
@@ -109,9 +109,9 @@ def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Bo
 
 
 def _sines_of(body: Body) -> Floats:
-    """Return the sine of the friction angle of each cone, NaN if no angle is known.
+    """Return the sine of each cone's friction angle, NaN if the angle is not known.
 
-    The angle is known for cones of principal stresses, and for plane cones about the axis of mean
+    The angle is known for cones of principal stresses, and for plane cones whose axis is the mean
     stress: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
     """
     slope, matrix = body.cone_slope, body.cone_matrix
@@ -131,7 +131,7 @@ def _sines_of(body: Body) -> Floats:
 
 
 def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
-    """Return a sentence on the factor that divides strengths; an empty list without a factor.
+    """Return the sum of loads on rigid surfaces, and the largest load over its area, in size.
 
     Args:
         body: The bodies with divided strengths.
@@ -167,9 +167,9 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
 
 
 def _whole(body: Body, number: np.int64, factor: float) -> str:
-    """Return an undivided strength in words.
+    """Return the undivided strength of a cone, in words.
 
-    ``factor`` multiplies the bound or, if a slope is given, cohesion and tan φ.
+    ``factor`` multiplies the bound, or cohesion and tan φ if the cone has a slope.
     """
     bound, slope = body.cone_bound[number], body.cone_slope[number]
     principal = bool(body.cones.is_principal[number])

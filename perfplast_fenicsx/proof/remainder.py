@@ -1,12 +1,13 @@
 """Compute the unbalanced forces of a stress, with bounds of the rounding errors.
 
-Forces on a cell are forces per volume times the volume, and tractions at the vertices of its facets
-times their area. The cell is the exact one, with the coordinates on file. Supports and contact
-exert forces on outer facets. The module chooses these so that the residual is small:
+The forces on a cell are forces per volume times the volume, and tractions at the vertices of its
+facets times their areas. The geometry of the cell is exact, with the coordinates on file. Supports
+and contact exert forces on outer facets. The module chooses these forces so that the residual is
+small:
 
 - A support exerts the traction of the stress along its held directions.
-- Contact exerts q ≥ 0 times the normal of the first facet of a pair. With friction it also exerts a
-  shear force of at most c + μq. Both are opposite on the other side.
+- Contact exerts q ≥ 0 times the normal of the pair's first facet. With friction it also exerts a
+  shear traction of at most c + μq. The opposite tractions act on the other side.
 """
 
 from collections.abc import Sequence
@@ -20,22 +21,22 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
 
 UNIT = 4e-12
-"""Four times the length error of unit vectors on file."""
+"""Four times the largest error of the length of unit vectors on file."""
 
 
 @dataclass(frozen=True)
 class Anchors:
-    """Tractions that supports and contact can exert in addition.
+    """Additional tractions that supports and contact can exert.
 
-    Each is linear on its facet, and zero at all vertices but one.
+    Each traction is linear on its facet, and zero at all vertices but one.
 
     Attributes:
         facets: The facet of each traction, shape (n,).
-        corners: The index of the vertex in the facet.
-        opposite: The facet on which it acts with the opposite sign, or −1.
-        opposite_corners: The index of the vertex in the opposite facet.
-        along: Directions, vectors with a length of about 1, shape (n, d).
-        most: The largest traction times area at the vertex, ∞ if it is not limited.
+        corners: Index in the facet of the vertex with nonzero traction.
+        opposite: Facet on which the opposite traction acts, or −1.
+        opposite_corners: Index in the opposite facet of the vertex with nonzero traction.
+        along: Directions of the tractions, vectors of length about 1, shape (n, d).
+        most: Largest traction times area at the vertex, ∞ if it is not limited.
     """
 
     facets: Longs
@@ -48,18 +49,18 @@ class Anchors:
 
 @dataclass(frozen=True)
 class Remainder:
-    """Unbalanced forces, and the places where forces act.
+    """Unbalanced forces, and information on where forces act.
 
     Attributes:
         cells: Unbalanced forces per volume times the volume, shape (num_cells, d).
-        inner: Jumps of tractions times area at the vertices of inner facets, ordered by vertex
-            number, acting on the first of two cells, shape (num_inner, d, d).
-        outer: Tractions times area on outer facets that nothing exerts, shape (num_facets, d, d).
-        acts: Whether any force acts on facets along each axis, shape (num_facets, d).
-        pulls: Whether any force acts on cells along each axis, shape (num_cells, d).
+        inner: Jumps of tractions times area at the vertices of inner facets, sorted by vertex
+            number. They act on the first of the two cells; shape (num_inner, d, d).
+        outer: Tractions times area on outer facets that nothing balances, shape (num_facets, d, d).
+        acts: Whether any force acts on each facet along each axis, shape (num_facets, d).
+        pulls: Whether any body force acts on each cell along each axis, shape (num_cells, d).
         anchors: Additional forces that can act.
-        plates: Tractions times area minus those of loads, whose resultants on rigid surfaces must
-            equal those of the loads, shape (num_facets, d, d).
+        plates: Tractions times area minus those of the loads, shape (num_facets, d, d). On each
+            rigid surface their resultant must equal that of the plate's loads.
     """
 
     cells: Balls
@@ -73,7 +74,7 @@ class Remainder:
 
 @dataclass(frozen=True)
 class Shapes:
-    """Volumes and area vectors of the cells.
+    """Volumes and area vectors of the cells, with errors.
 
     Attributes:
         areas: Outward area vectors of the facets opposite each vertex, shape (num_cells, d + 1, d).
@@ -105,7 +106,7 @@ def shapes_of(body: Body) -> Shapes:
 
 
 def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds of ‖B‖ and ‖B⁻¹‖ of the maps from the regular simplex.
+    """Return upper bounds of ‖B‖ and ‖B⁻¹‖ for the maps B from the regular simplex to the cells.
 
     Args:
         body: The bodies.
@@ -138,14 +139,15 @@ def remainder_of(
     shapes: Shapes,
     bare: Flags | None = None,
 ) -> Remainder:
-    """Return the remainder of a stress.
+    """Return the remainder of a stress: its unbalanced forces.
 
     Args:
         body: The bodies, of cells in the plane or in space.
-        stress: Stress at the vertices of each cell, effective with a pore pressure.
+        stress: Stress (effective with a pore pressure) at the vertices of each cell.
         kinds: Loads of each kind, and their factors.
         shapes: Shapes of the cells.
-        bare: Vertices of cells where nothing may be exerted, shape (num_cells, d + 1).
+        bare: Vertices of cells at which supports and contact may exert nothing, shape (num_cells, d
+            + 1).
     """
     d = body.dim
     areas = shapes.areas
@@ -180,7 +182,7 @@ def remainder_of(
 
 
 def summed(kinds: Sequence[tuple[float, Floats]]) -> Balls:
-    """Return the sum of loads times their factors."""
+    """Return the sum of the loads times their factors."""
     found = [Balls.exact(values) * Balls.exact(factor) for factor, values in kinds if values.any()]
     if not found:
         return Balls.exact(np.zeros_like(kinds[0][1]))
@@ -188,7 +190,7 @@ def summed(kinds: Sequence[tuple[float, Floats]]) -> Balls:
 
 
 def _alike(body: Body, sides: Longs) -> Longs:
-    """Return indices in the cells of the vertices of sides, ordered by vertex number."""
+    """Return indices in the cells of the vertices of sides, sorted by vertex number."""
     d = body.dim
     cells, places = sides // (d + 1), body.corners[sides % (d + 1)]
     numbers = np.take_along_axis(body.cells[cells], places, axis=1)
@@ -199,9 +201,9 @@ class Outer:
     """Outer facets with n values on each: at vertices, or coefficients of quadratics.
 
     Attributes:
-        rest: Tractions times area minus those of loads, shape (num_facets, n, d).
-        left: Tractions that nothing exerts.
-        acting: Tractions that act.
+        rest: Tractions times area minus those of the loads, shape (num_facets, n, d).
+        left: Tractions that nothing balances.
+        acting: Tractions that act on the facets.
     """
 
     def __init__(
@@ -217,12 +219,12 @@ class Outer:
 
         Args:
             body: The bodies.
-            at: Tractions times area of the stress, shape (num_facets, n, d).
-            traction: Tractions of loads, same shape.
+            at: Tractions times area from the stress, shape (num_facets, n, d).
+            traction: Tractions of the loads, same shape.
             areas: Area vectors of the sides of cells.
-            radii: In axisymmetry the coefficients of r, which multiply tractions, shape
+            radii: In axisymmetry the coefficients of r, by which tractions are multiplied, shape
                 (num_facets, n).
-            bare: Values where nothing may be exerted, same shape.
+            bare: Values at which supports and contact may exert nothing, same shape.
         """
         d = body.dim
         self._body, self._free = body, ~body.held
@@ -239,7 +241,7 @@ class Outer:
         self._touches = np.zeros(count, dtype=bool)
         self._order = np.zeros(shape, dtype=np.int64)
         self._second = np.zeros(count, dtype=bool)
-        self._room = np.full(shape, np.inf)  # additional force allowed by friction
+        self._room = np.full(shape, np.inf)  # additional force that friction allows
         self._rubs = np.zeros(count, dtype=bool)
         loads = traction * self._sizes[:, None, None]
         self.rest = at - loads
@@ -256,7 +258,7 @@ class Outer:
     def _exert(self) -> None:
         """Choose the tractions of supports and contact."""
         body = self._body
-        extra = self._order.shape[1] - body.dim  # the edge of a facet in axisymmetry
+        extra = self._order.shape[1] - body.dim  # 1 in axisymmetry, for the edge of a facet
         for pair, c, mu in self._pairs():
             self._into = put(self._into, pair.first, self._areas[pair.first])
             self._into = put(self._into, pair.second, -self._areas[pair.first])
@@ -291,7 +293,7 @@ class Outer:
         ]
 
     def _told(self, facets: Longs) -> Flags:
-        """Return where supports leave the contact direction free."""
+        """Return on which facets the supports leave part of the contact direction free."""
         share = self._into.mid[facets] * self._free[facets]
         squares = np.einsum("fi,fi->f", share, share)
         undetermined = 1e-12
@@ -315,9 +317,9 @@ class Outer:
 
         Args:
             facets: The facets.
-            pushes: Pressure with the smallest residual.
+            pushes: Pressure with the smallest residual, for each facet and vertex.
             terms: Adhesion c and friction μ.
-            pair: Opposite facets, and the indices of their values; None for obstacles.
+            pair: Opposite facets, and the indices of the opposite values; None for obstacles.
         """
         pressure, shear = np.where(self._bare[facets], 0.0, np.maximum(pushes, 0.0)), None
         c, mu = terms[0] * self._radii[facets], terms[1]
@@ -330,7 +332,7 @@ class Outer:
             limit[self._bare[facets]] = 0.0
             shear *= np.minimum(1.0, limit / np.where(sizes > 0, sizes, 1.0))[..., None]
             sizes = np.minimum(sizes, limit)
-            # additional pressure covers the normal part of a rounded shear force
+            # additional pressure compensates the normal component of a rounded shear traction
             pressure = pressure + rounding * sizes / least[:, None]
             self._shear[facets] = shear
             room = np.maximum(limit - sizes, 0.0) / (1 + mu)
@@ -343,7 +345,7 @@ class Outer:
                 self._shear[pair[0]] = -np.take_along_axis(shear, places[..., None], axis=1)
 
     def _shears(self, facets: Longs, pair: tuple[Longs, Longs] | None) -> Floats:
-        """Return the tangential tractions of the stress, from the side without supports."""
+        """Return the tangential tractions of the stress, taken from a side without supports."""
         found = self._across(facets)
         if pair is not None:
             there = -np.take_along_axis(self._across(pair[0]), pair[1][..., None], axis=1)
@@ -360,7 +362,7 @@ class Outer:
         return np.asarray(rest)
 
     def anchors(self) -> Anchors:
-        """Return the additional forces that can act."""
+        """Return the additional forces that supports and contact can exert."""
         body, d = self._body, self._body.dim
         sizes = np.maximum(self._sizes.mid, np.finfo(float).tiny)
         unit = self._into * Balls.exact(1 / sizes)[:, None]
@@ -374,7 +376,7 @@ class Outer:
         ]
         least = self._sizes.mid - 2 * self._sizes.rad
         presses = np.maximum(self._pressure, 0.0) * least[:, None]
-        # Each takes a share of the pressure, so that together they neither pull nor slip.
+        # Each force gets a share of the pressure, so that all together neither pull nor slip.
         room = np.minimum(self._room, presses / 2) / (d + 1)
         presses_there = np.asarray((room > 0).any(axis=1))
         some = np.flatnonzero(self._touches & ~self._second & presses_there)

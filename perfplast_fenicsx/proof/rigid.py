@@ -1,10 +1,10 @@
 """Handle surfaces glued to a rigid plate: resultants of their tractions, and their motions.
 
-Of the tractions of the plate only force and moment are known, and equal those of its loads. A
-surface that is held along some axes does not rotate, and only the force along the other axes
-matters. The velocity of the plate is a + ω × (x − c) with the centre c of the surface. For bodies
-of revolution the plate moves along the axis. Stresses S = rσ and velocities v = ru are then divided
-by 2π.
+Only the resultant force and moment of a plate's tractions are known; they equal those of its loads.
+A surface that is held along some axes does not rotate, and only the force along the other axes
+matters. The velocity of the plate is a + ω × (x − c) with the centre c of the surface. The plate of
+a body of revolution moves along the axis. Then stresses are S = rσ, velocities are v = ru, and
+resultants are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ class Rigid:
     """A rigid surface.
 
     Attributes:
-        number: Index on file.
-        facets: Its facets.
-        free: Which components of force and moment matter, shape (3 or 6,).
+        number: Index of the surface in the file.
+        facets: Indices of its facets.
+        free: Which components of the resultant force and moment are checked, shape (3 or 6,).
         middle: Centre c.
         extent: The largest distance from the centre.
         area: Area of the surface; for a body of revolution divided by 2π.
-        turn: Divisor of forces on file: 2π for bodies of revolution, else 1.
+        turn: Divisor of the forces in the file: 2π for bodies of revolution, else 1.
     """
 
     number: int
@@ -41,14 +41,14 @@ class Rigid:
     turn: float
 
     def wanted(self, loads: Loads) -> Floats:
-        """Return force and moment about c over the extent, of loads; zero for a held surface."""
+        """Return the loads' force, and moment about c over the extent; zero for a held surface."""
         force, moment = loads.rigid_force[self.number], loads.rigid_moment[self.number]
         about = moment - moments(self.middle[None], force[None])[0]
         found: Floats = np.append(force, about / self.extent) * self.free / self.turn
         return found
 
     def resultant(self, body: Body, tractions: Floats) -> Floats:
-        """Return the exact resultant of tractions at the facets' vertices, linear between them.
+        """Return the exact resultant of tractions that are linear between the facets' vertices.
 
         Args:
             body: The bodies.
@@ -68,7 +68,7 @@ class Rigid:
         return found
 
     def motion(self, x: Floats, v: Floats) -> tuple[Floats, float]:
-        """Return the rigid motion closest to velocities in the mean, and the largest difference.
+        """Return the rigid motion that fits velocities best, and the largest difference.
 
         Args:
             x: Points, shape (n, d).
@@ -106,21 +106,21 @@ def rigid_of(body: Body) -> list[Rigid]:
 
 
 def check_loaded(body: Body) -> None:
-    """Refuse loads, of those whose factor is bounded, that push only supports.
+    """Refuse sought loads (whose factor is bounded) that act only on supports.
 
-    Tractions on a rigid surface push it by their resultant along free components.
+    Tractions on a rigid surface act by their resultant along free components.
 
     Args:
         body: The bodies.
 
     Raises:
-        ProofError: If they push only supports.
+        ProofError: If these loads act only on supports.
     """
     loads, glued = body.sought, np.isin(body.surface, body.rigid)
     free = left_free(loads.traction, body.held, body.guided)[~body.on_axis & ~glued]
     if free.any() or loads.body_force.any() or loads.pore_pressure.any():
         return
-    rounding = 1e-12  # sum of tractions relative to the sum of their magnitudes
+    rounding = 1e-12  # resultant over the sum of magnitudes
     for surface in rigid_of(body):
         pushes = surface.resultant(body, applied(body, loads))
         here = applied(body, loads)[surface.facets]
@@ -131,7 +131,7 @@ def check_loaded(body: Body) -> None:
 
 
 def sums_of(rigid: list[Rigid], loads: Loads) -> tuple[float, float]:
-    """Return the sum of forces, and moments over extents, and the largest of them over its area."""
+    """Return the sum of loads on rigid surfaces, and the largest load over its area, in size."""
     sizes = [float(np.abs(surface.wanted(loads)).sum()) for surface in rigid]
     stresses = [size / surface.area for size, surface in zip(sizes, rigid, strict=True)]
     return sum(sizes), max(stresses, default=0.0)
@@ -145,7 +145,7 @@ def moments(arms: Floats, forces: Floats) -> Floats:
 
 
 def turned(turn: Floats, arms: Floats) -> Floats:
-    """Return rotation × arms, shape (n, d)."""
+    """Return rotation × arms for one rotation, shape (n, d)."""
     if arms.shape[1] == 2:
         return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
     return np.asarray(np.cross(turn, arms), dtype=np.float64)

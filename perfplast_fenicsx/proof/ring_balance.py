@@ -1,19 +1,19 @@
 """Compute the cost of unbalanced forces in axisymmetry (:mod:`rings`, :mod:`balance`).
 
-The stress S = rσ is quadratic in each section. Its hoop component follows from equilibrium along r.
-Only forces along the axis and jumps of tractions remain.
+The stress S = rσ is quadratic in each section of a ring. Its hoop component follows from radial
+equilibrium. Only axial forces and jumps of tractions remain unbalanced.
 
-1. Supports and contact exert further forces along the axis, so that each piece is in equilibrium.
+1. Supports and contact exert additional axial forces, which bring each piece into equilibrium.
 2. Each cell transfers the axial forces of all cells beyond it, by tractions that are zero on the
    axis.
-3. Radial forces in a cell, linear in it, balance it as a plane body. They are the hoop stresses.
-4. Consider tractions that are quadratic on each side of a triangle, in equilibrium with forces that
-   are linear in it. They belong to a stress that is quadratic in each of the three parts into which
-   the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta, doi:10.1007/BF01379659).
-   On the regular triangle ``balance.QUADRATIC`` bounds its coefficients. The stress is zero at
-   vertices on the axis where the tractions are zero, and can be zero on a side on the axis, too.
-   Then S/r is at most 2C/r' with the largest coefficient C and the least positive radius r' of
-   vertices and centre.
+3. Radial forces that are linear in a cell balance the cell as a plane body. They are hoop stresses.
+4. Take tractions that are quadratic on each side of a triangle and in equilibrium with body forces
+   that are linear in it. They belong to a stress that is quadratic in each of the three parts into
+   which the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta,
+   doi:10.1007/BF01379659). On the regular triangle ``balance.QUADRATIC`` bounds the coefficients of
+   this stress. The stress is zero at vertices on the axis where the tractions are zero. On a side
+   on the axis it can be made zero too. Then S/r is at most 2C/r' with the largest coefficient C and
+   the least positive radius r' among the vertices and the centre.
 """
 
 from collections.abc import Sequence
@@ -52,9 +52,9 @@ class RingStress:
     """A stress in sections of rings, and its residual.
 
     Attributes:
-        vectors: Coefficients of (rr, zz, θθ, √2 rz) of S, shape (num_cells, 6, 4).
+        vectors: Coefficients of the components (rr, zz, θθ, √2 rz) of S, shape (num_cells, 6, 4).
         errors: Errors of the hoop stress, shape (num_cells,).
-        cost: Cost of the unbalanced forces.
+        cost: Cost of balancing the unbalanced forces.
     """
 
     vectors: Floats
@@ -65,11 +65,12 @@ class RingStress:
 def ring_stress(
     body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]], shapes: Shapes
 ) -> RingStress:
-    """Return the stress with its hoop component, and the cost of balancing the residual.
+    """Return the stress with its hoop component, and the cost of balancing its residual.
 
     Args:
         body: The bodies of revolution.
-        stress: Coefficients of S in the section, shape (num_cells, 6, 2, 2), zero on the axis.
+        stress: Coefficients of S in the section plane, shape (num_cells, 6, 2, 2), zero on the
+            axis.
         kinds: Loads of each kind, and their factors.
         shapes: Shapes of the cells.
     """
@@ -82,7 +83,7 @@ def ring_stress(
         pulls = [contracted(total[:, PAIRS[a, b]], areas[:, b, None]) for b in range(3)]
         weight = force * (shapes.volumes * Balls.exact(radii[:, a]))[:, None]
         rates.append(weight - stacked(pulls, 1).sum(axis=1))
-    rate = stacked(rates, 1)  # of divergence and force times the area, at vertices
+    rate = stacked(rates, 1)  # divergence plus force, times the area, at vertices
     hoop = rate[..., 0] * inverse_of(shapes.volumes)[:, None]
     theta = times_radius(radii, (hoop.mid + hoop.low)[..., None])[..., 0]
     vectors = np.stack(
@@ -92,7 +93,7 @@ def ring_stress(
     flat = areas.each(lambda part: part.reshape(-1, 2))
 
     def at(sides: Longs) -> Balls:
-        """Return tractions times length, ordered by vertex number, then at the edge."""
+        """Return tractions times length, at vertices sorted by number and then at the edge."""
         numbers = facet_coefficients(body, sides)
         return contracted(total[(sides // 3)[:, None], numbers], flat[sides][:, None, None])
 
@@ -124,7 +125,7 @@ def ring_stress(
 
 
 def _times_radius(body: Body, traction: Floats) -> Balls:
-    """Return coefficients of r times tractions on facets, shape (num_facets, 3, 2)."""
+    """Return the coefficients of r times tractions on facets, shape (num_facets, 3, 2)."""
     r, t = Balls.exact(body.vertices[body.facets][..., 0, None]), Balls.exact(traction)
     ends = r * t
     between = (r[:, 0] * t[:, 1] + r[:, 1] * t[:, 0]) * Balls.exact(0.5)
@@ -135,13 +136,13 @@ class _Acting:
     """Axial forces that act on each cell, divided by 2π.
 
     Attributes:
-        on_sides: The largest coefficient of tractions times length on each side, summed over the
-            sides.
+        on_sides: Sum over the sides of each cell of the largest coefficient of tractions times
+            length.
         within: The largest axial force in each cell times its area.
-        forces: Axial forces.
-        errors: Their errors.
+        forces: Axial force on each cell.
+        errors: Errors of ``forces``.
         pieces: Index of the piece of each cell.
-        volumes: Areas, bounded from below.
+        volumes: Areas of the cells' sections, bounded from below.
     """
 
     def __init__(self, body: Body, shapes: Shapes, rate: Balls, jumps: Balls, outer: Balls) -> None:
@@ -165,14 +166,14 @@ class _Acting:
         np.add.at(self.errors, cells, mean.rad + np.abs(mean.low) + 8 * U * np.abs(mean.mid))
 
     def carry(self, body: Body, facets: Longs, forces: Floats, errors: Floats) -> None:
-        """Add forces through facets, by tractions that are zero on the axis."""
+        """Add axial forces through facets, by tractions that are zero on the axis."""
         cells = body.outer[facets] // 3
         np.add.at(self.on_sides, cells, 1.5 * (np.abs(forces) + errors))
         np.add.at(self.forces, cells, forces)
         np.add.at(self.errors, cells, errors + 8 * U * np.abs(forces))
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
-        """Add the forces of anchors."""
+        """Add the forces that anchors exert."""
         for facets, sign in ((anchors.facets, -1.0), (anchors.opposite, 1.0)):
             at = np.flatnonzero((facets >= 0) & (forces != 0))
             values = anchors.along[at] * Balls.exact(sign * forces[at])[:, None]
@@ -180,7 +181,7 @@ class _Acting:
             self._put(body.outer[facets[at]] // 3, values[:, None].where(first[:, None]))
 
     def missing(self, idle: Flags) -> tuple[Floats, Floats]:
-        """Return the forces on each piece and their errors, zero for idle pieces."""
+        """Return the axial force on each piece, and its error; both are zero for idle pieces."""
         count = len(idle)
         found, size, errors = (
             _summed(self.pieces, values, count)
@@ -193,7 +194,7 @@ class _Acting:
 def _reactions(
     body: Body, acting: _Acting, anchors: Anchors, plates: Plates, idle: Flags
 ) -> tuple[Floats | None, str | None]:
-    """Return sizes of the additional forces of supports, contact and plates on each facet.
+    """Return the sizes of the additional forces of supports, contact and plates on each facet.
 
     Args:
         body: The bodies.
@@ -203,7 +204,7 @@ def _reactions(
         idle: Pieces on which nothing acts along the axis.
 
     Returns:
-        None and the reason if there are no such forces.
+        The sizes and None, or None and the reason why there are no such forces.
     """
     pieces = acting.pieces[body.outer // 3]
     first = np.append(anchors.facets, plates.first)
@@ -220,7 +221,7 @@ def _reactions(
         rad[pieces[facets[at]], columns[at]] += lost[at] + U * np.abs(values[at])
 
     def push(forces: Floats) -> tuple[Floats, Floats]:
-        """Return the unbalanced forces with some additional forces, and their errors."""
+        """Return the unbalanced forces under additional forces, and their errors."""
         acting.push(body, anchors, forces[:own])
         for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
             there = facets >= 0
@@ -239,19 +240,19 @@ def _reactions(
 
 
 def _summed(of: Longs, values: Floats, count: int) -> Floats:
-    """Return sums of values, shape (count,)."""
+    """Return the sums of values with equal indices, shape (count,)."""
     return np.asarray(np.bincount(of, weights=values, minlength=count), dtype=np.float64)
 
 
 def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the size of a stress that balances the forces, in each cell."""
+    """Return the size in each cell of a stress that balances the forces."""
     count = len(body.cells)
     more = _summed(body.outer // 3, pushes, count)
     sides = acting.on_sides + more + 1.5 * _passed(body, acting, more)
     x, radii = body.vertices[body.cells], radii_of(body)
     extent = np.linalg.norm(np.ptp(x, axis=1), axis=1)
     heights = x[..., ALONG] - x[..., ALONG].mean(axis=1, keepdims=True)
-    spread = (heights**2).sum(axis=1) / 12  # mean squared height above the middle
+    spread = (heights**2).sum(axis=1) / 12  # mean squared distance from the middle
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         turn = (sides + acting.within) * extent / spread
         radial = sides + turn * np.abs(heights).max(axis=1)
@@ -267,7 +268,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
 
 
 def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
-    """Return for each cell the sum over its sides of the transferred tractions."""
+    """Return for each cell the sum of the tractions that its sides transfer."""
     count, across = len(body.cells), across_of(body)
     levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     forces, errors = acting.forces.copy(), acting.errors + pushes
@@ -281,5 +282,6 @@ def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
         np.add.at(sizes, towards, sizes[cells])
         np.add.at(forces, towards, forces[cells])
         np.add.at(errors, towards, errors[cells])
-    # Sums of non-negative numbers: each is rounded once for each cell that follows.
+    # All terms are non-negative. Each is rounded at most once for each cell between it and the
+    # root.
     return upwards(found * (1 + 1e-12), 2 * count + 64)

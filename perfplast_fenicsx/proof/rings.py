@@ -1,13 +1,14 @@
-"""Describe bodies of revolution by their sections: stresses S = rσ and velocities v = ru.
+"""Describe bodies of revolution by their sections, with stresses S = rσ and velocities v = ru.
 
-Cells are triangles of r and z. Quadratics have Bernstein coefficients at the vertices and at the
-edges 01, 02, 12; the polynomials are non-negative and sum to 1. All works are divided by 2π.
+Cells are triangles in the coordinates r and z. Quadratic functions have Bernstein coefficients at
+the vertices and at the edges 01, 02, 12; Bernstein polynomials are non-negative and sum to 1. All
+works are divided by 2π.
 
-- S is quadratic. With the force b per volume σ_θ = ∂_r S_rr + ∂_z S_rz + r b_r, which is linear.
-  Also ∂_r S_rz + ∂_z S_zz + r b_z = 0, for which vertices suffice. ‖MS‖ + q·S ≤ cr holds everywhere
-  if it holds for the coefficients. On the axis S is zero.
-- v is quadratic and zero on the axis, and r²ε is quadratic, too. The dissipation D(ε) is convex and
-  homogeneous of degree 1: ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r with the coefficients q_i of r²ε.
+- S is quadratic. With the force b per volume, σ_θ = ∂_r S_rr + ∂_z S_rz + r b_r is linear. Axial
+  equilibrium is ∂_r S_rz + ∂_z S_zz + r b_z = 0, which needs checks at vertices only. ‖MS‖ + q·S ≤
+  cr holds everywhere if it holds for the coefficients. On the axis S is zero.
+- v is quadratic and zero on the axis, and r²ε is quadratic too. The dissipation D(ε) is convex and
+  homogeneous of degree 1. So ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r with the coefficients q_i of r²ε.
 """
 
 from functools import lru_cache
@@ -21,16 +22,16 @@ PAIRS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Index of the coefficient for each pair of vertices."""
 
 ENDS = np.array([[0, 1], [0, 2], [1, 2]])
-"""Vertices of the edges."""
+"""Indices of the vertices at the ends of the edges."""
 
 
 def normals_of(body: Body) -> int:
-    """Return the number of normal components of a stress, which come first."""
+    """Return the number of normal components of a stress, which come first in a vector."""
     return 3 if body.is_revolved else body.dim
 
 
 def around(body: Body) -> Floats:
-    """Return the out-of-plane measure at the middle of each cell: 2πr, or 1."""
+    """Return the out-of-plane measure at the middle of each cell: 2πr for rings, otherwise 1."""
     if not body.is_revolved:
         return np.ones(len(body.cells))
     return np.asarray(2 * np.pi * radii_of(body).mean(axis=1))
@@ -62,7 +63,7 @@ def coefficients_of_radius(radii: Floats) -> Floats:
 
 
 def applied(body: Body, loads: Loads) -> Floats:
-    """Return tractions of loads at the vertices of facets, or coefficients of r times tractions."""
+    """Return the loads' tractions at facet vertices; for rings coefficients of r times them."""
     if not body.is_revolved:
         return loads.traction
     return times_radius(body.vertices[body.facets][..., 0], loads.traction)
@@ -76,16 +77,16 @@ def derivatives(body: Body, coefficients: Floats) -> Floats:
 
 
 def whole_stress(body: Body, stress: Floats, force: Floats) -> tuple[Floats, Floats]:
-    """Return S with S_θ = rσ_θ, and the residual of axial equilibrium.
+    """Return S with its hoop component S_θ = rσ_θ, and the residual of axial equilibrium.
 
     Args:
         body: The bodies.
-        stress: Coefficients in the section, shape (num_cells, 6, 2, 2).
+        stress: Coefficients of S in the section plane, shape (num_cells, 6, 2, 2).
         force: Force per volume, shape (num_cells, 2).
 
     Returns:
-        Vectors (rr, zz, θθ, √2 rz), shape (num_cells, 6, 4); and the residual, a stress over a
-        length times r at vertices, shape (num_cells, 3).
+        Vectors (rr, zz, θθ, √2 rz), shape (num_cells, 6, 4), and the residual at vertices, shape
+        (num_cells, 3). The residual is r times a stress over a length.
     """
     radii = radii_of(body)
     grad = derivatives(body, stress.reshape(len(stress), 6, 4)).reshape(-1, 3, 2, 2, 2)
@@ -97,7 +98,7 @@ def whole_stress(body: Body, stress: Floats, force: Floats) -> tuple[Floats, Flo
 
 @lru_cache
 def _means() -> Floats:
-    """Return means of products of Bernstein polynomials and linear ones, shape (6, 3)."""
+    """Return the means of Bernstein polynomials times linear ones, shape (6, 3)."""
     of_edges = [[2 if a in ends else 1 for a in range(3)] for ends in ENDS]
     return np.concatenate([1 + 2 * np.eye(3), of_edges]) / 30
 
@@ -106,9 +107,10 @@ def over_radius(radii: Floats, areas: Floats) -> Floats:
     """Return upper bounds of ∫ B_i/r over triangles.
 
     The bound is 0 for coefficients of r²ε that are zero on the axis. As 1/r is convex, it is at
-    most the linear interpolation of its values at vertices. With one vertex on the axis this holds
-    along the opposite edge, divided by the distance from the vertex. With two, r²ε is r times a
-    linear function, whose norm is at most the linear interpolation of its values at vertices.
+    most the linear interpolation of its values at vertices. In a triangle with one vertex on the
+    axis this holds along the opposite edge, divided by the distance from the vertex. In a triangle
+    with two such vertices, r²ε is r times a linear function, whose norm is at most the linear
+    interpolation of its values at vertices.
 
     Args:
         radii: Radii at the vertices, shape (n, 3).
@@ -146,7 +148,7 @@ def on_axis(body: Body, values: Floats) -> float:
 
 
 def facet_coefficients(body: Body, sides: Longs) -> Longs:
-    """Return indices of the coefficients of sides: ends ordered by vertex number, then the edge."""
+    """Return indices of the coefficients of sides: ends sorted by vertex number, then the edge."""
     cells, places = sides // 3, body.corners[sides % 3]
     numbers = np.take_along_axis(body.cells[cells], places, axis=1)
     places = np.take_along_axis(places, np.argsort(numbers, axis=1), axis=1)

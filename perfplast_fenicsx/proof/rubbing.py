@@ -1,7 +1,7 @@
-"""Handle contacts and obstacles with friction: adhesion c (stress) and friction μ of each.
+"""Handle contacts and obstacles with adhesion c (a stress) and coefficient of friction μ.
 
-Contact tractions with the pressure p ≥ 0 may have the shear ‖τ‖ ≤ c + μp. These tractions form a
-convex set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. If slip w_t is associated, the surfaces
+Contact tractions with a pressure p ≥ 0 have an admissible shear ‖τ‖ ≤ c + μp. These tractions form
+a convex set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. If slip w_t is associated, the surfaces
 separate by w_n ≥ μ‖w_t‖, and the dissipation is c‖w_t‖.
 """
 
@@ -22,7 +22,7 @@ OF = {
 
 
 def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return arrays with zeros for missing adhesion and friction."""
+    """Return the arrays, with zeros for missing adhesion and friction."""
     none = {
         name: np.zeros(np.asarray(arrays[of]).shape[:1])
         for name, of in OF.items()
@@ -32,7 +32,7 @@ def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 
 def fault_of(values: Floats) -> str | None:
-    """Return the fault of adhesion or friction numbers in words, or None."""
+    """Return what is wrong with values of adhesion or friction, in words, or None."""
     fine = (values >= 0) & np.isfinite(values)
     return None if fine.all() else "is negative or not finite"
 
@@ -43,11 +43,11 @@ def loose(adhesion: Floats, friction: Floats) -> bool:
 
 
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """Return shear tractions beyond the friction of the pressure, relative to the adhesion.
+    """Return shear tractions beyond μp, relative to the adhesion.
 
-    Admissible tractions have values of at most 1. A stress divided by the largest value lies in the
-    set, because 0 is inside. Without adhesion the value is not a number, and :func:`unheld`
-    decides.
+    Admissible tractions have values of at most 1. A stress divided by the largest value is
+    admissible, because the admissible set contains 0. Without adhesion the value is 0, and
+    :func:`unheld` decides.
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).
@@ -63,6 +63,6 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
 
 
 def unheld(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """Return shear beyond the friction of the pressure without adhesion; shapes as above."""
+    """Return shear tractions beyond μp where there is no adhesion; shapes as for :func:`excess`."""
     beyond = np.maximum(shear - friction[:, None] * pressure, 0.0)
     return np.where(adhesion[:, None] > 0, 0.0, beyond)

@@ -1,8 +1,8 @@
-"""Find cells of two halves with a common volume: those that no plane separates.
+"""Find cells of two halves that share a volume: no plane separates them.
 
-Two simplices are separate if their projections on some axis are: a normal of a facet of either, or
-in space of an edge of each (separating axis theorem). Projections that overlap by less than a share
-of both only touch.
+Two simplices are separate if their projections on some axis are separate. The axes are the normals
+of their facets, and in space also the normals of one edge of each (separating axis theorem). If the
+projections overlap by less than a small share of both, the simplices only touch.
 """
 
 from collections.abc import Callable
@@ -14,19 +14,19 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 
 TOUCHING = 1e-6
-"""Largest overlap of touching projections, as a share of the narrower one."""
+"""Largest overlap of projections that only touch, as a share of the narrower projection."""
 
 
 def shared_cells(
     one: Body, other: Body, differ: Callable[[Longs, Longs], Flags]
 ) -> tuple[Longs, Longs]:
-    """Return pairs of cells that have a common volume and differ.
+    """Return pairs of cells that share a volume and differ.
 
     Args:
         one: The cells of a half.
         other: The cells of the other half.
-        differ: Function that returns which of many pairs differ; only for these the checker decides
-            whether they share a volume.
+        differ: Function that returns which of many pairs differ. Only for these pairs the checker
+            decides whether they share a volume.
     """
     if np.array_equal(one.vertices, other.vertices) and np.array_equal(one.cells, other.cells):
         every: Longs = np.arange(len(one.cells))
@@ -50,11 +50,11 @@ def boxes_of(places: Floats) -> Floats:
 
 
 def have_common_volume(ones: Floats, others: Floats) -> Flags:
-    """Return whether pairs of simplices have a common volume.
+    """Return which pairs of simplices share a volume.
 
     Args:
-        ones: Coordinates of their vertices, shape (num_pairs, d + 1, d).
-        others: The other simplex of each pair, same shape.
+        ones: Vertices of the first simplex of each pair, shape (num_pairs, d + 1, d).
+        others: Vertices of the second simplex of each pair, same shape.
     """
     d, found = ones.shape[2], np.ones(len(ones), dtype=bool)
     at_once = 20_000  # number of pairs processed together, limited by memory
@@ -73,15 +73,15 @@ def have_common_volume(ones: Floats, others: Floats) -> Flags:
 def overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Flags]:
     """Return points whose convex hull is the overlap of two simplices.
 
-    They are the ends of the part of each edge of one simplex that lies in the other. Every vertex
-    of the overlap is such an end.
+    The points are the ends of the part of each edge of one simplex that lies in the other simplex.
+    Every vertex of the overlap is such an end.
 
     Args:
         ones: Vertices of simplices, shape (num_pairs, d + 1, d).
-        others: The other simplex of each pair, same shape.
+        others: Vertices of the second simplex of each pair, same shape.
 
     Returns:
-        The points, shape (num_pairs, n, d), and which of them exist.
+        The points, shape (num_pairs, n, d), and a flag for each point that exists.
     """
     rounding = 1e-9  # tolerance for barycentric coordinates
     found, there = [], []
@@ -89,7 +89,7 @@ def overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Flags]:
         ends = np.array(list(combinations(range(x.shape[1]), 2)))
         start, along = x[:, ends[:, 0]], x[:, ends[:, 1]] - x[:, ends[:, 0]]
         slopes = _facing(y)
-        slopes[:, 0] *= -1  # gradients of the barycentric coordinates of y
+        slopes[:, 0] *= -1  # now gradients of y's barycentric coordinates
         shares = np.einsum("pvi,pei->pev", slopes, start - y[:, :1])
         shares[..., 0] += 1.0
         rates = np.einsum("pvi,pei->pev", slopes, along)
@@ -118,7 +118,7 @@ def _facing(simplices: Floats) -> Floats:
 
 
 def _apart(ones: Floats, others: Floats, axes: Floats) -> Flags:
-    """Return whether projections on an axis are separate; axes of length zero do not count."""
+    """Return which pairs have separate projections on an axis that is not zero."""
     with np.errstate(all="ignore"):
         axes = axes / np.linalg.norm(axes, axis=2, keepdims=True)
     first, second = (np.einsum("pvi,pai->pav", x, axes) for x in (ones, others))

@@ -1,8 +1,8 @@
-"""Find coinciding outer facets of two halves, and how much of each is covered.
+"""Find coinciding outer facets of two halves, and the covered part of each facet.
 
-Two sets of cells with the same outer facets, seen from outside, fill the same region: their
-difference would have no boundary, but every bounded region has one. Facets may be divided
-differently.
+Two sets of cells fill the same region if they have the same outer facets with the same outward
+side: the difference of their regions would have no boundary, but every bounded region has one. The
+facets of both sets may be divided differently.
 """
 
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 
 CLOSE = 1e-11
-"""Distance from the plane of a facet that counts as zero, relative to its largest coordinate:
-rounding of repeatedly divided cells."""
+"""Distance from the plane of a facet that counts as zero, relative to the largest coordinate. It
+covers the rounding of repeatedly divided cells."""
 
 COVERED = 1e-6
-"""Uncovered share of a facet that counts as zero, and least share of a pair."""
+"""Uncovered share of a facet that counts as zero, and least overlap of a pair as a share."""
 
 
 @dataclass(frozen=True)
 class SharedFacets:
-    """Pairs of facets that coincide, on the same side of their cells.
+    """Pairs of facets that coincide and have their cells on the same side.
 
     Attributes:
-        first: Indices of facets of one half, shape (num_pairs,).
-        second: Indices of facets of the other half.
-        alone: Centres of facets of either half that are not covered, shape (n, d).
+        first: Indices of the facets of one half, shape (num_pairs,).
+        second: Indices of the facets of the other half.
+        alone: Centres of the facets of both halves that are not covered, shape (n, d).
     """
 
     first: Longs
@@ -70,19 +70,19 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
 
 
 def _widths(body: Body, facets: Longs) -> Floats:
-    """Return the least width of facets: their length, or their area over their longest edge."""
+    """Return the least width of facets: their length, or twice their area over the longest edge."""
     x = body.vertices[body.facets[facets]]
     longest = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(2 * body.areas[facets] / longest if body.dim == 3 else longest)
 
 
 def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Floats:
-    """Return the common length or area of facets in one plane.
+    """Return the common length or area of pairs of facets in one plane.
 
     Args:
-        large: Coordinates of vertices, shape (num_pairs, d, d).
-        small: Coordinates of vertices, shape (num_pairs, d, d).
-        normals: Normals of the plane.
+        large: Vertices of the larger facet of each pair, shape (num_pairs, d, d).
+        small: Vertices of the smaller facet, same shape.
+        normals: Normal of each plane.
         slack: Distance that counts as zero.
     """
     if large.shape[2] == 2:
@@ -94,26 +94,26 @@ def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Flo
         np.concatenate([normals[:, :, None], np.tile(np.eye(3), (len(normals), 1, 1))], axis=2)
     )[0][:, :, 1:]
     flat = [_turned((x - large[:, :1]) @ frames) for x in (large, small)]
-    # Green's theorem: of each boundary the part inside the other, with common parts once
+    # Green's theorem: the part of each boundary inside the other triangle; common parts count once
     once = _swept(flat[0], flat[1], slack, with_common=True)
     return once + _swept(flat[1], flat[0], slack, with_common=False)
 
 
 def _turned(triangles: Floats) -> Floats:
-    """Return plane triangles with vertices in counterclockwise order."""
+    """Return plane triangles with their vertices in counterclockwise order."""
     sides = triangles[:, 1:] - triangles[:, :1]
     left = np.linalg.det(sides) > 0
     return np.where(left[:, None, None], triangles, triangles[:, [0, 2, 1]])
 
 
 def _swept(triangles: Floats, inside: Floats, slack: Floats, with_common: bool) -> Floats:
-    """Return the area that edges sweep about the origin inside other triangles.
+    """Return the area swept about the origin by the parts of edges that lie in other triangles.
 
     Args:
-        triangles: Vertices of the triangles with the edges, shape (num_pairs, 3, 2).
+        triangles: Vertices of the triangles with these edges, shape (num_pairs, 3, 2).
         inside: Vertices of the other triangles.
         slack: Distance that counts as zero.
-        with_common: Whether to include edges along those of the other triangles.
+        with_common: Whether parts count that lie along edges of the other triangles.
     """
     ends = np.roll(triangles, -1, axis=1)
     sides = np.roll(inside, -1, axis=1) - inside

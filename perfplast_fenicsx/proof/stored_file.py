@@ -1,8 +1,8 @@
-"""Open HDF5 files from untrusted sources: all numbers must be in the file itself.
+"""Open HDF5 files from untrusted sources: all numbers must be stored in the file itself.
 
-A file can refer to data in other files (links, virtual and external arrays), can claim more numbers
-than it has, and can have groups that contain each other. A path can be a pipe to which nobody
-writes.
+A file can refer to data in other files (links, virtual and external arrays), can declare more
+numbers than it stores, and can have groups that contain each other. A path can lead to a pipe to
+which nobody writes.
 """
 
 import errno
@@ -15,16 +15,16 @@ import h5py
 import numpy as np
 
 MOST_OBJECTS = 100_000
-"""Largest number of groups and arrays of a file."""
+"""Largest number of groups and arrays in a file."""
 
 MOST_TEXTS = 1000
-"""Largest number of texts of an array: each of them may refer to the same long text."""
+"""Largest number of texts in an array, since all of them may refer to the same long text."""
 
 SMALL = 1 << 27
-"""Allowed size of a compressed array in bytes, however few are stored."""
+"""Size of a compressed array in bytes that is always allowed, however few bytes are stored."""
 
 MOST_COMPRESSED = 100
-"""Largest ratio of a larger compressed array to its stored size."""
+"""Largest ratio of the size of a larger compressed array to its stored size."""
 
 
 @contextmanager
@@ -33,13 +33,13 @@ def stored_file(path: str | Path, beside: tuple[str, ...] = ()) -> Iterator[h5py
 
     Args:
         path: The file.
-        beside: Files to which links may lead, relative to the folder of this one.
+        beside: Names of files to which links may lead, relative to the folder of the file.
 
     Yields:
         The file, opened for reading.
 
     Raises:
-        OSError: If there is no such file, or if it cannot be read as HDF5.
+        OSError: If the file does not exist, or if it cannot be read as HDF5.
         ValueError: If some data are not stored in the file itself.
     """
     path = Path(path)
@@ -53,17 +53,17 @@ def check_regular(path: Path) -> None:
     """Check that a path leads to a regular file, not to a pipe, folder or device.
 
     Raises:
-        OSError: If it does not, or if nothing exists there.
+        OSError: If the path leads elsewhere or does not exist.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a regular file")
 
 
 def _check(file: h5py.File, folder: Path, beside: frozenset[str]) -> None:
-    """Check all groups and arrays, each once.
+    """Check every group and array once.
 
     Raises:
-        ValueError: If one is not stored in the file itself, or if there are too many.
+        ValueError: If data are not stored in the file itself, or if there are too many objects.
     """
     waiting: list[h5py.Group] = [file]
     seen = {_address(file)}
@@ -99,10 +99,10 @@ def _address(there: h5py.Group | h5py.Dataset) -> int:
 
 
 def _check_linked(folder: Path, other: str, places: list[str]) -> None:
-    """Check that another file is in the folder and contains the linked data.
+    """Check that the other file is in the folder and contains the linked data.
 
     Raises:
-        ValueError: If it does not.
+        ValueError: If the check fails.
     """
     if (folder / other).resolve() != folder.resolve() / other:
         raise ValueError(f"{other} is a link.")
@@ -113,10 +113,10 @@ def _check_linked(folder: Path, other: str, places: list[str]) -> None:
 
 
 def _check_array(name: str, data: h5py.Dataset) -> None:
-    """Check that the numbers of an array are in the file.
+    """Check that the file stores the numbers of an array.
 
     Raises:
-        ValueError: If they are not.
+        ValueError: If it does not store them.
     """
     if data.is_virtual or data.external:
         raise ValueError(f"{name} is not in the file itself.")

@@ -1,4 +1,4 @@
-"""Describe the data of a proof, which the reader must check because the checker cannot."""
+"""Describe the data of a proof that the checker cannot check, and that the reader must check."""
 
 import numpy as np
 
@@ -8,16 +8,17 @@ from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
 
 def cuts_of(body: Body) -> Floats:
-    """Return the middle of each pair of such facets with the same vertices, shape (num_pairs, d).
+    """Return the middle of each pair of outer facets with the same vertices, shape (num_pairs, d).
 
-    Nothing prevents the bodies from separating or penetrating each other there. A stress that such
-    bodies bear is also one of the bodies without the cut; a velocity is not.
+    The function counts only pairs that are neither in contact nor on obstacles. There nothing
+    prevents the bodies from separating or penetrating each other. A stress that the cut bodies bear
+    is also a stress of the uncut bodies, but this does not hold for velocities.
     """
     d = body.dim
     touch = [*body.contacts.ravel(), *body.obstacles]
     free = np.flatnonzero(~np.isin(body.surface, touch))
     places = body.vertices[body.facets[free]]
-    # Distance of equal points, relative to the size of the bodies.
+    # Distance below which points coincide, relative to the size of the bodies.
     same = 1e-9 * max(float(np.ptp(body.vertices, axis=0).max(initial=0.0)), np.finfo(float).tiny)
     keys = np.rint(places / same)
     for axis in reversed(range(d)):
@@ -32,7 +33,7 @@ MOST_WORDS = 6
 """Largest number of materials, surfaces and so on that are named individually."""
 
 MANY = 24
-"""Number of cones above which those of one kind are described together."""
+"""Number of cones above which the cones of one kind are described together."""
 
 
 def taken_as_written(body: Body) -> str:
@@ -59,13 +60,13 @@ def taken_as_written(body: Body) -> str:
 
 
 def _listed(words: list[str]) -> str:
-    """Return words as a list, with the number of omitted ones."""
+    """Return the words as a list, with the number of omitted words."""
     more = len(words) - MOST_WORDS
     return ", ".join(words[:MOST_WORDS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _cuts(body: Body) -> list[str]:
-    """Return words on coinciding facets that nothing joins; an empty list for sound bodies."""
+    """Return words on coinciding facets that nothing joins; an empty list without such facets."""
     places = cuts_of(body)
     if not len(places):
         return []
@@ -97,7 +98,7 @@ def _strengths(body: Body) -> str:
 
 
 def _of_one_axis(body: Body, used: Longs) -> Longs:
-    """Return those of some cones that have a slope, and the mean stress in the plane as axis."""
+    """Return the cones among ``used`` that have a slope along the mean stress in the plane."""
     M, q = body.cone_matrix[used], body.cone_slope[used]
     if q.shape[1] != 3:
         return used[:0]
@@ -112,7 +113,7 @@ def _of_one_axis(body: Body, used: Longs) -> Longs:
 
 
 def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
-    """Return in words the least and the largest of many cones, such as one for each cell.
+    """Return the range of many cones in words, such as one cone for each cell.
 
     Args:
         body: The bodies.
@@ -134,7 +135,7 @@ def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
 
 
 def _cone(body: Body, number: np.int64) -> str:
-    """Return a cone in words: radius and slope if its axis is mean stress, else all numbers."""
+    """Return a cone in words: radius and slope if its axis is the mean stress, else all numbers."""
     if body.cones.is_principal[number]:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"

@@ -8,22 +8,22 @@ import numpy as np
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 
 AT_ONCE = 2_000_000
-"""Number of pairs of facets processed together, limited by memory."""
+"""Number of pairs of facets that are processed together, limited by memory."""
 
 
 @dataclass(frozen=True)
 class Touching:
-    """Facets of one surface and of the other surface that differ only by a shift along n.
+    """Pairs of facets on two surfaces that differ only by a shift along the normal n.
 
     For bodies of revolution the shift preserves radii.
 
     Attributes:
-        first: Indices of facets, shape (num_pairs,).
+        first: Indices of facets on the first surface, shape (num_pairs,).
         second: Indices of the opposite facets.
-        order: Indices of their vertices, in the order of the vertices that they are opposite, shape
-            (num_pairs, d).
-        apart: Number of facets of the first surface that are opposite others without matching them,
-            0 for none; for many, only some.
+        order: Index in the opposite facet of the vertex opposite each vertex of the first facet,
+            shape (num_pairs, d).
+        apart: Number of facets of the first surface that face other facets without matching them,
+            or a smaller positive number; 0 if there are none.
     """
 
     first: Longs
@@ -37,8 +37,8 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
 
     Args:
         body: The bodies.
-        one: Tag of a surface.
-        other: Tag of the other.
+        one: Tag of the first surface.
+        other: Tag of the second surface.
     """
     firsts, seconds = body.on(one), body.on(other)
     a, b = _each_other(body, *_candidates(body, firsts, seconds))
@@ -50,32 +50,33 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
     order = np.argmin(gaps, axis=2)
     whole = (gaps.min(axis=2) <= _close(body, a)[:, None]).all(axis=1)
     whole &= (np.sort(order, axis=1) == np.arange(body.dim)).all(axis=1)
-    if body.is_revolved:  # rings of equal size
+    if body.is_revolved:  # only rings of equal size can match
         off = np.take_along_axis(x[b][..., 0], order, axis=1) - x[a][..., 0]
         whole &= (np.abs(off) <= _close(body, a)[:, None]).all(axis=1)
     first, second = a[whole], b[whole]
     left = np.setdiff1d(firsts, first), np.setdiff1d(seconds, second)
     apart = _overlapping(body, *left)
-    # A facet hidden by another one of its surface faces the partner of that facet.
+    # A facet hidden by another facet of its own surface faces that other facet's partner.
     apart = apart or _overlapping(body, left[0], second, in_front=True)
     apart = apart or _overlapping(body, left[1], first, in_front=True)
     return Touching(first, second, order[whole], apart)
 
 
 def _close(body: Body, facets: Longs) -> Floats:
-    """Return the distance below which facets touch, at each facet."""
+    """Return for each facet the distance below which it touches another facet."""
     x = body.vertices[body.facets[facets]]
     sizes = np.ptp(x, axis=1).max(axis=1)
-    if body.is_revolved:  # rings differ in size by the radius of one of them
+    if body.is_revolved:  # the radius scales the difference of two rings
         sizes = np.minimum(sizes, x[..., 0].max(axis=1))
-    rounding = 1e-6  # tangential distance that counts as zero, relative to the facet
+    rounding = 1e-6  # tangential distance counted as zero, over facet size
     return rounding * np.asarray(sizes)
 
 
 def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
-    """Return pairs of facets that may share a line along their normal, including all that do.
+    """Return pairs of facets that may lie on one line along their normal, including all that do.
 
-    The function projects normal and foot of each line on one direction, and sorts the results.
+    The function projects the normal and the foot of each line on one direction and sorts the
+    results.
     """
     none = np.zeros(0, dtype=np.int64)
     if not (len(firsts) and len(seconds)):
@@ -97,7 +98,7 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
     of_first, of_second = seen(firsts, 1.0), seen(seconds, -1.0)
     order = np.argsort(of_second)
     same_normal = 1e-8  # normals whose components differ by less are equal
-    # a normal's error moves a foot by at most this error times 2 extents
+    # an error of a normal moves a foot by at most this error times 2 extents
     reach = along.sum() * (5 * body.dim * same_normal + close / size)
     start = np.searchsorted(of_second[order], of_first - reach)
     number = np.searchsorted(of_second[order], of_first + reach, side="right") - start
@@ -119,7 +120,7 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
 
 
 def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
-    """Return the pairs on common lines in which each facet is the nearest to the other."""
+    """Return the pairs on common lines in which each facet is the nearest one to the other."""
     centres = body.vertices[body.facets].mean(axis=1)
     height = np.sum((centres[b] - centres[a]) * body.normals[a], axis=1)
     nearest = np.ones(len(a), dtype=bool)
@@ -130,16 +131,17 @@ def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
 
 
 def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
-    """Return how many of a overlap, along their normals, the box of an opposite facet of b.
+    """Return how many facets of ``a`` overlap the box of an opposing facet of ``b``.
 
-    The function stops at the first batch of a with a result: this is enough to refuse, and all
-    pairs of many thousand facets would take long.
+    The overlap is that of projections along the normal. The function stops at the first batch of
+    ``a`` with an overlap: one overlap suffices for a refusal, and all pairs of many thousand facets
+    would take long.
 
     Args:
         body: The bodies.
         a: Indices of facets.
         b: Indices of other facets.
-        in_front: Whether only facets in front of each other count.
+        in_front: Whether only facets that lie in front of each other count.
     """
     if not (len(a) and len(b)):
         return 0
@@ -173,7 +175,7 @@ def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
 
 
 def obstacles_of(body: Body) -> Iterator[tuple[np.int64, Floats, np.float64, np.float64]]:
-    """Yield tag, normal, adhesion and friction of each rigid obstacle.
+    """Yield the tag, normal, adhesion and friction of each rigid obstacle.
 
     Args:
         body: The bodies.

@@ -1,13 +1,14 @@
-"""Check whether a velocity proves an upper bound. It is quadratic in each cell, and continuous.
+"""Check whether a velocity, continuous and quadratic in each cell, proves an upper bound.
 
-(∫D(ε(v)) − L₀(v))/L(v), with the work L₀(v) of permanent loads, is an upper bound of the limit load
-if v = 0 at supports, ε(v) = 0 in elastic bodies, and v causes no penetration. D is the supremum of
-σ:ε over the cone of each cell (:mod:`cones`); where it is finite, ε is admissible (kinematic
-theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). The checker corrects the
-velocity on file until all this holds (:mod:`mechanism`), apart from volume changes, which another
-velocity undoes (:mod:`volume_change`). That velocity dissipates power (:mod:`dissipation`), and
-loads do work on it. Both raise the bound, and no residual is neglected. For bodies of revolution
-the velocity is v = ru (:mod:`rings`), and works are divided by 2π.
+(∫D(ε(v)) − L₀(v))/L(v) is an upper bound of the limit load if v = 0 at supports, ε(v) = 0 in
+elastic bodies, and v causes no penetration. L₀(v) is the work of permanent loads, and L(v) that of
+the sought loads. D is the supremum of σ:ε over the cone of each cell (:mod:`cones`); ε is
+admissible where D is finite (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic
+Solids, 1951). The checker corrects the velocity on file until these conditions hold
+(:mod:`mechanism`), except for volume changes, which another velocity undoes (:mod:`volume_change`).
+That velocity dissipates power (:mod:`dissipation`), and loads do work on it. Both increase the
+bound, and no residual is neglected. For bodies of revolution the velocity is v = ru (:mod:`rings`),
+and works are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -30,13 +31,14 @@ from perfplast_fenicsx.proof.volume_change import Undone, undone
 
 
 def usual_speed(body: Body, loads: Loads, work: float) -> float:
-    """Return the mean velocity at which loads do their work; 0 without tractions and forces.
+    """Return the mean velocity at which loads do their work; 0 without tractions and body forces.
 
-    It depends only on loads, so that no fast cell can hide the work of the free loads.
+    It depends only on the sought loads, so a single fast cell cannot hide the work of the free
+    loads.
 
     Args:
         body: The bodies.
-        loads: Loads whose factor is bounded.
+        loads: The sought loads, whose factor is bounded.
         work: Their work.
     """
     free = left_free(loads.traction, body.held, body.guided)
@@ -48,7 +50,7 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
 def most_work(
     body: Body, loads: Loads, v: Floats, at_facets: Floats, rates: Floats, usual: float
 ) -> float:
-    """Return the largest possible work of loads at velocities of this size.
+    """Return the largest possible work of loads for velocities of given size.
 
     Args:
         body: The bodies.
@@ -56,8 +58,8 @@ def most_work(
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
         at_facets: Velocity at the nodes of each facet, shape (num_facets, nodes_per_facet, d).
         rates: Rates of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
-        usual: Least velocity that counts: bodies at rest move by rounding, and the resulting factor
-            is reported.
+        usual: Least velocity that counts. The velocity of bodies at rest consists of rounding
+            errors, and without this limit the reported factor would depend on them.
     """
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
@@ -81,7 +83,7 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
         count: Number of nodes.
 
     Raises:
-        ProofError: If a vertex or an edge has another node in another cell.
+        ProofError: If a vertex or an edge has different nodes in two cells.
     """
     pairs = list(combinations(range(body.dim + 1), 2))
     if nodes.shape != (len(body.cells), body.dim + 1 + len(pairs)):
@@ -101,16 +103,18 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
 
 @dataclass(frozen=True)
 class Flow:
-    """The bound that a velocity proves.
+    """The bound that a velocity proves, and its ingredients.
 
     Attributes:
-        measured: ``work_of_others``: the work of the free loads, relative to their largest possible
-            work, each with the largest velocity or strain of its own facet or cell.
-        bound: The upper bound, None if nothing is proven.
-        reasons: Why nothing is proven.
-        cost: The part of the bound due to undone volume changes and rounding.
-        power: The dissipation, or the work of the loads if larger, divided by the work.
-        work: Work of the loads whose factor is bounded, from below.
+        measured: ``work_of_others``: work of the free loads relative to their largest possible
+            work, in which each load has the largest velocity or strain rate of its own facet or
+            cell.
+        bound: The upper bound; None if nothing is proven.
+        reasons: Reasons why nothing is proven.
+        cost: Part of the bound that is due to undone volume changes and rounding.
+        power: The larger of the dissipation and the work of the loads, divided by the work of the
+            sought loads.
+        work: Lower bound of the work of the sought loads.
         others: Largest possible work of the free loads at factor 1.
     """
 
@@ -124,7 +128,7 @@ class Flow:
 
 
 def measure_velocity(body: Body, v: Floats) -> Flow:
-    """Return what a velocity proves.
+    """Return the bound that a velocity proves.
 
     Args:
         body: The bodies.
@@ -135,14 +139,14 @@ def measure_velocity(body: Body, v: Floats) -> Flow:
     found = _measured(body, v, shapes, mechanism_of(body, v, shapes, resting))
     if not resting:
         return found
-    # Deformable bodies make way for each other at each point.
+    # Without cells at rest, deformable bodies move out of each other point by point.
     other = _measured(body, v, shapes, mechanism_of(body, v, shapes))
     known = [np.inf if of.bound is None else of.bound for of in (found, other)]
     return found if known[0] < known[1] else other
 
 
 def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Flow:
-    """Return what a mechanism near the velocity on file proves."""
+    """Return the bound that a mechanism near the velocity on file proves."""
     rates = rates_of(body, mechanism, shapes)
     of_cells = dissipated(body, rates)
     keeps, takes = (of & ~mechanism.rigid for of in _kinds(body))
@@ -150,7 +154,7 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     more = left.gradients * rates.of_gradient
     some, alert = body.plastic, np.zeros(len(body.cells))
     alert[some] = body.cones.alertness[body.cone[some]]
-    # In axisymmetry rates are those of r²ε, and gradients of v are r times as large.
+    # In axisymmetry rates are those of r²ε, and gradients of v are r times larger.
     radius = body.vertices[body.cells][..., 0].max(axis=1) if body.is_revolved else 1.0
     short = of_cells.short + alert * more * radius
     reasons = [why for why in (mechanism.reason, left.reason) if why is not None]
@@ -196,7 +200,7 @@ def _loads(body: Body) -> tuple[Loads, Loads, Loads]:
 
 
 def _kinds(body: Body) -> tuple[Flags, Flags]:
-    """Return which cells preserve their volume, and for which any rate is admissible."""
+    """Return which cells preserve their volume, and which cells admit any rate."""
     of_cones = (body.cones.keeps_volume(normals_of(body)), body.cones.takes_any)
     keeps, takes = (np.append(of, False)[body.cone] for of in of_cones)
     return keeps, takes
@@ -210,13 +214,13 @@ def _at(body: Body, values: Floats, words: str) -> str:
 def _work(
     body: Body, loads: Loads, mechanism: Mechanism, rates: Rates, shapes: Shapes
 ) -> tuple[float, float]:
-    """Return the work of loads and its error.
+    """Return the work of loads, and its error.
 
     Args:
         body: The bodies.
         loads: Loads of one kind.
         mechanism: Velocity of the bodies.
-        rates: Rates of the velocity.
+        rates: Strain rates of the velocity.
         shapes: Shapes of the cells.
     """
     if not loads:
@@ -272,7 +276,7 @@ def _undone_work(body: Body, loads: Loads, left: Undone) -> float:
         return 0.0
     x = body.vertices[body.cells]
     reach = np.linalg.norm(np.ptp(x, axis=1), axis=1)
-    # w is zero at vertices, and every point is within a cell's width of one
+    # w is zero at vertices, and each point lies within a cell's width of a vertex.
     forces = np.linalg.norm(loads.body_force, axis=1) * reach * left.gradients
     pores = np.abs(loads.pore_pressure).max(axis=1) * left.change
     pushes = np.linalg.norm(loads.traction, axis=2).max(axis=1) * left.through
@@ -281,7 +285,7 @@ def _undone_work(body: Body, loads: Loads, left: Undone) -> float:
 
 
 def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> float:
-    """Return the work of the free loads relative to their largest possible work."""
+    """Return the work of the free loads, relative to their largest possible work."""
     d = body.dim
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     usual = usual_speed(body, body.sought, work)
@@ -303,7 +307,7 @@ def strain_rates(body: Body, v: Floats) -> Floats:
 
 
 def _facet_nodes(body: Body) -> Longs:
-    """Return the indices in the cell of each facet's vertices and edge middles."""
+    """Return the indices in its cell of each facet's vertices and edge middles."""
     d = body.dim
     number = np.zeros((d + 1, d + 1), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):
@@ -314,9 +318,9 @@ def _facet_nodes(body: Body) -> Longs:
 
 
 def _means(dim: int) -> Floats:
-    """Return means over a facet of linear functions times Bernstein polynomials.
+    """Return the means over a facet of linear functions times Bernstein polynomials.
 
-    They are integers times (d − 1)!/((d + 2)!), shape (d, 3 or 6).
+    The values are integers, to be multiplied by (d − 1)!/((d + 2)!); shape (d, 3 or 6).
     """
     groups = [(a, a) for a in range(dim)] + list(combinations(range(dim), 2))
     found = np.zeros((dim, len(groups)))

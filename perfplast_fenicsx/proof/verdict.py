@@ -1,14 +1,14 @@
-"""Define verdicts on a stress or a velocity, and the residuals that are named in them."""
+"""Define verdicts on a stress or a velocity, and the residuals that verdicts name."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 ROUNDING = 1e-9
-"""Limit of a residual that is not in :data:`LIMITS`."""
+"""Limit of residuals that :data:`LIMITS` does not list."""
 
 ROUNDED = 1e-8
-"""Relative excess of the claim over the proven bound that is allowed. The checker prints the proven
+"""Allowed relative excess of the claimed bound over the proven bound. The checker prints the proven
 bound."""
 
 LIMITS: Mapping[str, float] = {
@@ -29,14 +29,14 @@ LIMITS: Mapping[str, float] = {
     "yield_ratio": 1 + 1e-9,
     "shear_ratio": 1 + 1e-9,
 }
-"""Residuals above which a condition is named as the reason of a bound that is not proven. No bound
-is proven because residuals are smaller: they reduce a lower bound, and increase an upper one.
-Symmetry must be exact, since a program can write symmetric tensors, and so must zeros on the axis.
-``work_of_others`` limits the factors of loads of any factor for which a bound holds, and which the
-checker prints."""
+"""Residuals above which a condition is named as the reason why a bound is not proven. Small
+residuals alone prove no bound: they reduce a lower bound and increase an upper bound. Symmetry and
+zeros on the axis must be exact, since a program can write symmetric tensors and zeros.
+``work_of_others`` limits the range of the free loads' factors for which a bound holds; the checker
+prints this range."""
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
-"""Conditions that a stress satisfies after division by the measured ratio."""
+"""Conditions that hold after the stress is divided by the measured ratio."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,13 @@ class Checked:
         claimed: The bound that the file claims.
         proven: The proven bound; None if a condition fails.
         measured: The residual of each condition.
-        faults: Failed conditions in words; empty if the claim holds.
-        words: Sentences on the subject of the proof and on the residuals.
-        reached: The bound that the numbers prove, whatever is claimed; None if they prove nothing.
-        over: The factor by which stresses may exceed the strength, if they cannot be scaled. A
-            stress with so much in reserve is a proof; ∞ if none is known.
+        faults: Violated conditions in words; empty if the claim holds.
+        words: Sentences on the data of the proof and on the residuals.
+        reached: The bound that the numbers prove, whatever the claim is; None if they prove
+            nothing.
+        over: Factor by which stresses may exceed the strength, for stresses that cannot be scaled.
+            A stress that stays below the strength by this factor is a proof; ∞ if no factor is
+            known.
     """
 
     kind: str
@@ -73,26 +75,27 @@ class Checked:
 
 
 def rounding_of(bound: float, power: float) -> float:
-    """Return the difference from the proven upper bound that counts as equal.
+    """Return the difference from the proven upper bound that counts as rounding.
 
     Args:
-        bound: The dissipation minus the work of permanent loads, relative to the work.
-        power: The whole dissipation over the work of the loads whose factor is bounded; rounding
-            errors of its sums scale with it.
+        bound: Dissipation minus the work of permanent loads, relative to the work of the sought
+            loads.
+        power: Whole dissipation over the work of the sought loads; rounding errors of the sums
+            scale with it.
     """
     sums = 1e-12  # rounding of sums over all cells
     return ROUNDED * abs(bound) + sums * power
 
 
 def share_of(part: float, whole: float) -> float:
-    """Return a part relative to a whole, ∞ if it is not a number or if the whole is zero."""
+    """Return a part relative to a whole; ∞ if it is not a number or if the whole is zero."""
     if part == 0:
         return 0.0
     return part / whole if math.isfinite(part) and whole > 0 else math.inf
 
 
 def faults_of(measured: Mapping[str, float]) -> list[str]:
-    """Return the failed conditions."""
+    """Return the violated conditions in words."""
     faults = [
         f"the residual {name.replace('_', ' ')} is {value:.1e}"
         for name, value in measured.items()

@@ -1,22 +1,23 @@
 """Compute the cost of volume changes: the size of a velocity that undoes them.
 
-A velocity v is admissible apart from volume changes in cells that preserve their volume. If w
-undoes them, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), because D is convex and
-homogeneous of degree 1. So the size of ∇w in each cell is enough, and the module computes only an
-upper bound of it.
+A velocity v is admissible except for volume changes in cells that must preserve their volume. If w
+undoes these changes, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), because D is convex
+and homogeneous of degree 1. So only the size of ∇w in each cell is needed, and the module computes
+an upper bound of this size.
 
-1. Volume leaves each cell through one facet, to the next cell of a tree, and finally through an
-   outlet: a free surface, a cell whose volume may change, or a separating contact. On facets w is a
-   bump b(x)a, zero at their edges, with ∫b = A for the area A. For the area vector A n, a = n/A, so
-   that the flux is 1. In both cells div w is constant.
-2. The rest of div v in a cell is linear with zero mean, and w is zero on all facets.
-3. Such w are continuous and of degree d in each of the d + 1 parts into which the centre divides a
-   cell (of degree 2 in the plane, D. N. Arnold, J. Qin, 1992; of degree 3 in space, S. Zhang,
-   doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges 1 :data:`SIZE` bounds their
-   gradients. The map x = By onto the cell gives w = Bw'/det B. Fluxes are unchanged, and ∇w =
-   B∇w'B⁻¹/det B. A bump a becomes det B B⁻¹a on the regular simplex.
+1. Volume leaves each cell through one facet to the next cell of a tree, and finally through an
+   outlet. Outlets are free surfaces, cells whose volume may change, and contacts that separate. On
+   the facets of this path w is a bump b(x)a, which is zero at the facets' edges and has ∫b = A for
+   the area A. For the area vector A n, a = n/A, so the flux is 1. In both cells div w is constant.
+2. The remaining div v in a cell is linear with zero mean. For it, w is zero on all facets.
+3. Such velocities w are continuous, and of degree d in each of the d + 1 parts into which the
+   centre divides a cell (of degree 2 in the plane, D. N. Arnold, J. Qin, 1992; of degree 3 in
+   space, S. Zhang, doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges of length
+   1 :data:`SIZE` bounds their gradients. The map x = By onto the cell gives w = Bw'/det B. Fluxes
+   are unchanged, and ∇w = B∇w'B⁻¹/det B. A bump vector a of the cell becomes det B B⁻¹a on the
+   regular simplex.
 
-In axisymmetry r tr ε(u) = div v for v = ru in the section, so that the same holds.
+In axisymmetry r tr ε(u) = div v holds for v = ru in the section plane, so the same method applies.
 """
 
 from dataclasses import dataclass
@@ -33,20 +34,21 @@ from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
 """Bounds of gradients on a regular simplex, by dimension. The first factor multiplies the largest
-divergence of zero mean, the second the vector of a bump. A test computes both."""
+divergence of zero mean; the second multiplies the length of a bump's vector a. A test computes
+both."""
 
 LOST = "volume of cells has no outlet, as at"
 
 
 @dataclass(frozen=True)
 class Undone:
-    """A velocity w that undoes volume changes.
+    """The size of a velocity w that undoes volume changes.
 
     Attributes:
         gradients: The largest ‖∇w‖ in each cell times its volume, shape (num_cells,).
         change: The largest |div w| at a vertex times the volume, shape (num_cells,).
         through: ∫|w| on outer facets, shape (num_facets,).
-        reason: Why there is no such velocity, or None.
+        reason: Reason why no such velocity is known, or None.
     """
 
     gradients: Floats
@@ -64,7 +66,7 @@ def undone(
         body: The bodies.
         mechanism: Velocity of the bodies.
         change: div v times the volume at the vertices of cells, shape (num_cells, d + 1).
-        kinds: Cells that preserve their volume, and those for which all rates are admissible.
+        kinds: Flags of cells that preserve their volume, and of cells that admit all rates.
         shapes: Shapes of the cells.
     """
     d, count = body.dim, len(body.cells)
@@ -106,13 +108,13 @@ def undone(
 
 
 class _Ways:
-    """The path of volume out of each cell that preserves its volume.
+    """The path along which volume leaves each cell that must preserve its volume.
 
     Attributes:
-        out: Side through which it leaves, −1 for other cells and for roots without an outlet.
-        free_area: Size of the free part of the area vector of this side.
-        tilt: Area over the free part.
-        across: Opposite side of each side, −1 for outer ones.
+        out: Side through which volume leaves; −1 for other cells, and for roots without an outlet.
+        free_area: Length of this side's area vector after removing held components.
+        tilt: Area of this side divided by ``free_area``.
+        across: Opposite side of each side, −1 for outer facets.
     """
 
     def __init__(
@@ -131,8 +133,8 @@ class _Ways:
         shut = np.isin(body.surface, body.rigid) | body.guided.any(axis=1)
         shut |= np.asarray(body.on_axis) | (pressed & body.held.any(axis=1))
         cells = np.arange(count * wide) // wide
-        opens = np.full(count * wide, 9)  # smaller values are better
-        least = 0.1  # least free part of the area vector
+        opens = np.full(count * wide, 9)  # cost of an outlet; 9 excludes it
+        least = 0.1  # least free part of an area vector
         outer = np.where(shut | (loose < least * self._sizes)[body.outer], 9, 0)
         opens[body.outer] = np.where(outer == 0, np.where(pressed, 2, 0), 9)
         opens[body.outer[_sticks(body)]] = 9
@@ -169,9 +171,9 @@ class _Ways:
         self.tilt = np.where(self.out >= 0, self._sizes[at], 1.0) / self.free_area
 
     def _join_contacts(self, shut: Flags) -> None:
-        """Let volume pass through contact, with the same bump on both sides.
+        """Let volume pass through contacts, with the same bump on both sides.
 
-        Areas of touching facets, and so the fluxes, differ by rounding.
+        The areas of matching facets, and so the fluxes, differ by rounding.
         """
         body, wide, d = self._body, self._body.dim + 1, self._body.dim
         areas = self._shapes.areas.mid.reshape(-1, d)
@@ -187,9 +189,9 @@ class _Ways:
                 self._unlike[here] = np.abs(1 + dots / self._sizes[here] ** 2) + 64 * U
 
     def _tree(self, roots: Longs) -> list[Longs]:
-        """Build paths to the roots over large facets.
+        """Build the paths to the roots over large facets.
 
-        Return cells by their distance from the roots.
+        The function returns the cells by their distance from the roots.
         """
         wide = self._body.dim + 1
         seen = ~self._keeps
@@ -207,7 +209,7 @@ class _Ways:
         return levels
 
     def fluxes(self, needed: Floats, errors: Floats) -> tuple[Floats, Floats]:
-        """Return the flux out of each cell for itself and all cells beyond it, and errors."""
+        """Return the flux out of each cell, for itself and all cells beyond it, and its error."""
         wide = self._body.dim + 1
         found, off = np.where(self._keeps, needed, 0.0), np.where(self._keeps, errors, 0.0)
         sizes = np.abs(found)
@@ -222,8 +224,8 @@ class _Ways:
     def fault(self, fluxes: Floats, errors: Floats) -> str | None:
         """Return why some volume has no outlet, or None.
 
-        Contact can separate, but not penetrate. Without an outlet the flux is that of v through the
-        surface. It must vanish exactly, as it does where all components are held.
+        Contacts can separate but not penetrate. If a piece has no outlet, the flux of v through its
+        surface must be exactly zero, as where all components are held.
         """
         body, wide = self._body, self._body.dim + 1
         some = np.flatnonzero(self.out >= 0)
@@ -253,7 +255,7 @@ class _Ways:
 def _sticks(body: Body) -> Flags:
     """Return which facets cannot separate along their normals without dissipation."""
     found = np.zeros(len(body.facets), dtype=bool)
-    most = 1e6  # friction above which the normals of two touching facets count as different
+    most = 1e6  # largest μ for which a pair may separate
     rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
     for pair, (c, mu) in zip(body.contacts, rubs, strict=True):
         found[np.isin(body.surface, pair)] |= mu > most or c > 0
@@ -266,7 +268,7 @@ def _sticks(body: Body) -> Flags:
 
 
 def sides_places(body: Body, of_cells: Longs, sides: Longs) -> Longs:
-    """Return the points of coefficients on sides, shape (n, 3 or 6)."""
+    """Return the indices of the coefficients on sides, shape (n, 3 or 6)."""
     d = body.dim
     corners, number = body.corners[sides % (d + 1)], numbers_in_cell(d)
     columns = [number[corners[:, a], corners[:, b]] for a in range(d) for b in range(a, d)]

@@ -72,7 +72,7 @@ function bodyOf(A) {
   all(body.cone, (c) => c >= -1 && c < body.cones.length, "there are cones that do not exist");
   body.blocks = body.cone.every((c) => c < 0); // that cannot yield
   if (body.blocks && (revolved ||
-    !(pairs || planes))) refuse("no cell can yield, so that nothing limits the load");
+    !(pairs || planes))) refuse("no cell can yield, so nothing limits the load");
   if (revolved && body.cone.some((c) => c >= 0 &&
     !body.cones[c].c)) refuse("a cone without a bound is not known around an axis");
   body.radius = (c) => (body.cone[c] < 0 ? Infinity
