@@ -31,9 +31,12 @@ REFUSED = (
 HINGED = 193
 """A case whose elastic body turns about a hinge that its supports make, beside its first vertex."""
 
+BETTER = 91
+"""A case whose checker proves an upper bound that is better by 1e-4 than the one of the search."""
+
 SEEDS = [
     pytest.param(seed, marks=[] if seed in (0, 2, 4) else [pytest.mark.serial])
-    for seed in sorted({*range(int(12 * EFFORT)), HINGED})
+    for seed in sorted({*range(int(12 * EFFORT)), BETTER, HINGED})
 ]
 
 

@@ -14,6 +14,7 @@ from meshes.thick_tube import write_thick_tube
 from perfplast_fenicsx import (
     Contact,
     InputError,
+    MohrCoulomb,
     Pressure,
     Problem,
     Support,
@@ -33,11 +34,21 @@ from perfplast_fenicsx.limit_analysis.facets.entering import (
     entered_share,
     entering_between_nodes,
 )
-from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import composite_vertex_rule
-from perfplast_fenicsx.limit_analysis.velocity.strict_work import keep_apart, let_rest
+from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
+    composite_vertex_rule,
+    mechanism_rates,
+    missing_growth,
+)
+from perfplast_fenicsx.limit_analysis.velocity.strict_work import (
+    keep_apart,
+    let_dilate,
+    let_rest,
+)
 from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
+from tests.contact.blocks_apart import blocks_apart
 from tests.limit_analysis.test_interior_point import BLOCK, COMM, SOIL, K, footing, made
+from tests.limit_analysis.test_static_bound import rectangle
 from tests.models import STEEL, l_plate_problem, touching_blocks
 
 
@@ -71,6 +82,62 @@ def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
     upper = of_node == problem.comm.allreduce(int(of_node.max()), MPI.MAX)
     low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
     return upper, height, low
+
+
+def compressed(where: str) -> Problem:
+    """Ground between smooth supports that is compressed along its last axis."""
+    tagged_mesh = blocks_apart(COMM, [1, 1, 1], [1, 1, 1])
+    contacts = [Contact("upper_bottom", "lower_top")]
+    held = {"bottom": "z", "x0": "x", "upper_x0": "x", "y0": "y", "upper_y0": "y"}
+    loaded = ["top"]
+    if where != "space":
+        names = {"side": lambda x: x[0] < 1e-9, "top": lambda x: x[1] > 1 - 1e-9}
+        names |= {"bottom": lambda x: x[1] < 1e-9, "right": lambda x: x[0] > 1 - 1e-9}
+        every = {"ground": lambda x: x[1] > -1}
+        tagged_mesh = rectangle((2, 2), (1.0, 1.0), every, names, comm=COMM)
+        contacts, held = [], {"side": "x", "bottom": "y"}
+        if where == "between platens":
+            held, loaded = {"bottom": "y", "top": "y"}, ["side", "right"]
+    ground = MohrCoulomb(1e4, 0.3, 1.0, 30.0)
+    return Problem(
+        tagged_mesh,
+        dict.fromkeys(tagged_mesh.volumes, ground),
+        [Support(name, along) for name, along in held.items()],
+        [Pressure(name, 1.0) for name in loaded],
+        contacts,
+        degree=2,
+    )
+
+
+@pytest.mark.parametrize("where", ["plane", "space", "between platens"])
+def test_ground_that_dilates_too_little_by_rounding(where: str) -> None:
+    """The least added motion makes it dilate by enough, and supports and contact still hold."""
+    problem = compressed(where)
+    steep = math.tan(math.radians(60.0)) ** 2 * (1 - 1e-11)  # growth aside per compression
+    sheared = math.tan(math.radians(30.0)) * (1 - 1e-11)  # growth between platens per shear
+
+    def velocity(x: Floats) -> Floats:
+        if where == "between platens":
+            return np.array([sheared * x[0] + x[1], 0 * x[1]])
+        aside = [steep / (len(x) - 1) * of for of in x[:-1]]
+        return np.array([*aside, -x[-1]])
+
+    gdim, v = problem.bodies.gdim, fem.Function(problem.V)
+    v.interpolate(lambda x: velocity(x[:gdim]))
+    before, rates = v.x.array.copy(), mechanism_rates(problem, v)
+
+    def missing() -> float:
+        lacks = missing_growth(problem, mechanism_rates(problem, v)).max(initial=0.0)
+        return COMM.allreduce(float(lacks), MPI.MAX)
+
+    assert missing() > 1e-12
+    changed = let_dilate(problem, v, rates)
+    assert missing() == 0.0
+    assert np.array_equal(changed.trace, mechanism_rates(problem, v).trace)
+    most = COMM.allreduce(float(np.abs(v.x.array - before).max()), MPI.MAX)
+    assert 1e-12 < most < 1e-9
+    assert np.abs(v.x.array.reshape(problem.fixed.shape)[problem.fixed]).max(initial=0.0) < 1e-15
+    assert entered_share(problem, v) < 1e-12
 
 
 def test_bodies_that_stay_rest() -> None:

@@ -140,7 +140,6 @@ APART = {
 
 
 OPEN = {
-    "smooth": "the mechanism dilates too little by rounding, and the checker does not mend that",
     "metal": "no stress in equilibrium is found beside pressures of 1e5 times the strength",
 }
 """Variants without both bounds, and why."""

@@ -189,7 +189,8 @@ class BodyBounds(NotebookResult):
             None in three dimensions if cells are not split, because they are curved or their
             elements are linear.
         shares: Contribution of each owned cell (before tetrahedra are split) to the gap
-            (:mod:`strict_work`), shape (num_cells,); None if a bound is missing.
+            (:mod:`strict_work`), shape (num_cells,); None if a bound is missing. The proof checker
+            may prove a smaller gap than their sum.
         certificates: Residuals of the conditions of the bounds, by name.
         steps: Number of steps of the interior point method for both bounds.
         factorisations: Number of factorisations for both bounds.

@@ -535,8 +535,8 @@ def proven_part(
 ) -> tuple[BodyBounds, BodyBounds]:
     """Return bounds that are strict where a checker proves them. Collective.
 
-    A bound that it proves to be worse has the value that it proves. Others that it refuses are
-    bounds of the mesh.
+    A bound has the value that the checker proves, if it is worse than the one found, or better by
+    more than rounding. Other bounds that the checker refuses are bounds of the mesh.
 
     Args:
         low: With the lower bound.
@@ -555,7 +555,7 @@ def proven_part(
             and reached.get(bound.kind) not in (None, before)
             and bound.value == before
         }
-        lower, upper = (_judged(bound, worse, refused) for bound in both)
+        lower, upper = (_judged(bound, worse, refused, reached) for bound in both)
         low = low if lower is low.lower else replace(low, lower=lower)
         high = high if upper is high.upper else replace(high, upper=upper)
         if not refused:
@@ -563,19 +563,29 @@ def proven_part(
     return low, high
 
 
-def _judged(bound: Bound, worse: Mapping[str, Bound], refused: Mapping[str, Refusal]) -> Bound:
+def _judged(
+    bound: Bound,
+    worse: Mapping[str, Bound],
+    refused: Mapping[str, Refusal],
+    reached: Mapping[str, float | None],
+) -> Bound:
     """Return a bound after the checker has answered.
 
     Args:
         bound: A bound.
-        worse: Those that the checker proves with a worse value, which it has to check again.
+        worse: Bounds that the checker proves with a worse value, which it has to check again.
         refused: The reason of each refusal, by kind.
+        reached: The value that the checker proves, by kind; None if it proves none.
     """
     if bound.kind in worse:
         return worse[bound.kind]
     if not bound.can_be_strict:
         return bound
     if not refused:
+        known, found = bound.value, reached.get(bound.kind)
+        gain = 0.0 if known is None or found is None else found - known
+        if gain * (1 if bound.kind == "lower" else -1) > 1e-9 * abs(known or 0.0):
+            return bound.proven(found)
         return bound.proven() if bound.doubts else bound
     return bound if worse or bound.kind not in refused else bound.refused(*refused[bound.kind])
 

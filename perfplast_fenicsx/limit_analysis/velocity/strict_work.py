@@ -446,6 +446,77 @@ def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
         mechanism.x.array[:] = before
 
 
+def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> MechanismRates:
+    """Add a slow motion that dilates everywhere, if cells dilate too little by rounding.
+
+    Under pressures of 1e5 times the strength, even a missing dilatancy of 1e-11 costs more work
+    than the bodies dissipate; the added motion costs little. The motion is x − a along the axes
+    that supports allow, with a at the supports. It is added only where it is admissible.
+    Collective.
+
+    Args:
+        problem: The bodies.
+        mechanism: Velocity with updated ghosts; the function changes it.
+        rates: Rates of the mechanism.
+
+    Returns:
+        The rates of the changed mechanism.
+    """
+
+    def missing(of: MechanismRates) -> float:
+        return float(problem.comm.allreduce(missing_growth(problem, of).max(initial=0.0), MPI.MAX))
+
+    if isinstance(problem.kinematics, RingFlux) or problem.guides.surfaces or problem.given.rigid:
+        return rates
+    lacking, before = missing(rates), mechanism.x.array.copy()
+    if not lacking > 0:
+        return rates
+    entered, motion = _entered(problem, mechanism), _stretch(problem)
+    mechanism.x.array[:] = motion
+    flow = _Flow(problem, mechanism, mechanism_rates(problem, mechanism))
+    steps = 12  # doublings, until the motion is some thousand times what is missing
+    if max(flow.part, flow.lacking) > ADMISSIBLE**2 * flow.whole:
+        steps = 0
+    for step in range(steps):
+        mechanism.x.array[:] = before + 2**step * lacking * motion
+        if missing(mechanism_rates(problem, mechanism)) > 0:
+            continue
+        mechanism.x.array[:] += 2**step * lacking * motion  # for the rounding of the checker
+        if _entered(problem, mechanism) <= max(entered, UNSEEN):
+            return mechanism_rates(problem, mechanism)
+        break
+    mechanism.x.array[:] = before
+    return rates
+
+
+def _stretch(problem: Problem) -> Floats:
+    """Return the motion x − a along the axes that supports allow, zero along the others.
+
+    Along an axis whose supports all have one coordinate, a is that coordinate; without supports it
+    is the least coordinate. Plane obstacles count as supports. Collective.
+
+    Returns:
+        A value for each local degree of freedom.
+    """
+    gdim = problem.fixed.shape[1]
+    x = problem.V.tabulate_dof_coordinates()[:, :gdim]
+    stays, host = problem.fixed.copy(), problem.constraints.host
+    outer = [not source.inner for source in problem.constraints.sources]
+    if any(outer):
+        rows = np.array(outer)[problem.constraints.surface]
+        stays[host[rows]] |= np.abs(problem.constraints.normal[rows]) > ADMISSIBLE
+    inside = np.where(stays, x, np.inf), np.where(stays, -x, np.inf)
+    low, negative = (np.min(of, axis=0, initial=np.inf) for of in inside)
+    ends = np.concatenate([low, negative, x.min(axis=0, initial=np.inf)])
+    problem.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MIN)
+    first, last, least = ends[:gdim], -ends[gdim : 2 * gdim], ends[2 * gdim :]
+    held = np.isfinite(first)
+    size = problem.comm.allreduce(float(np.abs(x - least).max(initial=0.0)), MPI.MAX)
+    free = ~held | (last - first <= ADMISSIBLE * size)
+    motion = np.where(stays | ~free, 0.0, x - np.where(held, first, least))
+    return np.asarray(motion.ravel())
+
+
 def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
     """Remove penetration of contact that is due to rounding. Collective.
 
