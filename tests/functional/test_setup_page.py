@@ -598,6 +598,30 @@ def test_a_large_mesh_turns_with_fewer_triangles(prop: Path, browser: Any) -> No
     assert kept
 
 
+TURNED = """
+const canvas = { clientWidth: 200, clientHeight: 100 };
+const viewer = { canvas, look: {}, drawing: { few: arguments[0] ? {} : null } };
+return [[true, 0], [true, 60], [false, 60], [true, 60]].map(([turning, pace]) => {
+  viewer.look.turning = turning;
+  viewer.pace = pace;
+  Viewer.prototype.fit.call(viewer);
+  return [canvas.width, canvas.height];
+});
+"""
+"""The pixels of a picture that turns, turns slowly, rests, and turns again."""
+
+
+@pytest.mark.parametrize("many", [True, False])
+def test_a_large_mesh_that_turns_slowly_has_fewer_pixels(
+    prop: Path, browser: Any, many: bool
+) -> None:
+    """A picture that rests has all of them."""
+    SetupPage(browser, prop / "setup.html")
+    sizes = browser.execute_script(asset("viewer.js") + TURNED, many)
+    slow = [100, 50] if many else [200, 100]
+    assert sizes == [[200, 100], slow, [200, 100], slow]
+
+
 GALLERY = sorted(ROOT.glob("docs/gallery/*.toml"))
 
 

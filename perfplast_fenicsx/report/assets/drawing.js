@@ -210,6 +210,8 @@ class Drawing {
         const a = 3 * triangles[3 * t];
         const b = 3 * triangles[3 * t + 1];
         const c = 3 * triangles[3 * t + 2];
+        const left = seen[a] < right;
+        if (seen[b] < right === left && seen[c] < right === left) continue; // most end here
         const area = (seen[b] - seen[a]) * (seen[c + 1] - seen[a + 1]) - (seen[c] - seen[a]) * (seen[b + 1] - seen[a + 1]);
         if (area === 0) continue;
         const s = ((right - seen[a]) * (seen[c + 1] - seen[a + 1]) - (seen[c] - seen[a]) * (up - seen[a + 1])) / area;

@@ -2,6 +2,7 @@
 
 const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodies
 const TURNING = 250; // ms after which a camera that was moved rests
+const SLOW = 24; // ms between frames from which a large mesh turns with half as many pixels a side
 const COLLAPSING = 0.06; // that of a mechanism, which may be of a small part
 
 class Viewer {
@@ -16,6 +17,7 @@ class Viewer {
       hidden: new Set(), picked: -1, meshed: false, marked: true, outlined: false, turning: false,
     };
     this.asked = 0;
+    this.pace = 0; // mean time between the frames of a turn (ms)
     this.share = 1; // of the enlarged motion
     this.phase = 1; // of a mechanism that moves
     new ResizeObserver(() => this.redraw()).observe(canvas);
@@ -92,8 +94,10 @@ class Viewer {
 
   /** Mark faces by their numbers: 1 for a support, 2 for a load, 4 for chosen, summed. */
   markFaces(marks) {
-    const { faces, triangles } = this.mesh;
-    this.drawing.setValues(Float32Array.from(triangles, (_, corner) => marks.get(faces[Math.floor(corner / 3)]) ?? 0));
+    const { faces } = this.mesh;
+    const values = new Float32Array(3 * faces.length); // Float32Array.from calls a function for each corner
+    for (let t = 0; t < faces.length; t++) values.fill(marks.get(faces[t]) ?? 0, 3 * t, 3 * t + 3);
+    this.drawing.setValues(values);
     this.redraw();
   }
 
@@ -101,6 +105,7 @@ class Viewer {
   turned() {
     const now = performance.now();
     const since = this.look.turning ? now - this.lastTurn : 0;
+    if (since) this.pace += 0.2 * (Math.min(since, 4 * SLOW) - this.pace); // a hand may pause
     this.lastTurn = now;
     this.look.turning = true;
     clearTimeout(this.rest);
@@ -158,10 +163,11 @@ class Viewer {
     };
   }
 
-  /** Have as many pixels as the screen. */
+  /** Have as many pixels as the screen; half as many a side where a large mesh turned slowly. */
   fit() {
     const { canvas } = this;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.coarse ||= this.pace > SLOW && this.drawing.few !== null;
+    const ratio = Math.min(window.devicePixelRatio || 1, 2) * (this.look.turning && this.coarse ? 0.5 : 1);
     for (const [side, seen] of [["width", "clientWidth"], ["height", "clientHeight"]]) {
       const wanted = Math.max(1, Math.round(canvas[seen] * ratio));
       if (canvas[side] !== wanted) canvas[side] = wanted;
