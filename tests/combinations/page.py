@@ -1,6 +1,6 @@
 """The page of the documentation that shows what goes with what.
 
-./fenicsx python3 -m tests.combinations.page          # write it anew, in some two minutes
+./fenicsx python3 -m tests.combinations.page          # write the page again, in about two minutes
 """
 
 import re
@@ -17,12 +17,11 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "what_goes_with_what.md"
 
 HEAD = """# What goes with what
 
-A row is a statement about two blocks that are pressed together, and a column is a question about
-them. "yes" means that the program answers. If only one bound is strict, the cell has this bound. A
-number means that the program refuses the question or proves nothing; its sentence is below the
-table. If not stated otherwise, cases are small, in plane strain, with quadratic elements. For
-shakedown the blocks are tied and all loads vary. The page is made by running the cases
-(`tests/combinations`).
+A row is a variant of a case with two blocks that are pressed together, and a column is an analysis.
+"yes" means that the program gives a result. If only one bound is strict, the cell names this bound.
+A number means that the program refuses the case or proves nothing; the message is below the table.
+Unless stated otherwise, cases are small, in plane strain, with quadratic elements. For shakedown
+the blocks are tied and all loads vary. The cases are run to make this page (`tests/combinations`).
 
 """
 
@@ -30,7 +29,7 @@ ROW = re.compile(r"^\| (?P<words>[^|]+?) \|(?P<cells>.*)\|$", re.M)
 
 
 def cell(given: Answer, notes: dict[str, int]) -> str:
-    """Return the cell of the table for an answer, and add its sentence to the notes."""
+    """Return the cell of the table for an answer, and add its message to the notes."""
     if given.words == "yes":
         return "yes"
     kind, _, sentence = given.words.partition(": ")
@@ -41,24 +40,24 @@ def cell(given: Answer, notes: dict[str, int]) -> str:
 
 
 def _general(sentence: str) -> str:
-    """A sentence without where in the file it happened."""
+    """Return a message without its place in the case file."""
     return re.sub(r"^(case\.toml|stacked_blocks)(, \[+[a-z_]+\]+)?: ", "", sentence)
 
 
 def table(answers: Mapping[tuple[str, str], Answer]) -> str:
-    """The page of all answers, by words of the statement and question."""
+    """Return the page for all answers, by statement and question."""
     notes: dict[str, int] = {}
     lines = [" | ".join(["|", *QUESTIONS]) + " |", "|---" * (1 + len(QUESTIONS)) + "|"]
     for statement in STATEMENTS:
         cells = [cell(answers[statement.words, question], notes) for question in QUESTIONS]
         lines.append(" | ".join([f"| {statement.words}", *cells]) + " |")
-    lines += ["", "| | sentence | |", "|---|---|---|"]
+    lines += ["", "| | message | reason |", "|---|---|---|"]
     lines += [f"| {number} | {words} | {remark(words)} |" for words, number in notes.items()]
     return HEAD + "\n".join(lines) + "\n"
 
 
 def shown() -> dict[tuple[str, str], str]:
-    """The cells of the page, by words of the statement and question."""
+    """Return the cells of the page, by statement and question."""
     text = PAGE.read_text(encoding="utf-8")
     rows = {row["words"]: row["cells"] for row in ROW.finditer(text)}
     return {
@@ -69,7 +68,7 @@ def shown() -> dict[tuple[str, str], str]:
 
 
 def main() -> None:
-    """Ask everything and write the page. On one process."""
+    """Run all cases and write the page. On one process."""
     answers = {}
     with TemporaryDirectory() as folder:
         for statement in STATEMENTS:

@@ -27,10 +27,10 @@ QUESTIONS: Mapping[str, Tables] = {
     "ALG4": _works("bordered-newton"),
     "T-FETI": _levels("newton", contact_solver="tfeti"),
     "stages": {"stage": [{"factors": {}, "steps": 2}]},
-    "limit load by the path": _limit("path"),
+    "limit load along a path": _limit("path"),
     "limit load by the interior point method": _limit("interior-point"),
     "bounds of the body": {"loading": {"control": "bounds"}},
-    "the same on adapted meshes": {
+    "bounds on adapted meshes": {
         "loading": {"control": "bounds"},
         "mesh": {"adapt": {"cells": 300}},
     },

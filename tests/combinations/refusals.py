@@ -1,35 +1,36 @@
-"""Why a question has no answer: what a refusal is about, and whether it will stay."""
+"""Give the reason for each refusal, and whether the program will always refuse the case."""
 
 from collections.abc import Mapping
 
-STAYS = "stays so"
-TO_COME = "to come"
+STAYS = "will not change"
+TO_COME = "not available yet"
 
 REFUSALS: Mapping[str, str] = {
-    "so that bodies carry any load": f"{STAYS}: what hardens without end has no limit load",
-    "is not a projection on a yield set": f"{STAYS}: the algorithm is made of that projection",
-    "does not support friction": f"{STAYS}: contact is a bound there, and there is no friction",
+    "so that bodies carry any load": f"{STAYS}: such bodies have no limit load",
+    "is not a projection on a yield set": f"{STAYS}: the algorithm consists of this projection",
+    "does not support friction": f"{STAYS}: with T-FETI contact is a simple bound without friction",
     "is a formula": (
-        f"{STAYS}: stresses are linear in cells, and balance linear tractions; what a body carries"
-        " of linear ones below and above it need not carry of what lies between"
+        f"{STAYS}: stresses are linear in cells and balance only linear tractions. If a body"
+        " carries linear tractions below and above the quadratic one, this does not prove that it"
+        " carries the quadratic one"
     ),
     "no limit theorem holds": (
-        f"{STAYS} of limit theorems; where a path loses equilibrium is found, with Drucker's pair"
-        " beside it"
+        f"{STAYS}; a path finds the load at which equilibrium is lost, and Drucker's bounds"
+        " accompany it"
     ),
-    "is associated": f"{STAYS}: true slip follows no normal of friction's cone",
-    "normals are averaged": f"{TO_COME}: obstacles that are made of planes",
+    "is associated": f"{STAYS}: real slip is not normal to the friction cone",
+    "normals are averaged": f"{TO_COME}: obstacles that consist of planes",
     "adds up elastic stresses": (
-        f"{STAYS}: elastic stresses of single loads are added up, which touching bodies forbid"
+        f"{STAYS}: superposition of elastic stresses is not valid for bodies in contact"
     ),
-    "a rigid surface moves": f"{TO_COME}: given motions that vary",
-    "cells are curved": f"{STAYS}: bounds are of the body that straight cells fill",
+    "a rigid surface moves": f"{TO_COME}: prescribed motions that vary",
+    "cells are curved": f"{STAYS}: bounds hold for the body that straight cells fill",
 }
-"""Words of the sentence, and what the page says of them."""
+"""Words of a message, and the reason that the page gives."""
 
 
 def remark(sentence: str) -> str:
-    """Return the remark of the page on a refusal.
+    """Return the reason that the page gives for a refusal.
 
     Raises:
         KeyError: If no refusal, or more than one, has these words.

@@ -56,18 +56,22 @@ RIGID: Mapping[str, Any] = {
 STATEMENTS = (
     Statement("contact without friction"),
     Statement(
-        "a traction beside the pressure", tables=_loads({"on": "right", "traction": [-0.2, 0.0]})
+        "a traction in addition to the pressure",
+        tables=_loads({"on": "right", "traction": [-0.2, 0.0]}),
     ),
-    Statement("a body force beside it", tables=_loads({"on": "upper", "body_force": [0.0, -0.5]})),
     Statement(
-        "a load that stays (weight)",
+        "a body force in addition to the pressure",
+        tables=_loads({"on": "upper", "body_force": [0.0, -0.5]}),
+    ),
+    Statement(
+        "a constant load (weight)",
         tables=_loads({"on": "upper", "body_force": [0.0, -5.0], "constant": True}),
     ),
     Statement(
         "pore pressure", tables=_loads({"on": "lower", "pore_pressure": 0.1, "constant": False})
     ),
     Statement("a linear pressure", tables={"load": [{"on": "top", "pressure": "1 + 0.1*x"}]}),
-    Statement("a quadratic one", tables={"load": [{"on": "top", "pressure": "1 - 0.1*x**2"}]}),
+    Statement("a quadratic pressure", tables={"load": [{"on": "top", "pressure": "1 - 0.1*x**2"}]}),
     Statement("a rigid surface under a force", tables=RIGID),
     Statement(
         "a support that moves (settlement)",
@@ -90,13 +94,13 @@ STATEMENTS = (
         "a bolt that is tightened",
         tables={"bolt": [{"on": "lower", "preload": 10.0, "axis": [1.0, 0.0]}]},
     ),
-    Statement("Tresca's friction", tables=_contact(tresca=20.0)),
-    Statement("Coulomb's friction", tables=_contact(coulomb=0.2)),
+    Statement("Tresca friction", tables=_contact(tresca=20.0)),
+    Statement("Coulomb friction", tables=_contact(coulomb=0.2)),
     Statement("a joint that dilates", tables=_contact(coulomb=0.2, associated=True)),
-    Statement("contact of nodes that do not match", mesh="apart"),
+    Statement("contact with nonmatching nodes", mesh="apart"),
     Statement("a tie", tables={"contact": [], "tie": [CONTACT]}),
     Statement(
-        "a tie of nodes that do not match", mesh="apart", tables={"contact": [], "tie": [CONTACT]}
+        "a tie with nonmatching nodes", mesh="apart", tables={"contact": [], "tie": [CONTACT]}
     ),
     Statement(
         "a plane obstacle",
@@ -161,9 +165,9 @@ STATEMENTS = (
             }
         ),
     ),
-    Statement("sheets (plane stress)", tables={"model": {"kind": "plane-stress"}}),
+    Statement("plane stress", tables={"model": {"kind": "plane-stress"}}),
     Statement(
-        "a support along a normal",
+        "a support along the normal of a surface",
         tables={"support": [{"on": "bottom"}, {"on": "left", "components": "normal"}]},
     ),
 )
