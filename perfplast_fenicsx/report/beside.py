@@ -1,4 +1,4 @@
-"""Write a page on two runs side by side: verdicts, numbers with differences, pictures, cases."""
+"""Write a page that compares two runs: verdicts, numbers with differences, pictures, case files."""
 
 import difflib
 from collections.abc import Sequence
@@ -25,24 +25,24 @@ LETTERS = ("A", "B")
 
 
 def write_beside(folders: Sequence[str | Path], output: str | Path | None = None) -> Path:
-    """Write a page on two runs side by side. Not collective.
+    """Write a page that compares two runs. Not collective.
 
     Args:
         folders: Two result folders.
-        output: The file; by default ``beside_NAME.html`` in the first folder, with the name of the
-            second.
+        output: The file; by default ``beside_NAME.html`` in the first folder, where NAME is the
+            name of the second folder.
 
     Returns:
         The path of the file.
 
     Raises:
-        InputError: If there are not two folders, if one has no results, if they cannot be read, or
-            if the file cannot be written.
+        InputError: If the number of folders is not two, if a folder has no readable results, or if
+            the file cannot be written.
     """
     if len(folders) != 2:
         raise InputError(
-            f"a page shows one run, or two side by side, but {len(folders)} folders are "
-            "given; give two."
+            f"a page shows one run or compares two runs, but {len(folders)} folders are "
+            "given; give one or two."
         )
     readers = [ResultReader(folder) for folder in folders]
     for reader in readers:
@@ -52,7 +52,7 @@ def write_beside(folders: Sequence[str | Path], output: str | Path | None = None
 
 
 def beside(readers: Sequence[ResultReader]) -> str:
-    """Return the HTML of two runs.
+    """Return the HTML page that compares two runs.
 
     Raises:
         InputError: If a file of the results cannot be read.
@@ -79,7 +79,7 @@ def beside(readers: Sequence[ResultReader]) -> str:
 
 
 def apart(readers: Sequence[ResultReader]) -> list[str]:
-    """Return sentences on what cannot be compared in two runs, or only with care."""
+    """Return sentences on quantities that the page cannot compare, or compares only with care."""
     a, b = (reader.summary for reader in readers)
     told = []
     if _units(readers[0]) != _units(readers[1]):
@@ -90,11 +90,11 @@ def apart(readers: Sequence[ResultReader]) -> list[str]:
         )
     if a.model["kind"] != b.model["kind"]:
         kinds = [MODELS.get(one.model["kind"], one.model["kind"]) for one in (a, b)]
-        told.append(f"The models differ: A is {kinds[0]}, B {kinds[1]}.")
+        told.append(f"The models differ: A is {kinds[0]}, B is {kinds[1]}.")
     meant = [_meaning(reader) for reader in readers]
     if meant[0] != meant[1]:
         told.append(
-            "ζ has a different meaning in each run, so that load factors cannot be "
+            "ζ has a different meaning in each run, so load factors cannot be "
             f"compared directly. A: {meant[0] or 'nothing grows.'} B: "
             f"{meant[1] or 'nothing grows.'}"
         )
@@ -113,11 +113,11 @@ def _verdict(letter: str, reader: ResultReader) -> str:
 
 def _remarks(readers: Sequence[ResultReader]) -> str:
     items = "".join(f"<li>{escape(text)}</li>" for text in apart(readers))
-    return _section("warnings", "What to know of this comparison", items and f"<ul>{items}</ul>")
+    return _section("warnings", "Notes on this comparison", items and f"<ul>{items}</ul>")
 
 
 def _numbers(readers: Sequence[ResultReader]) -> str:
-    """Return a row for each number that either run has."""
+    """Return a row for each number that at least one run has."""
     same_units = _units(readers[0]) == _units(readers[1])
     same_loads = _meaning(readers[0]) == _meaning(readers[1])
     ends = [last_load(reader) for reader in readers]
@@ -137,9 +137,9 @@ def _numbers(readers: Sequence[ResultReader]) -> str:
         comparable &= same_end or not quantity.at_end
         rows.append([quantity.words, *cells, _difference(*known) if comparable else "–"])
     note = (
-        "<p>Differences are relative to A. A dash – marks a number that a run does not "
-        "have or that cannot be compared, such as displacements of last levels at "
-        "different ζ. A limit load of a mesh is an estimate; a proven bound holds for the "
+        "<p>Differences are relative to A. A dash – marks a number that a run lacks "
+        "or that cannot be compared, such as displacements of last levels at "
+        "different ζ. The limit load of a mesh is an estimate; a proven bound holds for the "
         "bodies.</p>"
     )
     return table(heads, rows) + note
@@ -161,7 +161,7 @@ def _difference(a: float | None, b: float | None) -> str:
 
 
 def _pictures(readers: Sequence[ResultReader]) -> str:
-    """Return the stored pictures, each next to that of the other run."""
+    """Return the stored pictures; each picture is next to the picture of the other run."""
     text = ""
     for figure in figures():
         words, files = figure.title, [reader.path / figure.file for reader in readers]
@@ -175,23 +175,23 @@ def _pictures(readers: Sequence[ResultReader]) -> str:
 
 def _figure(letter: str, file: Path, words: str) -> str:
     if not file.is_file():
-        return f"<figure><figcaption>{letter} has none.</figcaption></figure>"
+        return f"<figure><figcaption>{letter} has no such picture.</figcaption></figure>"
     return (
         f"<figure>{image(file, f'{words} of {letter}')}<figcaption>{letter}</figcaption></figure>"
     )
 
 
 def _cases(readers: Sequence[ResultReader]) -> str:
-    """Return the lines of the case files that are not in both."""
+    """Return the lines that only one of the two case files contains."""
     cases = [reader.summary.case for reader in readers]
     if not all(cases):
         return (
-            "<p>One of the runs was made by a Python program, so that there are not two case "
+            "<p>A Python program made at least one of the runs, so there are not two case "
             "files.</p>"
         )
     texts = [case["text"].splitlines() for case in cases]
     if texts[0] == texts[1]:
-        return "<p>There are none: the case files are the same.</p>"
+        return "<p>There are no differences: the case files are equal.</p>"
     a, b = (f"{letter}: {case['file']}" for letter, case in zip(LETTERS, cases, strict=True))
     lines = difflib.unified_diff(texts[0], texts[1], a, b, n=2, lineterm="")
     told = escape("\n".join(lines))

@@ -1,4 +1,4 @@
-"""Describe the case in words: model, bodies, supports, loads, contacts, with units."""
+"""Describe the case in words: model, bodies, supports, loads and contacts, with units."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,8 +30,8 @@ NUMBERS = {
     "m_b": ("m_b of the rock mass", ""),
     "s": ("s of the rock mass", ""),
     "dilatancy_angle": ("dilatancy angle in degrees", ""),
-    "nonassociated": ("for ground with less dilatancy", ""),
-    "match": ("strength of Mohr–Coulomb in", ""),
+    "nonassociated": ("method for ground with less dilatancy", ""),
+    "match": ("matches Mohr–Coulomb in", ""),
     "isotropic": ("isotropic hardening", "stress"),
     "kinematic": ("kinematic hardening", "stress"),
     "r11": ("ratio of yield stresses, first axis", ""),
@@ -47,15 +47,15 @@ NUMBERS = {
 MODELS = {
     "space": "in space (3D)",
     "plane-strain": "plane strain",
-    "plane-stress": "plane stress: sheets without stress across them",
-    "axisymmetric": "axisymmetric: half a section through bodies of revolution",
+    "plane-stress": "plane stress: sheets without out-of-plane stress",
+    "axisymmetric": "axisymmetric: half of a section through bodies of revolution",
 }
 
 
 MEANINGS = {
-    "plane-strain": "Plane strain: no point moves along z, and nothing changes along z.",
-    "plane-stress": "Plane stress: no stress acts across the sheets.",
-    "axisymmetric": "Bodies, supports and loads do not change around the axis.",
+    "plane-strain": "Plane strain: no point moves along z, and no quantity changes along z.",
+    "plane-stress": "Plane stress: no stress acts in the out-of-plane direction.",
+    "axisymmetric": "Bodies, supports and loads are the same in every section through the axis.",
 }
 
 HARDENING = "von-mises-hardening"
@@ -73,12 +73,12 @@ class CaseWords:
             given: The declaration of the problem.
             units: Units of numbers by kind.
             axes: Letters of the model's axes.
-            staged: Whether there are stages, with a factor for each name.
+            staged: Whether the case has stages, with a factor for each named load.
         """
         self._given, self._units, self._axes = given, units, axes
         self._staged = staged
         self._times = "times its factor" if staged else "times ζ"
-        self._full = "in full all the time" if staged else "in full at any ζ"
+        self._full = "in full at any time" if staged else "in full at any ζ"
 
     def bodies(self) -> list[Row]:
         """Return the name and the material of each body."""
@@ -93,7 +93,7 @@ class CaseWords:
         return folded(rows, "bodies")
 
     def supports(self) -> list[Row]:
-        """Return each held surface and its support."""
+        """Return a row for each support: the held surface and how it is held."""
         rows = []
         for support in self._given.get("supports", []):
             along = self._letters(support["components"])
@@ -130,16 +130,19 @@ class CaseWords:
         return rows
 
     def meaning(self, driven: bool, several: bool = False) -> str:
-        """Return a sentence on what ζ multiplies; empty if it multiplies nothing.
+        """Return a sentence on what ζ multiplies; empty if ζ multiplies nothing.
 
         Args:
-            driven: Whether ζ moves supports, obstacles or overlaps, and no load does work.
-            several: Whether loads have their own factors instead.
+            driven: Whether ζ multiplies motions of supports or obstacles, or overlaps, while no
+                load does work.
+            several: Whether each load has a factor of its own instead of ζ.
         """
         if self._staged:
             return "ζ is the time: it grows by 1 in each stage."
         if driven:
-            return "ζ = 1 is the motion of supports, obstacles and overlaps as the case gives it."
+            return (
+                "At ζ = 1, motions of supports and obstacles and overlaps are as in the case file."
+            )
         live = []
         for load in self._given.get("loads", []):
             if not load["constant"]:
@@ -158,9 +161,11 @@ class CaseWords:
         rows = []
         for contact in self._given.get("contacts", []):
             gap = contact["gap"]
-            text = "gap as measured" if gap is None else f"gap {self.number(gap, 'length')}"
+            text = (
+                "gap measured in the mesh" if gap is None else f"gap {self.number(gap, 'length')}"
+            )
             if not contact.get("constant", True):
-                text += f", of which an overlap is {self._times}"
+                text += f", where overlaps act {self._times}"
             where = f"{contact['primary']} – {contact['secondary']}"
             rows.append((where, f"contact, {self._friction(contact)}, {text}"))
         for obstacle in self._given.get("obstacles", []):
@@ -173,15 +178,15 @@ class CaseWords:
         return folded(rows, "places")
 
     def assumptions(self, kind: str, taken: Sequence[str], of_bodies: bool) -> list[str]:
-        """Return the assumptions of the results, in sentences.
+        """Return the assumptions of the results in sentences.
 
         Args:
             kind: Kind of the model.
-            taken: Idealisations that the bounds name, in clauses.
-            of_bodies: Whether there are bounds of the bodies, not only results of a mesh.
+            taken: Idealisations that the bounds name, as clauses.
+            of_bodies: Whether there are bounds for the bodies, not only results for a mesh.
         """
         listed = [MEANINGS[kind]] if kind in MEANINGS else []
-        listed.append("Displacements are small: forces balance on the undeformed bodies.")
+        listed.append("Displacements are small: equilibrium holds on the undeformed bodies.")
         listed.append("Loads act slowly. Buckling, fracture and fatigue are not examined.")
         listed += self._assumed_flow()
         if self._given.get("contacts") or self._given.get("obstacles"):
@@ -189,13 +194,15 @@ class CaseWords:
         if self._given.get("ties"):
             listed.append("Surfaces that are glued together never part, whatever they carry.")
         if not any(self._units.values()):
-            listed.append("The case names no units; its numbers have to be of one system.")
-        whose = "The bodies are those that the straight elements of the mesh fill."
+            listed.append(
+                "The case names no units; its numbers must belong to one consistent system."
+            )
+        whose = "The bodies are the regions that the straight-sided elements of the mesh fill."
         listed.append(whose if of_bodies else "Results hold for the mesh, not for the bodies.")
         return [*listed, *(f"{text[:1].upper()}{text[1:].rstrip('.')}." for text in taken)]
 
     def _assumed_flow(self) -> list[str]:
-        """Return the assumptions of the bodies' laws, each with the names of its bodies."""
+        """Return the assumptions on the constitutive laws, each with the names of its bodies."""
         bodies: dict[str, list[str]] = {}
         for name, material in self._given.get("materials", {}).items():
             numbers = material["body"] if material["kind"] == "Flow" else material
@@ -215,7 +222,7 @@ class CaseWords:
         return [f"Taken as {text}: {', '.join(names)}." for text, names in bodies.items()]
 
     def number(self, value: Any, kind: str) -> str:
-        """Return a number, formula or vector with the unit of its kind, if any."""
+        """Return a number, formula or vector with the unit of its kind, if the unit is known."""
         if isinstance(value, Sequence) and not isinstance(value, str):
             text = f"({', '.join(map(plain, value))})"
         else:
@@ -232,8 +239,8 @@ class CaseWords:
         return " and ".join(acts)
 
     def _letters(self, components: str) -> str:
-        """Return components by the letters of the model's axes."""
-        # Letters of components in case files, whatever the names of the axes.
+        """Return components as letters of the model's axes."""
+        # Case files use these letters for components, whatever the model's axes are called.
         axes = "xyz"
         names = dict(zip(axes, self._axes, strict=False))
         return ", ".join(names[a] for a in components if a in names)
@@ -260,17 +267,17 @@ class CaseWords:
 
 
 def folded(rows: Sequence[Row], what: str) -> list[Row]:
-    """Return rows; rows with the same content are merged into one row with all names.
+    """Return the rows after merging rows with equal descriptions into one row with all names.
 
     Args:
         rows: Names and their descriptions.
-        what: The kind of the names, such as "bodies".
+        what: The kind of object that the names belong to, such as "bodies".
     """
     names: dict[str, list[str]] = {}
     for name, text in rows:
         names.setdefault(text, []).append(name)
     told = []
-    least_alike = 3  # number of equal rows that are merged
+    least_alike = 3  # least number of equal rows that are merged
     for name, text in rows:
         alike = names[text]
         if len(alike) < least_alike:
@@ -281,5 +288,5 @@ def folded(rows: Sequence[Row], what: str) -> list[Row]:
 
 
 def plain(value: Any) -> str:
-    """Return a number with few digits; a formula unchanged."""
+    """Return a number with few digits, or a formula unchanged."""
     return f"{value + 0.0:.6g}" if isinstance(value, int | float) else str(value)

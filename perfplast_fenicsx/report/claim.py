@@ -1,4 +1,4 @@
-"""A claim: what the proof files of a run prove, in a form that cannot be misread."""
+"""State what the proof files of a run prove, in a form that is hard to misread."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,20 +15,20 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 @dataclass(frozen=True)
 class Claim:
-    """Bounds that were proven again from their files.
+    """Bounds that the checker has proven again from their files.
 
     Attributes:
         quantity: "load factor", "multiple of the loads that stay", or "factor of safety".
         sentence: The bounds in words.
-        meaning: The loads that the quantity multiplies, or what it divides.
-        lower: The number up to which the bodies carry the loads for certain; None if none is
+        meaning: The loads that the quantity multiplies, or the strengths that it divides.
+        lower: The largest value at which the bodies provably carry the loads; None if no value is
             proven.
-        upper: The number from which on they collapse for certain; None if none is proven.
-        proofs: For each half the file, its SHA-256 and the command that checks it.
+        upper: The smallest value at which they provably collapse; None if no value is proven.
+        proofs: For each half: its file, its SHA-256, and the command that checks it.
         taken_as_written: Bodies, strengths, supports and loads for which the proof holds.
         assumptions: Assumptions of the results.
-        not_proven: Why a bound is missing.
-        units: Units of the case's numbers by kind; empty if the case names none.
+        not_proven: Reasons why a bound is missing.
+        units: Units of the case's numbers by kind; empty if the case names no units.
         version: Version of the program.
     """
 
@@ -45,11 +45,11 @@ class Claim:
     version: str
 
     def table(self) -> dict[str, Any]:
-        """Return the same for JSON."""
+        """Return the claim as a table for JSON."""
         return asdict(self)
 
     def in_words(self) -> str:
-        """Return the claim in lines: the sentence, its meaning, the files and the idealisations."""
+        """Return the claim in lines: the sentence, its meaning, the files and the assumptions."""
         files = [
             f"{one['half']} bound: {one['file']}, SHA-256 {one['sha256']}" for one in self.proofs
         ]
@@ -58,10 +58,10 @@ class Claim:
 
 
 def claim_of(folder: str | Path) -> Claim:
-    """Return what the proof files in a result folder prove. Not collective.
+    """Return the claim that the proof files in a result folder prove. Not collective.
 
     Raises:
-        InputError: If there are no results, or their files prove no bound of one number.
+        InputError: If there are no results, or if their files prove no bound of a single number.
     """
     reader = ResultReader(folder)
     check_summary(reader)
@@ -75,8 +75,8 @@ def claim_of(folder: str | Path) -> Claim:
         )
     if strength and strength.get("estimate"):
         raise InputError(
-            f"'{folder}' has Davis' estimate of a factor of safety, which proves nothing about "
-            "ground that dilates less, so there is no claim."
+            f"'{folder}' has Davis' estimate of a factor of safety, which proves no bound for "
+            "nonassociated ground, so there is no claim."
         )
     names = {"lower": STANDS, "upper": FALLS} if strength else {"lower": PROOF, "upper": PROOF}
     found = {kind: proofs.get(name, {}).get(kind) for kind, name in names.items()}
@@ -87,7 +87,7 @@ def claim_of(folder: str | Path) -> Claim:
         if half.proven is not None
     }
     if not numbers:
-        reasons = "; ".join(body.get("why_not", [])) or "no run for bounds has ended there"
+        reasons = "; ".join(body.get("why_not", [])) or "no run with bounds has finished there"
         raise InputError(
             f"nothing is proven in '{folder}' ({reasons}), so there is no claim; run the case with"
             ' control = "bounds" or "strength".'
@@ -96,9 +96,11 @@ def claim_of(folder: str | Path) -> Claim:
     words = CaseWords(summary.given, summary.units, summary.model["axes"])
     meaning = words.meaning(reader.scene.driven)
     if strength:
-        meaning = "F divides yield stresses, cohesions and slopes of friction; the loads stay."
+        meaning = (
+            "F divides yield stresses, cohesions and slopes of friction; the loads are constant."
+        )
     elif standing:
-        meaning = "The number multiplies the loads that stay."
+        meaning = "The number multiplies the constant loads."
     quantity = "multiple of the loads that stay" if standing else "load factor"
     return Claim(
         quantity="factor of safety" if strength else quantity,
@@ -133,7 +135,7 @@ def claim_of(folder: str | Path) -> Claim:
 
 
 def _sentence(letter: str, numbers: dict[str, float]) -> str:
-    """Return the bounds in a sentence, rounded so that they stay bounds."""
+    """Return the bounds in a sentence, rounded such that they remain bounds."""
     proven = []
     if "lower" in numbers:
         proven.append(f"carry {letter} = {rounded_down(numbers['lower'])} for certain")

@@ -14,8 +14,8 @@ BOTTOM, EDGE = 46, 14
 COLOURS = ("#1f5a99", "#a34700", "#1b6e3c", "#7a3b8f", "#5b5b00", "#9c1c3a")
 MARKS = ("circle", "square", "diamond")
 DASHES = ("", "8 4", "2 3")
-"""Dash patterns of curves: three curves share each pattern, so that curves differ by more than
-colour."""
+"""Dash patterns of curves. Three curves share each pattern, so curves do not differ by colour
+alone."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Sheet:
     """The layout of a drawing; lengths are pixels at full width.
 
     Attributes:
-        name: CSS class of the drawing, by which the page selects it.
+        name: CSS class of the drawing, by which the page's style sheet selects it.
         width: Total width.
         height: Total height.
-        left: Space for the numbers of the left axis.
+        left: Space for the numbers of the y axis.
         most: Largest number of labels along x.
     """
 
@@ -42,7 +42,7 @@ WIDE, NARROW = Sheet("wide", 640, 360, 72, 7), Sheet("narrow", 358, 300, 62, 4)
 
 @dataclass(frozen=True)
 class Line:
-    """Points of a curve, with a text for each."""
+    """Points of a curve, and a text for each point."""
 
     name: str
     x: list[float]
@@ -55,12 +55,12 @@ class Curve:
     """Curves with their axes and bounds.
 
     Attributes:
-        x_label: Label of the axis.
-        y_label: Label of the axis.
+        x_label: Label of the x axis.
+        y_label: Label of the y axis.
         lines: The curves.
-        band: Bounds of y, shaded; None without.
+        band: Bounds of y, shown as a shaded band; None without bounds.
         band_words: Name of these bounds.
-        far: The x axis is logarithmic beyond this value times its unit; 0 for a linear axis.
+        far: Value above which the x axis is logarithmic, in the axis' unit; 0 for a linear axis.
     """
 
     x_label: str
@@ -108,7 +108,7 @@ def curve_of(
 
 
 def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
-    """Return proven bounds of the bodies' limit load, or else both sides of the mesh."""
+    """Return the proven bounds of the bodies' limit load, or else the two sides of the mesh."""
     if limit is None:
         return None, ""
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
@@ -167,7 +167,7 @@ def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
 
 
 def ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Return a few round numbers between two others."""
+    """Return a few round numbers in a range."""
     rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(a * power for a in (1, 2, 5, 10) if a * power >= rough)
@@ -176,7 +176,7 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def far_ticks(near: float, top: float) -> list[float]:
-    """Return 0 and powers of ten from about ``near`` to ``top``, with numbers between if few."""
+    """Return 0 and powers of ten from about ``near`` to ``top``, or more numbers if few."""
     first, last = math.ceil(math.log10(near)), math.floor(math.log10(top))
     steps = (1, 2, 5) if last - first < 2 else (1,)
     found = [step * 10.0**power for power in range(first - 1, last + 1) for step in steps]
@@ -184,19 +184,19 @@ def far_ticks(near: float, top: float) -> list[float]:
 
 
 def _axis(far: float) -> Callable[[float], float]:
-    """Return the x axis: linear near 0 and logarithmic far from it, as ``far`` says."""
+    """Return the function of the x axis: linear up to about ``far`` and logarithmic above."""
     return (lambda x: math.asinh(x / far)) if far > 0 else (lambda x: x)
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:
-    """Return the range of values, with a margin at ends other than 0."""
+    """Return the range of values, with a margin at each end that is not 0."""
     low, high = min(values), max(values)
     room = 0.05 * (high - low) or 1.0
     return low - room * (low < 0), high + room
 
 
 def _frame(left: int, right: int, foot: int) -> str:
-    """Return the axes at the left and below."""
+    """Return the lines of the left and lower axis."""
     return f'<path class="frame" d="M{left} {EDGE}V{foot}H{right}"/>'
 
 
@@ -207,7 +207,7 @@ def _drawn(
     left: int,
     curved: bool,
 ) -> str:
-    """Return a curve with a mark at each point, whose text appears under the mouse."""
+    """Return a curve with a mark at each point; the point's text appears under the pointer."""
     colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
     along = [place(x, y) for x, y in zip(*between(line.x, line.y), strict=True)]

@@ -1,4 +1,4 @@
-"""Frame all pages: one HTML file that requests nothing from a network."""
+"""Wrap every page in one HTML file that makes no network requests."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ SCRIPTS = "; script-src 'unsafe-inline'"
 """Additional permissions of a page with scripts."""
 
 WORKERS = f"{SCRIPTS}; worker-src blob:"
-"""Permissions of a page whose scripts start workers."""
+"""Additional permissions of a page whose scripts start workers."""
 
 
 def asset(name: str) -> str:
@@ -24,10 +24,10 @@ def framed(body: str, title: str, styles: Sequence[str], allowed: str = "") -> s
 
     Args:
         body: The element <body>.
-        title: Its title, as text.
-        styles: Names of its style sheets.
-        allowed: Its permissions in addition to text, styles and its own pictures: :data:`SCRIPTS`,
-            :data:`WORKERS`, or none.
+        title: Title of the page, as plain text.
+        styles: Names of the page's style sheets.
+        allowed: Permissions in addition to text, styles and embedded pictures: :data:`SCRIPTS`,
+            :data:`WORKERS`, or an empty string.
     """
     return Template(asset("frame.html")).substitute(
         body=body.rstrip("\n"),
@@ -38,22 +38,23 @@ def framed(body: str, title: str, styles: Sequence[str], allowed: str = "") -> s
 
 
 def data_of(name: str, data: Any) -> str:
-    """Return an element that holds data for scripts.
+    """Return an element that contains data for scripts.
 
     Args:
-        name: Its id.
-        data: Anything that JSON can hold.
+        name: Identifier of the element.
+        data: Any data that JSON can represent.
     """
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")
     return f'<script type="application/json" id="{name}">{text}</script>'
 
 
 def scripts_of(data: Any, names: Sequence[str]) -> str:
-    """Return the elements of a page's scripts and of their data.
+    """Return the elements with the scripts of a page and their data.
 
     Args:
         data: Data for the scripts.
-        names: Names of the files without .js, in reading order.
+        names: Names of the script files without ".js", in the order in which the browser reads
+            them.
     """
     source = "\n".join(asset(f"{name}.js") for name in names)
     return (

@@ -1,4 +1,4 @@
-"""Pack arrays as text that a page decodes: quantised, deflated, base64."""
+"""Pack arrays as text for the page: quantised, deflated, and encoded as base64."""
 
 import base64
 import zlib
@@ -8,24 +8,24 @@ import numpy as np
 import numpy.typing as npt
 
 STEPS = 65535
-"""Number of steps of quantised numbers between the smallest and the largest."""
+"""Number of quantisation steps between the smallest and the largest number."""
 
 Packed = dict[str, Any]
-"""A packed array for the page's ``decode.js``: ``type``, ``data``, and for quantised numbers
-``low`` and ``step``. A value is low + step × the number on file."""
+"""A packed array for the page's ``decode.js``: ``type``, ``data``, and for quantised numbers also
+``low`` and ``step``. A number is low + step × the stored integer."""
 
 
 def pack_integers(values: npt.NDArray[np.integer[Any]]) -> Packed:
-    """Return non-negative indices packed in the smallest sufficient type."""
+    """Return non-negative indices, packed in the smallest type that can represent them."""
     largest = int(values.max(initial=0))
     kind = next(a for a in (np.uint8, np.uint16, np.uint32) if largest <= np.iinfo(a).max)
     return {"type": kind.__name__, "data": deflated(values.astype(kind))}
 
 
 def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
-    """Return numbers packed to 1/65535 of their range.
+    """Return numbers, packed with a resolution of 1/65535 of their range.
 
-    Those that are not finite become the smallest.
+    Numbers that are not finite are replaced by the smallest finite number.
     """
     values = values.astype(np.float64)
     finite = np.isfinite(values)
@@ -42,7 +42,7 @@ def pack_numbers(values: npt.NDArray[np.floating[Any]]) -> Packed:
 
 
 def size_of(packed: Any) -> int:
-    """Return the number of characters of packed arrays, at any depth."""
+    """Return the number of characters of all packed arrays in nested containers."""
     if isinstance(packed, dict):
         return sum(map(size_of, packed.values()))
     if isinstance(packed, list):
@@ -51,9 +51,9 @@ def size_of(packed: Any) -> int:
 
 
 def deflated(values: npt.NDArray[Any]) -> str:
-    """Return the little-endian bytes, grouped by place value, deflated, as base64.
+    """Return the bytes in little-endian order, grouped by place value, deflated, as base64.
 
-    Bytes of the same place value are similar, so that they compress better.
+    Bytes of equal place value are similar, so they compress better in a group.
     """
     flat = np.ascontiguousarray(values.ravel())
     little = flat.astype(flat.dtype.newbyteorder("<"), copy=False)

@@ -1,4 +1,4 @@
-"""Build the page: put its parts into the template, with style and scripts inlined."""
+"""Build the report page: fill the template with its parts, and embed style sheets and scripts."""
 
 import re
 import shlex
@@ -36,11 +36,11 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
-"""Options that solvers set for themselves, each with its own number."""
+"""Options with which a solver registers its own numbered prefix."""
 
 
 def command_of(summary: Summary) -> str:
-    """Return the shell command; empty if a Python program made the run."""
+    """Return the shell command of the run; empty if a Python program made the run."""
     if not summary.case:
         return ""
     launch = f"mpirun -n {summary.ranks} " if summary.ranks > 1 else ""
@@ -54,7 +54,7 @@ VIEW = (
     *("decode", "camera", "shaders", "colours", "drawing", "viewer", "sides"),
     *("gestures", "controls"),
 )
-"""Files of the view, in reading order."""
+"""Script files of the view, in the order in which the browser reads them."""
 
 
 def page_of(reader: ResultReader, view: View, running: str = "") -> str:
@@ -62,12 +62,11 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
 
     Args:
         reader: The results.
-        view: View of the bodies.
-        running: HTML above the verdict, about a run in progress.
+        view: Data for the view of the bodies.
+        running: HTML about a run in progress, placed above the verdict.
 
     Raises:
-        InputError: If a file of the results cannot be read, or claims a bound that it does not
-            prove.
+        InputError: If a result file cannot be read, or claims a bound that it does not prove.
     """
     summary, scene = reader.summary, reader.scene
     proofs = proofs_of(reader)
@@ -104,18 +103,18 @@ SIGNED = ("prepared", "checked", "approved")
 """Keys of [report] with the names of the persons who sign."""
 
 HANDED_IN = ("client", "revision", *SIGNED)
-"""Keys of [report] that ask for lines to sign."""
+"""Keys of [report] whose presence adds signature lines."""
 
 
 def head_of(summary: Summary) -> str:
-    """Return the document data of [report] with the date of the run; empty without [report]."""
+    """Return the document data of [report] and the date of the run; empty without [report]."""
     rows = [(key.capitalize(), text) for key, text in summary.report.items() if key not in SIGNED]
     began = summary.surroundings.get("began", "")
     return pairs([*rows, ("Date", began)] if rows and began else rows)
 
 
 def signatures(head: Mapping[str, str]) -> str:
-    """Return a table with a signature line for each person; empty if [report] names no one."""
+    """Return a table with a signature line for each person; empty if [report] names nobody."""
     if not any(key in head for key in HANDED_IN):
         return ""
     rows = [[key.capitalize(), escape(head.get(key, "")), "", ""] for key in SIGNED]
@@ -127,7 +126,7 @@ HEADING = re.compile(r'<h2 id="([a-z]+)-h">(.*?)</h2>')
 
 
 def contents_of(body: str) -> str:
-    """Return links to all sections, shown when the page is printed."""
+    """Return links to all sections, which appear only in print."""
     links = "".join(
         f'<li><a href="#{name}">{head}</a></li>' for name, head in HEADING.findall(body)
     )
@@ -135,7 +134,7 @@ def contents_of(body: str) -> str:
 
 
 def _proof(reader: ResultReader, proofs: Proofs, view: View) -> str:
-    """Return the section on the proof files, with the checker in the browser."""
+    """Return the section on the proof files, and the checker that runs in the browser."""
     paths = [reader.path / name for name in (PROOF, LEAST, STANDS, FALLS) if name in proofs]
     room = ROOM - size_of(view.data)
     return proof_section(reader.path, proofs) + prove_again(paths, room)
@@ -143,8 +142,8 @@ def _proof(reader: ResultReader, proofs: Proofs, view: View) -> str:
 
 def _verdict(verdict: Verdict, meaning: str) -> str:
     marks = {
-        "proven": ("✓", "Proven of the bodies"),
-        "one-sided": ("◐", "One bound is proven of the bodies"),
+        "proven": ("✓", "Proven for the bodies"),
+        "one-sided": ("◐", "One bound is proven for the bodies"),
         "found": ("●", "Found on this mesh"),
         "open": ("!", "Open"),
     }
@@ -158,7 +157,7 @@ def _verdict(verdict: Verdict, meaning: str) -> str:
 
 
 def _words(text: str) -> str:
-    """Return a sentence with load factors protected against line breaks."""
+    """Return a sentence in which load factors are protected against line breaks."""
     return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;").replace(" %", "&nbsp;%")
 
 
@@ -183,16 +182,16 @@ def _levels(reader: ResultReader) -> str:
     units = [reader.summary.units.get(kind, "") for kind in ("work", "length")]
     table = level_table(reader.reports, reader.scene.driven, *units)
     note = (
-        "<p>Each solved step is checked again: <b>energy</b>, that no other state has less;"
-        " <b>forces</b>, that all are in balance; <b>contact</b>, that bodies push where they"
-        f" touch and nowhere else. {good.sign} {good.word}: no more than {TIGHT:.0e} is missing,"
-        f" in relation to the whole; {fair.sign} {fair.word}: no more than {CREDIBLE:.0e}.</p>"
+        "<p>Three conditions check each solved step again. <b>Energy</b>: no other state has less."
+        " <b>Forces</b>: all forces balance. <b>Contact</b>: bodies push only where they"
+        f" touch. {good.sign} {good.word}: the relative residual is at most {TIGHT:.0e};"
+        f" {fair.sign} {fair.word}: it is at most {CREDIBLE:.0e}.</p>"
     )
     return _section("levels", "Levels", table + note)
 
 
 def _meshes(summary: Summary) -> str:
-    """Return the bounds on each mesh, where there are several."""
+    """Return the bounds on each mesh; empty for a single mesh."""
     meshes = ((summary.limit or {}).get("body") or {}).get("meshes", [])
     if len(meshes) < 2:
         return ""
@@ -207,9 +206,9 @@ def _meshes(summary: Summary) -> str:
         ]
         for number, mesh in enumerate(meshes, start=1)
     ]
-    heads = ["mesh", "cells", "carried", "collapsed", "best bounds so far apart"]
+    heads = ["mesh", "cells", "carried", "collapsed", "gap of the best bounds so far"]
     note = (
-        "<p>What each mesh gave when it was solved. The verdict has the best of all, which the"
+        "<p>The bounds of each mesh when it was solved. The verdict has the best bounds, which the"
         " checker has proven.</p>"
     )
     return _section("meshes", "Meshes", note + table(heads, rows))
@@ -227,18 +226,18 @@ def _water(reader: ResultReader) -> str:
     unit = reader.summary.units.get("stress", "")
     note = (
         f"<p>Largest pore pressure {flow['largest_pressure']:.5g} {escape(unit)}. Inflow "
-        f"and outflow differ by {flow['imbalance']:.1e} of the discharge. Proofs take the "
-        "pressure as data.</p>"
+        f"and outflow differ by {flow['imbalance']:.1e} of the discharge. Proofs use the "
+        "pressure as given data.</p>"
     )
     figure = next(figure for figure in FIGURES if figure.file == "seepage.png")
     file = reader.path / figure.file
     picture = captioned(image(file, figure.title), figure.title) if file.is_file() else ""
-    heads = ["surface", "enters per unit of time", "leaves"]
+    heads = ["surface", "inflow per unit of time", "outflow per unit of time"]
     return _section("water", figure.title, table(heads, rows) + note + picture)
 
 
 def _pictures(reader: ResultReader) -> str:
-    """Return the pictures of installed packages; the page draws the other data itself."""
+    """Return the pictures that installed packages add; the page draws the built-in data itself."""
     added = [figure for figure in figures() if figure not in FIGURES]
     shown = [
         f"<h3>{escape(figure.title)}</h3>{captioned(image(file, figure.title), figure.title)}"
@@ -254,7 +253,7 @@ def _reactions(reader: ResultReader) -> str:
         return ""
     last, model = steps[-1], reader.summary.model
     if ((reader.summary.limit or {}).get("forces") or {}).get("zeta") == last["zeta"]:
-        return ""  # the limit load has its own table
+        return ""  # a limit load has its own table
     table = reaction_table(last["reactions"], model["axes"], reader.summary.units.get("force", ""))
     of = f", {model['forces']}" if model["forces"] else ""
     note = f"<p>At the last solved step, ζ = {last['zeta']:.6g}{escape(of)}.</p>"
@@ -266,7 +265,7 @@ def _bolts(reader: ResultReader) -> str:
     note = (
         "<p>Tension in each shank. Bolts are tightened to their preloads before any load "
         "acts, and then keep their length. While a joint is closed, a bolt carries a "
-        "share of the load in addition to its preload; after the joint has opened, it "
+        "share of the load in addition to its preload. After the joint opens, it "
         "carries only the load. <b>Preloads do not change the limit load</b> of perfectly "
         "plastic bodies, but they change forces, gaps and stiffness below it.</p>"
     )
@@ -274,7 +273,7 @@ def _bolts(reader: ResultReader) -> str:
 
 
 def _limit_forces(reader: ResultReader) -> str:
-    """Return forces and moments of loads and supports at the limit load."""
+    """Return the forces and moments of loads and supports at the limit load."""
     summary = reader.summary
     limit = summary.limit or {}
     body = limit.get("body") or {}
@@ -293,14 +292,14 @@ def _limit_forces(reader: ResultReader) -> str:
     if found := limit.get("forces"):
         whose = "proves the lower bound" if found.get("strict") else "was found on the mesh"
         text += (
-            f"<p>Forces of supports and contacts are those of the stress that {whose}; if "
-            "they can share a force in several ways, this is one of them.</p>"
+            f"<p>Forces of supports and contacts belong to the stress that {whose}. If "
+            "several distributions of a force balance the loads, the table shows one.</p>"
         )
     return _section("loads", "Forces and moments", text)
 
 
 def _combinations(reader: ResultReader) -> str:
-    """Return the table of all combinations that include this run, the worst first."""
+    """Return the table of all load combinations in the sweep of this run, the worst first."""
     rows = read_table(reader.path.parent)
     name = reader.path.name
     if name not in [row["combination"] for row in rows]:
@@ -310,17 +309,15 @@ def _combinations(reader: ResultReader) -> str:
     for line, row in zip(shown, rows, strict=True):
         if row["combination"] == name:
             line[0] += " (this page)"
-    note = (
-        "<p>For each: ζ that is carried for certain, and ζ at which it collapses for certain.</p>"
-    )
+    note = "<p>Each row has the ζ that is carried for certain, and the ζ of certain collapse.</p>"
     return _section("combinations", "All combinations", table(heads, shown) + note)
 
 
 def _warnings(summary: Summary) -> str:
-    """Return the section of the program's warnings and remarks."""
+    """Return the section with the program's warnings and remarks."""
     told = [*summary.warnings, *summary.remarks]
     items = "".join(f"<li>{escape(text[:1].upper() + text[1:])}</li>" for text in told)
-    return _section("warnings", "What to know of this run", f"<ul>{items}</ul>" if items else "")
+    return _section("warnings", "Notes on this run", f"<ul>{items}</ul>" if items else "")
 
 
 def _case(summary: Summary, words: CaseWords) -> str:
@@ -346,7 +343,7 @@ def _case(summary: Summary, words: CaseWords) -> str:
 
 
 def mesh_in_words(summary: Summary) -> str:
-    """Return the size of the mesh; of several meshes, that of the last one."""
+    """Return the size of the mesh; for several meshes, of the last and the first one."""
     mesh, degree = summary.mesh, summary.given.get("degree")
     elements = "" if degree is None else f", elements of degree {degree}"
     size = f"{mesh['cells']} cells, {mesh['vertices']} vertices, {mesh['dofs']} unknowns"
@@ -354,7 +351,7 @@ def mesh_in_words(summary: Summary) -> str:
     if len(meshes) < 2:
         return f"{size}{elements}"
     last = f"{meshes[-1]['cells']} cells, the last of {len(meshes)} meshes{elements}"
-    return f"{last}; the first one: {size}"
+    return f"{last}; the first mesh: {size}"
 
 
 def _again(summary: Summary) -> str:
@@ -365,7 +362,7 @@ def _again(summary: Summary) -> str:
         ("Date", summary.surroundings.get("began", "")),
         ("Processes", str(summary.ranks)),
         ("Time", f"{timings.get('total', sum(timings.values())):.1f} s"),
-        ("Memory", f"{summary.peak_memory_mb:.0f} MiB in all"),
+        ("Memory", f"{summary.peak_memory_mb:.0f} MiB in total"),
         ("Versions", versions or f"perfplast {summary.version}"),
     ]
     command = command_of(summary)

@@ -1,4 +1,4 @@
-"""Write the file of a page."""
+"""Write the HTML file of a page."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,18 +8,18 @@ from perfplast_fenicsx.errors import InputError
 
 
 def write_page(output: str | Path | None, default: Path, make: Callable[[], str]) -> Path:
-    """Write a page completely or not at all. Not collective.
+    """Write a page completely, or leave the old file unchanged. Not collective.
 
     Args:
         output: The file.
-        default: The default file.
-        make: Function that makes the HTML; called only if the file is not a folder.
+        default: The file, if ``output`` is missing.
+        make: Function that returns the HTML; called only if the path is not a folder.
 
     Returns:
         The path of the file.
 
     Raises:
-        InputError: If the file is a folder, or if it cannot be written.
+        InputError: If the path is a folder, or if the file cannot be written.
     """
     target = Path(output) if output else default
     if target.is_dir():

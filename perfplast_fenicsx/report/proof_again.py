@@ -1,8 +1,8 @@
-"""Add the part of a page in which the reader's browser proves the bounds again.
+"""Build the part of a page in which the reader's browser proves the bounds again.
 
-The scripts ``assets/proof_*.js`` are a second checker. It is written from ``docs/proof.md`` and
-shares only the numbers of the proof file with this program. It computes residuals in integer
-arithmetic.
+The scripts ``assets/proof_*.js`` are a second checker. It was written from ``docs/proof.md`` and
+shares no code with this program, only the numbers of the proof file. It computes residuals in
+integer arithmetic.
 """
 
 from collections.abc import Sequence
@@ -37,15 +37,15 @@ CHECKER = (
     *("exact", "cones", "body", "contact", "lower", "blocks"),
     *("upper", "halves", "verdict"),
 )
-"""Files of the checker, in the order in which they are read."""
+"""Script files of the checker, in the order in which the browser reads them."""
 
 
 DIGEST_COMMAND = "python3 -m perfplast_fenicsx.proof --sha256 FILE"
-"""Command for the SHA-256 of the numbers of a proof file."""
+"""Command that prints the SHA-256 of the numbers in a proof file."""
 
 
 def checker_source() -> str:
-    """Return the source of the checker."""
+    """Return the source code of the checker."""
     return "\n".join(asset(f"proof_{name}.js") for name in CHECKER)
 
 
@@ -53,9 +53,9 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
     """Return HTML with the proof files, the checker, and a button that starts it.
 
     Args:
-        paths: Proof files that were checked.
-        room: Largest number of characters of all packed files. For a file that does not fit, the
-            page says so.
+        paths: Proof files, which have been checked.
+        room: Largest number of characters of all packed files. The page names each file that does
+            not fit.
     """
     packed: dict[str, dict[str, Packed]] = {}
     large, digests = [], []
@@ -68,17 +68,17 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
         packed[path.name], room = found, room - size
         digests.append(f"{path.name} {numbers_digest(path)}")
     words = "".join(
-        f"<p>{escape(name)} is too large for this page; the checker above proves it.</p>"
+        f"<p>{escape(name)} is too large for this page; the checker above proves its bounds.</p>"
         for name in large
     )
     if not packed:
         return words
     return (
-        "<p>This page has these numbers, and another checker of them, which shares no line with"
-        " the first. It proves the bounds again here, without any network, and prints the SHA-256"
-        " of the numbers that it has read. The page cannot prove that they are those of the file;"
+        "<p>This page contains these numbers and a second checker, which shares no line of code"
+        " with the first. It proves the bounds here again, without network, and prints the SHA-256"
+        " of the numbers that it has read. The page cannot prove that these are the file's numbers;"
         f" <code>{DIGEST_COMMAND}</code> prints the SHA-256 of a file's numbers. When this page was"
-        f" made, it was: {escape(', '.join(digests))}.</p>"
+        f" made, the values were: {escape(', '.join(digests))}.</p>"
         '<p><button type="button" id="prove">Prove the bounds in this browser</button></p>'
         f'<div id="proven" role="status"></div>{words}'
         f"{data_of('proof-numbers', packed)}"
@@ -90,8 +90,8 @@ def prove_again(paths: Sequence[Path], room: int) -> str:
 def packed_proof(path: Path) -> dict[str, Packed]:
     """Return the halves of a proof file: ``numbers``, and ``arrays`` by name.
 
-    Arrays that are equal in both halves occur only once. The upper half then has ``same`` = true,
-    and only the arrays that differ.
+    An array that is equal in both halves is stored once. The upper half then has ``same`` = true,
+    and contains only the arrays that differ.
 
     Args:
         path: The file, which the checker has already read.
@@ -115,7 +115,7 @@ def packed_proof(path: Path) -> dict[str, Packed]:
 
 
 def _number(name: str, half: dict[str, npt.NDArray]) -> float | None:
-    """Return an attribute; None if it is not one finite real number."""
+    """Return an attribute of a half; None if it is not one finite real number."""
     try:
         return number_of(name, half[name])
     except ProofError:
@@ -135,7 +135,7 @@ def _is(arrays: dict[str, npt.NDArray], name: str, values: npt.NDArray) -> bool:
 
 
 def _packed(values: npt.NDArray[Any]) -> Packed:
-    """Return an array exactly: shape, type and bytes."""
+    """Return an array without loss: its shape, type and bytes."""
     kind: np.dtype[Any] = np.dtype(np.float64)  # a double represents all integers up to 2⁵³
     if values.dtype.kind == "b":
         kind = np.dtype(np.uint8)

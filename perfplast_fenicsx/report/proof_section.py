@@ -1,4 +1,4 @@
-"""Describe on a page what the proof files prove, and how they are checked."""
+"""Describe on a page what the proof files prove, and how to check them."""
 
 import hashlib
 import shlex
@@ -15,7 +15,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 
 def proofs_of(reader: ResultReader) -> Proofs:
-    """Return what the proof files of a result folder prove, after checking them again.
+    """Return the verdicts on the proof files of a result folder, which are checked again here.
 
     Raises:
         InputError: If a file cannot be read, or if ``summary.json`` claims a bound that no file
@@ -29,22 +29,22 @@ def proofs_of(reader: ResultReader) -> Proofs:
 
 
 def proof_section(folder: Path, proofs: Proofs) -> str:
-    """Return HTML on the proof files, with fingerprints and the command of the checker.
+    """Return HTML on the proof files, with their SHA-256 and the checker's command.
 
     Args:
         folder: The result folder.
-        proofs: The proofs of its files.
+        proofs: The verdicts on its proof files.
 
     Returns:
-        The HTML; empty without proof files.
+        The HTML; empty if there are no proof files.
     """
     if not proofs:
         return ""
-    holds = {  # for each existing bound
-        PROOF: "a stress that proves the lower bound, and a mechanism that proves the upper one",
-        LEAST: "the same for the smallest load factor that is carried",
-        STANDS: "a stress within the strengths of the smaller factor of safety",
-        FALLS: "a mechanism with the strengths of the larger factor of safety",
+    holds = {  # contents of each file
+        PROOF: "a stress that proves the lower bound, and a mechanism that proves the upper bound",
+        LEAST: "the same for the smallest factor of the load that is carried",
+        STANDS: "a stress within the strengths for the smaller factor of safety",
+        FALLS: "a mechanism with the strengths for the larger factor of safety",
     }
     rows = []
     for name, what in holds.items():
@@ -54,21 +54,21 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
     ways = [folder / name for name in proofs if name not in holds]
     if ways:
         faults = sum(any(half.faults for half in proofs[path.name].values()) for path in ways)
-        found = f"{faults} of them prove less than they claim" if faults else "all are proven"
+        found = f"{faults} of the files prove less than they claim" if faults else "all are proven"
         what = f"bounds along {len(ways)} directions: {found}; SHA-256 of all {fingerprint(ways)}"
         rows.append((f"{DIRECTIONS}*.h5", what))
     command = shlex.join(
         ["python3", "-m", "perfplast_fenicsx.proof", str(folder / next(iter(proofs)))]
     )
     return (
-        "<p>Numbers on file prove the bounds of the bodies. The checker, which needs only "
-        "NumPy and h5py, proved them again when this page was made. It also runs on its "
-        f"own:</p><pre><code>{escape(command)}</code></pre>{pairs(rows)}"
+        "<p>The numbers in these files prove the bounds for the bodies. The checker needs only "
+        "NumPy and h5py. It proved the bounds again when this page was made. To run it "
+        f"yourself:</p><pre><code>{escape(command)}</code></pre>{pairs(rows)}"
     )
 
 
 def _in_words(halves: Mapping[str, Checked]) -> str:
-    """Return in words what each half of a file proves."""
+    """Return in words what each half of a proof file proves."""
     words = []
     for kind, half in halves.items():
         if half.proven is None:

@@ -1,4 +1,4 @@
-"""Define the numbers of a run that are compared with those of another run."""
+"""Define the numbers of a run that a page compares with those of another run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,13 +14,14 @@ class Quantity:
     """A number of a run.
 
     Attributes:
-        words: Its name as HTML.
-        of: Function that computes it from a run's results; None if there is none.
+        words: Name of the number, as HTML.
+        of: Function that reads the number from a run's results, or returns None.
         shown: Function that formats it.
-        unit: Kind of its unit; empty for pure numbers.
-        is_load: Whether it is a load factor, which cannot be compared between runs with other
-            loads.
-        at_end: Whether it belongs to the last solved level, which may be at another load.
+        unit: Kind of the number's unit; empty for pure numbers.
+        is_load: Whether the number is a load factor, which cannot be compared between runs with
+            different loads.
+        at_end: Whether the number belongs to the last solved level, which may have another ζ in the
+            other run.
     """
 
     words: str
@@ -32,7 +33,7 @@ class Quantity:
 
 
 def last_load(reader: ResultReader) -> float | None:
-    """Return ζ of the last solved level."""
+    """Return ζ of the last solved level; None if no level is solved."""
     found = _last("zeta")(reader)
     return None if found is None else float(found)
 
@@ -72,7 +73,7 @@ def _width(reader: ResultReader) -> float | None:
 
 
 def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
-    """Return the forces of bolts at the last solved level, for all bolts of the runs."""
+    """Return the forces of all bolts of the runs, at the last solved level."""
     forces = [_last("bolts")(reader) or {} for reader in readers]
     names = dict.fromkeys(name for of_run in forces for name in of_run)
 
@@ -88,15 +89,15 @@ def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
 
 
 QUANTITIES = (
-    Quantity("cells of the mesh (the last of several)", _cells, "{:.0f}".format),
+    Quantity("cells of the mesh (of the last one, if several)", _cells, "{:.0f}".format),
     Quantity("unknowns of the first mesh", _of_mesh("dofs"), "{:.0f}".format),
     Quantity("degree of the elements", lambda reader: reader.summary.given.get("degree")),
     Quantity("mean size of the cells", lambda a: a.summary.element_size or None, unit="length"),
     Quantity("ζ that the bodies carry, proven", _of_body("lower"), rounded_down, is_load=True),
     Quantity("ζ at which they collapse, proven", _of_body("upper"), rounded_up, is_load=True),
-    Quantity("width of this bracket", _width, "{:.2%}".format),
+    Quantity("distance of these bounds", _width, "{:.2%}".format),
     Quantity("limit load of the mesh, estimate", _of_limit("estimate"), is_load=True),
-    Quantity("levels that are solved", _solved),
+    Quantity("solved levels", _solved),
     Quantity("ζ of the last solved level", last_load, is_load=True),
     Quantity(
         "largest displacement at this level", _last("max_displacement"), unit="length", at_end=True

@@ -1,4 +1,4 @@
-"""``report.html`` of a result folder: at the end of a run, or kept current during it."""
+"""Write ``report.html`` into a result folder, at the end of a run or repeatedly during it."""
 
 import logging
 import time
@@ -24,7 +24,7 @@ MARK = "<!-- what the run is doing -->"
 
 
 class Reporting(StrEnum):
-    """When a run writes its report."""
+    """Options for when a run writes its report."""
 
     NEVER = ""
     AT_END = "--report"
@@ -32,7 +32,7 @@ class Reporting(StrEnum):
 
 
 def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
-    """Write a page about the results of a run, which may still be in progress. Not collective.
+    """Write a page on the results of a run, which may still be in progress. Not collective.
 
     Args:
         folder: The result folder.
@@ -50,7 +50,7 @@ def write_report(folder: str | Path, output: str | Path | None = None) -> Path:
 
 
 def _checked_page(reader: ResultReader, running: str = "") -> str:
-    """Return the HTML of a report of results that are checked first."""
+    """Return the HTML of a report, after checking the results."""
     check_summary(reader)
     return page_of(reader, view_data(reader), running)
 
@@ -58,11 +58,11 @@ def _checked_page(reader: ResultReader, running: str = "") -> str:
 def report_on(folder: "ResultFolder") -> Path | None:
     """Write the report of a run into its folder. Collective.
 
-    If the report cannot be written, rank 0 logs why, with a traceback for a fault of the program.
-    The run does not stop.
+    If the report cannot be written, rank 0 logs the reason, and the traceback if it is a fault of
+    the program. The run does not stop.
 
     Returns:
-        The path of the file, the same on every rank; None if there is none.
+        The path of the file, the same on every rank; None if the report could not be written.
     """
     found = None
     if folder.comm.rank == 0:
@@ -70,25 +70,25 @@ def report_on(folder: "ResultFolder") -> Path | None:
             found = write_report(folder.path)
         except InputError as error:
             log.warning("%s", error)
-        except Exception:  # the other ranks wait
+        except Exception:  # the other ranks wait for rank 0
             log.exception("no report was written, because of a fault of the program")
     return folder.comm.bcast(found)
 
 
 class LiveReport:
-    """A report that is kept current during a run.
+    """A report that a run updates until it ends.
 
-    The page shows what is on file, and what the run was doing when the page was written. It says
-    nothing about later times, so the page of a killed run remains true.
+    The page shows the results on file, and the activity of the run at the time of writing. It makes
+    no statement on later times, so the page of a killed run remains true.
     """
 
     def __init__(self, folder: "ResultFolder") -> None:
-        """Take the folder of the run; nothing is written yet."""
+        """Take the folder of the run; this writes nothing yet."""
         self._folder = folder
         self._page, self._words, self._results_at, self._written = "", "", "", 0.0
 
     def refresh(self) -> None:
-        """Write the page of what is on file now. Collective."""
+        """Write the page of the results that are on file now. Collective."""
         if self._folder.comm.rank == 0:
             try:
                 self._page = _checked_page(ResultReader(self._folder.path), MARK)
@@ -99,27 +99,27 @@ class LiveReport:
         self._folder.comm.Barrier()
 
     def say(self, words: str) -> None:
-        """Put the current activity on the page. Not collective: the other ranks do nothing.
+        """Put the current activity on the page. Not collective: only rank 0 does anything.
 
         Args:
-            words: As on the live line of the terminal.
+            words: The activity, in the words of the terminal's live line.
         """
-        period = 5.0  # shortest time between two pages (s), because a page may have 20 MB
+        period = 5.0  # shortest time between two pages (s), since a page may have 20 MB
         self._words = words
         if self._page and time.monotonic() - self._written > period:
             try:
                 self._write()
             except InputError as error:
                 self._page = ""
-                log.warning("%s The page is not kept current any longer.", error)
+                log.warning("%s The page is no longer updated.", error)
 
     def _write(self) -> None:
         words = escape(self._words[:1].upper() + self._words[1:])
         doing = f" {words}." if words else ""
         state = (
             '<section id="running" aria-label="State of the run"><p>'
-            f"<strong>At {_clock()} this run was going on.</strong>{doing} The results below are"
-            f" those of {self._results_at}. Reload the page for news.</p></section>"
+            f"<strong>At {_clock()} this run was in progress.</strong>{doing} The results below are"
+            f" from {self._results_at}. Reload the page to update it.</p></section>"
         )
         target = self._folder.path / "report.html"
         write_page(None, target, lambda: self._page.replace(MARK, state, 1))
@@ -127,5 +127,5 @@ class LiveReport:
 
 
 def _clock() -> str:
-    """Return the date and the time of day."""
+    """Return the current date and time of day."""
     return time.strftime("%Y-%m-%d %H:%M:%S")

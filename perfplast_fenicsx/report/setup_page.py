@@ -1,4 +1,4 @@
-"""Write the page that sets up a case: faces are chosen by clicks, and the case file is edited."""
+"""Write the setup page of a case, where the user clicks faces and edits the case file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from perfplast_fenicsx.report.tables import scrolled
 from perfplast_fenicsx.report.view_data import view_mesh
 
 SETUP = ("toml", "case_check", "case_marks", "setup")
-"""Files of the forms, read in this order after those of the view."""
+"""Script files of the forms, read in this order after those of the view."""
 
 BAND = 0.006
-"""Half the width of the band along a face of a plane body, relative to the bodies."""
+"""Half-width of the band along a face of a plane body, relative to the size of the bodies."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class FaceRow:
     """A free face in words.
 
     Attributes:
-        number: Number from 1, as in the skin.
-        name: Name in the mesh.
+        number: Number of the face, from 1, as in the skin.
+        name: Name of the face in the mesh.
         shape: Shape in words.
-        area: Area as text; in the plane the length.
+        area: Area as text; for a plane body the length.
         cad: Area in the CAD file; "-" if it is unknown.
         centre: Coordinates, as text.
-        together: Names that it shares with other faces, with its share, as text.
+        together: Names that the face shares with other faces, and its share of them, as text.
     """
 
     number: int
@@ -49,7 +49,7 @@ class FaceRow:
 
     @property
     def in_words(self) -> str:
-        """Return the text that a click on the face shows."""
+        """Return the text that appears after a click on the face."""
         words = f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
         return f"{words}; one of {self.together}" if self.together else words
 
@@ -62,17 +62,18 @@ def setup_page(
     tables: Mapping[str, Sequence[Sequence[str]]] | None = None,
     size: str = "Area",
 ) -> str:
-    """Return the HTML of the page that sets up a case.
+    """Return the HTML of the setup page.
 
     Args:
         title: Title of the page.
         skin: The .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         faces: The free faces.
         setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; ``faces``, ``sets``
-            and ``joints`` with their names; the text of the first ``case``; the JSON ``schema`` of
-            cases; ``systems`` of units; the ``library`` of materials for each system.
-        tables: Further tables by their headings: rows of equal length, the first one of heads.
-        size: Heading of the sizes of faces.
+            and ``joints`` with their names; the text of the initial ``case``; the JSON ``schema``
+            of case files; ``systems`` of units; the ``library`` of materials for each system.
+        tables: Additional tables by heading. Their rows have equal length; the first row has the
+            column heads.
+        size: Heading of the column with the sizes of faces.
     """
     with np.load(skin) as file:
         arrays = {name: file[name] for name in file.files}
@@ -86,7 +87,7 @@ def setup_page(
         points, triangles = _with_bands(points, triangles, segments)
         body = np.append(body, np.repeat(segments.body, 2))
         face = np.append(face, np.repeat(segments.face, 2))
-    order = np.lexsort((-face, body))  # bands hide the triangles of plane bodies
+    order = np.lexsort((-face, body))  # so that bands hide the triangles of plane bodies
     surface = Surface(
         points=points,
         triangles=triangles,
@@ -132,10 +133,10 @@ class _Segments:
     """Lines of the free faces of plane bodies.
 
     Attributes:
-        face: Number of the face, shape (n,).
-        body: Index of the body, shape (n,).
-        ends: Both ends, shape (n, 2, 3).
-        outwards: Unit normals out of the body, shape (n, 3).
+        face: Number of the line's face, shape (n,).
+        body: Index of the line's body, shape (n,).
+        ends: End points, shape (n, 2, 3).
+        outwards: Unit normals that point out of the body, shape (n, 3).
     """
 
     face: Longs
@@ -145,13 +146,13 @@ class _Segments:
 
 
 def _segments(arrays: Mapping[str, Any], triangles: Longs, body: Longs, used: Longs) -> _Segments:
-    """Return the lines of free faces; none for bodies in space.
+    """Return the lines of free faces; no lines for bodies in space.
 
     Args:
         arrays: Arrays of the skin.
-        triangles: Triangles of the bodies, with points numbered among those used.
-        body: Body of each triangle.
-        used: Numbers of the points in the skin.
+        triangles: Triangles of the bodies, as indices into ``used``.
+        body: Index of each triangle's body.
+        used: Indices of the used points in the skin.
     """
     ends = np.searchsorted(used, arrays["segments"]).astype(np.int64)
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -171,12 +172,12 @@ def _segments(arrays: Mapping[str, Any], triangles: Longs, body: Longs, used: Lo
 
 
 def _with_bands(points: Floats, triangles: Longs, segments: _Segments) -> tuple[Floats, Longs]:
-    """Return points and triangles with a band along each line of a face, to be clicked."""
+    """Return points and triangles after adding a clickable band along each line of a face."""
     half = BAND * float(np.linalg.norm(np.ptp(points, axis=0))) * segments.outwards[:, None]
     corners = np.concatenate([segments.ends - half, segments.ends + half], axis=1)
     first = len(points) + 4 * np.arange(len(corners))[:, None, None]
     bands = (first + np.array([[0, 1, 3], [0, 3, 2]])).reshape(-1, 3)
-    # Triangles of a plane body are seen from both sides, so that their order is free.
+    # Triangles of a plane body are visible from both sides, so their vertex order does not matter.
     return (
         np.concatenate([points, corners.reshape(-1, 3)]),
         np.concatenate([triangles, bands]).astype(np.int64),
@@ -204,7 +205,7 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
 
 
 def _section(heading: str, table: Sequence[Sequence[str]]) -> str:
-    """Return a section with a table, whose first row contains the headings."""
+    """Return a section with a table; the first row contains the column heads."""
     rows = "".join(
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table[1:]
     )

@@ -1,6 +1,6 @@
-"""Check the parts of ``summary.json`` that the page needs, before the page is made.
+"""Check, before a page is made, the parts of ``summary.json`` that the page needs.
 
-After these checks a fault is one of the program, not of a file.
+An error after these checks is a fault of the program, not of the file.
 """
 
 from collections.abc import Iterator
@@ -240,7 +240,7 @@ class _Summary(TypedDict):
 
 
 def _missing(summary: _Summary) -> Iterator[str]:
-    """Return the missing data that other data require."""
+    """Yield the names of missing data that other data require."""
     if 0 < len(summary["case"]) < len(_Case.__annotations__):
         yield "file, or text, of the case"
     for material in summary["given"].get("materials", {}).values():
@@ -253,7 +253,7 @@ def _missing(summary: _Summary) -> Iterator[str]:
 
 
 def check_summary(reader: ResultReader) -> None:
-    """Check that ``summary.json`` has the data of the page.
+    """Check that ``summary.json`` has the data that a page needs.
 
     Raises:
         InputError: If data are missing.

@@ -1,4 +1,4 @@
-"""Make the tables of the page: levels with marks, forces, and pairs of words."""
+"""Build the tables of the page: levels with grades, forces, and pairs of name and description."""
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,12 +13,12 @@ from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 TIGHT = 1e-6
-"""Certificate up to which a condition counts as satisfied for engineering purposes."""
+"""Largest certificate for which a condition counts as satisfied for engineering purposes."""
 
 
 @dataclass(frozen=True)
 class Grade:
-    """A rating of a condition: a sign, a word, and the CSS class of its colour."""
+    """A grade of a condition: a sign, a word, and the CSS class of its colour."""
 
     sign: str
     word: str
@@ -29,13 +29,13 @@ GRADES = (Grade("✓", "met", "good"), Grade("≈", "nearly", "fair"), Grade("�
 
 
 def grade(certificate: float) -> Grade:
-    """Return the grade of a residual that is 0 at a solution."""
+    """Return the grade of a certificate: a residual that is 0 at a solution."""
     size = abs(certificate)
     return GRADES[0] if size <= TIGHT else GRADES[1] if size <= CREDIBLE else GRADES[2]
 
 
 def judged(certificate: float) -> str:
-    """Return a certificate as a mark and its number."""
+    """Return a certificate as HTML: its grade and its number."""
     found = grade(certificate)
     return (
         f'<span class="mark {found.style}"><span aria-hidden="true">{found.sign}</span>'
@@ -46,12 +46,12 @@ def judged(certificate: float) -> str:
 def level_table(
     reports: Sequence[LevelReport], driven: bool, unit_of_work: str = "", unit_of_length: str = ""
 ) -> str:
-    """Return a row for each level; known units are in brackets."""
+    """Return a table with a row for each level; column heads have known units in brackets."""
     staged = any(report.stage for report in reports)
     rubs = any(report.friction_dissipation or report.slipping for report in reports)
     heads = ["step", *(["stage"] if staged else []), "ζ", "driving force" if driven else "work α"]
     heads[-1] += _bracket("" if driven else unit_of_work)
-    heads += ["plastic", "contacts that push", f"largest displacement{_bracket(unit_of_length)}"]
+    heads += ["plastic", "closed contacts", f"largest displacement{_bracket(unit_of_length)}"]
     heads += ["solved", "energy", "forces"]
     heads += ["contact", *(["friction"] if rubs else []), "seconds"]
     rows = []
@@ -74,8 +74,8 @@ def level_table(
 
 
 def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: str) -> str:
-    """Return a row for each load, support, obstacle and contact."""
-    heads = ["exerted on the bodies by", *(f"{axis}{_bracket(unit)}" for axis in axes)]
+    """Return a table with a row for each load, support, obstacle and contact."""
+    heads = ["force on the bodies from", *(f"{axis}{_bracket(unit)}" for axis in axes)]
     largest = max((abs(a) for forces in reactions.values() for a in forces), default=0.0)
 
     def shown(force: float) -> str:
@@ -88,7 +88,7 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
 
 
 def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
-    """Return the force of each bolt, a row for each solved level; empty without bolts."""
+    """Return the force of each bolt, with a row for each solved level; empty without bolts."""
     solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
     if not solved or not solved[0][1].bolts:
         return ""
@@ -102,7 +102,7 @@ def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
 
 
 def force_table(what: str, axes: str, unit: str, rows: Sequence[tuple[str, list[float]]]) -> str:
-    """Return a row for each force or moment of :func:`outcome_words.force_rows`."""
+    """Return a table with a row for each force or moment of :func:`outcome_words.force_rows`."""
     heads = [what, *(f"{axis}{_bracket(unit)}" for axis in axes)]
     cells = [[escape(name), *(f"{number:.6g}" for number in row)] for name, row in rows]
     return table(heads, cells)
@@ -113,13 +113,13 @@ def _bracket(unit: str) -> str:
 
 
 def pairs(rows: Iterable[tuple[str, str]]) -> str:
-    """Return a table of names and descriptions."""
+    """Return a table of names and their descriptions."""
     items = "".join(f"<div><dt>{escape(a)}</dt><dd>{escape(b)}</dd></div>" for a, b in rows)
     return f"<dl>{items}</dl>" if items else ""
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a table that scrolls sideways on a narrow page; the cells are HTML."""
+    """Return a table that scrolls sideways on a narrow page; its cells are HTML."""
     body = "".join(
         f'<tr><th scope="row">{row[0]}</th>{"".join(f"<td>{cell}</td>" for cell in row[1:])}</tr>'
         for row in rows
@@ -131,8 +131,8 @@ def scrolled(heads: Sequence[str], rows: str) -> str:
     """Return a table that scrolls sideways on a narrow page.
 
     Args:
-        heads: HTML of the headings of its columns.
-        rows: HTML of its rows.
+        heads: HTML of the column headings.
+        rows: HTML of the rows.
     """
     head = "".join(f'<th scope="col">{name}</th>' for name in heads)
     return (
@@ -142,7 +142,7 @@ def scrolled(heads: Sequence[str], rows: str) -> str:
 
 
 def image(file: Path, words: str) -> str:
-    """Return an <img> that holds a PNG file, with an alternative text.
+    """Return an <img> element that contains a PNG file, with an alternative text.
 
     Raises:
         InputError: If the file cannot be read.
@@ -155,10 +155,10 @@ def image(file: Path, words: str) -> str:
 
 
 def captioned(picture: str, words: str) -> str:
-    """Return a figure; the page's style numbers all figures.
+    """Return a figure with a caption; the style sheet of the page numbers all figures.
 
     Args:
-        picture: Its HTML.
-        words: HTML of its caption.
+        picture: HTML of the picture.
+        words: HTML of the caption.
     """
     return f"<figure>{picture}<figcaption>{words}</figcaption></figure>"

@@ -1,4 +1,4 @@
-"""Summarise the outcome of a run in one sentence, with its validity."""
+"""Summarise the outcome of a run in one sentence, and state its validity."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 Mark = Literal["proven", "one-sided", "found", "open"]
 
-FINER = "A finer mesh may give another load, mostly a lower one."
+FINER = "A finer mesh may give another limit load, usually a lower one."
 """The sentence for results that are not proven for the bodies."""
 
 
@@ -22,8 +22,8 @@ class Verdict:
     """The outcome of a run.
 
     Attributes:
-        mark: "proven" for the bodies, "one-sided" with one proven bound, "found" on this mesh, or
-            "open".
+        mark: "proven" for the bodies, "one-sided" if only one bound is proven, "found" for a result
+            on this mesh, or "open".
         sentence: The outcome.
         details: Sentences on the validity of the outcome.
     """
@@ -34,7 +34,7 @@ class Verdict:
 
 
 def verdict_on(reader: ResultReader) -> Verdict:
-    """Return the verdict on stored results."""
+    """Return the verdict on the stored results."""
     if reader.limit is not None:
         table = reader.summary.limit or {}
         found = _of_limit(reader.limit, table)
@@ -48,16 +48,16 @@ def verdict_on(reader: ResultReader) -> Verdict:
         solved = [report.zeta for report in reader.reports if report.converged]
         if not solved:
             return found
-        path = f"On the way {len(solved)} levels are solved, up to ζ = {max(solved):.6g}."
+        path = f"The run solved {len(solved)} levels, up to ζ = {max(solved):.6g}."
         return replace(found, details=[*found.details, path])
     return _of_levels(reader)
 
 
 def _of_path(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
-    """Return where a path without a limit theorem loses equilibrium."""
+    """Return the verdict on a path that loses equilibrium, for which no limit theorem holds."""
     found = PathBracket(limit.lower, limit.upper).in_words("ζ = ")
     pair = table.get("drucker")
-    beside = f"Beside it: {pair['words']}." if pair else NO_PAIR
+    beside = f"In addition: {pair['words']}." if pair else NO_PAIR
     mark: Mark = "found" if table["levelled_off"] else "open"
     details = [SAID, beside, f"Reason for the end of the search: {table['reason']}.", FINER]
     return Verdict(mark, f"Loaded on this path, this mesh {found}.", details)
@@ -71,40 +71,42 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
     files = [name for name, found in ((STANDS, lower), (FALLS, upper)) if found is not None]
     says = (
         "F divides yield stresses, cohesions and slopes of friction of all bodies "
-        "equally, and the loads are constant: it is their factor of safety."
+        "equally; the loads are constant. F is the factor of safety of the bodies."
     )
-    beside = [f"{path['in_words']} strength.png shows it."] if (path := table.get("path")) else []
+    beside = (
+        [f"{path['in_words']} The curve is in strength.png."] if (path := table.get("path")) else []
+    )
     if not sides:
-        words = "Nothing is proven for the factor of safety."
+        words = "No bound of the factor of safety is proven."
         return Verdict("open", words, [says, *beside, FINER])
     proof = " and ".join(f"python3 -m perfplast_fenicsx.proof {name}" for name in files)
     strict = "It is" if len(sides) == 1 else "Both are"
     if estimate:
         stands = (
-            f"{strict} proven for the associated ground that replaces this one, and not a bound for"
-            f" this one. This command repeats the proof: {proof}."
+            f"{strict} proven for the associated ground that replaces this ground, and no bound for"
+            f" this ground. This command repeats the proof: {proof}."
         )
         words = f"By Davis' estimate the bodies {', and '.join(sides)}."
         return Verdict("found", words, [says, stands, *beside])
-    details = [says, f"{strict} strict, and proven again by {proof}.", *beside]
+    details = [says, f"{strict} strict; {proof} proves this again.", *beside]
     mark: Mark = "proven" if len(sides) == 2 else "one-sided"
     return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)
 
 
 def _of_envelope(table: Mapping[str, Any]) -> Verdict:
-    """Return the verdict on the multiples of two or three loads."""
+    """Return the verdict on combinations of two or three loads."""
     letters = "abc"[: len(table["names"])]
     times = [f"{a} times '{name}'" for a, name in zip(letters, table["names"], strict=True)]
     noun, degrees = ("pair", "each degree") if len(letters) == 2 else ("triple", "every 5 degrees")
     says = (
-        f"A {noun} ({', '.join(letters)}) is {', '.join(times[:-1])} and {times[-1]}. The inner one"
-        f" is the hull of {noun}s that strict lower bounds prove; each side of the outer one is a"
-        f" mechanism of a strict upper bound. path.csv has both for {degrees}."
+        f"A {noun} ({', '.join(letters)}) is {', '.join(times[:-1])} and {times[-1]}. The inner"
+        f" region is the hull of {noun}s that strict lower bounds prove. Each side of the outer"
+        f" region is a mechanism of a strict upper bound. path.csv has both for {degrees}."
     )
     first = "_".join([DIRECTIONS, *["000.00"] * (len(letters) - 1)]) + ".h5"
     proof = (
-        f"The proof of the bounds in each direction is in {DIRECTIONS}_ANGLE.h5, and "
-        f"proven again by python3 -m perfplast_fenicsx.proof {first} and so on."
+        f"The proof of the bounds in each direction is in {DIRECTIONS}_ANGLE.h5. To prove them "
+        f"again, run python3 -m perfplast_fenicsx.proof {first} and so on."
     )
     mark: Mark = "proven" if table["gap"] is not None else "open"
     return Verdict(mark, table["in_words"], [says, proof])
@@ -119,20 +121,22 @@ def _of_shakedown(table: Mapping[str, Any]) -> Verdict:
     where = "everywhere in each cell" if table["within_cells"] else "at the quadrature points"
     says = [
         f"The load domain is the convex hull of: {corners}. In addition, all constant loads act.",
-        "By Melan's theorem the bodies respond elastically after some flow if a "
-        "self-equilibrated stress keeps all corners within yield. Such a stress is sought "
-        "on this mesh, with the elastic stresses of this mesh, which are within yield "
-        f"{where}: an estimate, and no bound for the bodies.",
+        "By Melan's theorem the bodies respond elastically after some plastic flow if a "
+        "self-equilibrated stress keeps all corners within yield. The run seeks such a stress "
+        "on this mesh, with the elastic stresses of this mesh. They are within yield "
+        f"{where}. The result is an estimate, and no bound for the bodies.",
     ]
     if table["load"] is None:
         return Verdict("open", table["in_words"], [*says, FINER])
     share = table["accumulated"]
     says.append(
-        f"Koiter's value, from the flow of a cycle, is {table['koiter']:.5g}. Of that flow "
-        f"{share:.1%} is left at the end of the cycle: {table['failure']}."
+        f"Koiter's value, from the plastic flow of a cycle, is {table['koiter']:.5g}. Of this flow "
+        f"{share:.1%} remains at the end of the cycle: {table['failure']}."
     )
     if table["diagram"]:
-        says.append("path.csv and shakedown.png show the load at each ratio of both loads.")
+        says.append(
+            "path.csv and shakedown.png show the shakedown load at each ratio of both loads."
+        )
     return Verdict("found", table["in_words"], [*says, FINER])
 
 
@@ -179,7 +183,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             "one-sided",
             f"The bodies collapse at ζ = {rounded_up(upper)} at the latest.",
             [
-                "This bound is strict. No load is proven that they carry for certain:",
+                "This bound is strict. No load is proven that the bodies carry for certain:",
                 *reasons,
                 *beside,
                 known,
@@ -191,7 +195,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             "one-sided",
             f"The bodies carry ζ = {rounded_down(lower)} for certain.",
             [
-                "This bound is strict. No load is proven at which they collapse for certain:",
+                "This bound is strict. No load is proven at which the bodies collapse for certain:",
                 *reasons,
                 *beside,
                 known,
@@ -211,9 +215,9 @@ def _of_levels(reader: ResultReader) -> Verdict:
     reports, driven = reader.reports, reader.scene.driven
     solved = [report for report in reports if report.converged]
     if not reports:
-        sentence = "Nothing is solved yet: the run is at its first step, or was stopped there."
+        sentence = "No step is solved yet: the run is at its first step, or stopped there."
         if signal := reader.interrupted:
-            sentence = f"Nothing is solved: the run was interrupted ({signal}) at its first step."
+            sentence = f"No step is solved: the run was interrupted ({signal}) at its first step."
         return Verdict("open", sentence, [])
     last = reports[-1]
     details = []
@@ -224,11 +228,11 @@ def _of_levels(reader: ResultReader) -> Verdict:
             f"At the last solved step {end.plastic_fraction:.1%} of the volume is plastic, "
             f"and the largest displacement is {length}."
         )
-    details.append("All numbers hold for this mesh.")
+    details.append("All numbers hold for this mesh only.")
     if not last.stage and not driven:
         details[-1] += ' control = "bounds" computes what the bodies carry for certain.'
     if _coulomb(reader.summary.given):
-        details.append("With Coulomb's friction a step may have other solutions than this one.")
+        details.append("With Coulomb's friction a step may have further solutions.")
     if not last.converged:
         at = f"at ζ = {last.zeta:.6g} no solution was found"
         sentence = f"{_so_far(solved[-1], driven)}, but {at}." if solved else f"A{at[1:]}."
@@ -260,18 +264,18 @@ def _of_levels(reader: ResultReader) -> Verdict:
 def _so_far(last: LevelReport, driven: bool) -> str:
     """Return a sentence on the last solved level."""
     if driven or last.stage:
-        return f"All is solved up to ζ = {last.zeta:.6g}"
+        return f"All steps are solved up to ζ = {last.zeta:.6g}"
     return f"The bodies carry ζ = {last.zeta:.6g} on this mesh"
 
 
 def _stopped(summary: Summary, levels: int) -> bool:
-    """Return whether planned levels are missing, or a limit load that was sought."""
+    """Return whether planned levels or the requested limit load are missing."""
     if summary.planned is not None:
         return levels < summary.planned
-    return bool(summary.case)  # a Python program does not announce its plan
+    return bool(summary.case)  # the plan of a Python program is not known
 
 
 def _coulomb(given: Mapping[str, Any]) -> bool:
-    """Return whether there is friction that depends on the pressure."""
+    """Return whether any friction depends on the pressure."""
     places = [*given.get("contacts", []), *given.get("obstacles", [])]
     return any(place.get("coulomb") for place in places)

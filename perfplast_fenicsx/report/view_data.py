@@ -1,9 +1,9 @@
-"""Pack data of the page's view of the bodies: mesh, levels, mechanism.
+"""Pack the data of the page's view of the bodies: mesh, levels and mechanism.
 
-A page must be small enough to send by mail. The page of a large run therefore omits some levels.
+A page must be small enough to send by mail, so the page of a large run omits some levels.
 
-Read fields of a result file as numbers at the skin of the bodies. Single-process.
-The module reads a field in slabs of rows and keeps only the values on the skin.
+The module reads fields of a result file as numbers on the skin of the bodies. It reads a field in
+slabs of rows and keeps only the values on the skin. Single-process.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
     "stress": ("von Mises stress", "stress"),
     "yield_ratio": ("utilisation (1: yields)", ""),
-    "plastic": ("plastic share of each cell", ""),
+    "plastic": ("plastic fraction of each cell", ""),
     "displacement": ("displacement", "length"),
     "contact_pressure": ("contact pressure", "stress"),
     "accumulated_plastic_strain": ("accumulated plastic strain", ""),
@@ -36,27 +36,27 @@ WORDS: dict[str, tuple[str, Literal["stress", "length", ""]]] = {
     "back_stress": ("back stress (von Mises)", "stress"),
     "slip": ("slip", "length"),
     "friction_stress": ("friction", "stress"),
-    "mechanism": ("velocity of the collapse", ""),
-    "dissipation": ("plastic work of the collapse", ""),
+    "mechanism": ("velocity at collapse", ""),
+    "dissipation": ("plastic dissipation at collapse", ""),
     "lower_bound_stress": ("von Mises stress of the lower bound", "stress"),
     "gap_share": ("contribution to the gap between the bounds", ""),
 }
-"""Title of each field and its kind of number, in the order of the menu."""
+"""Title of each field and kind of its numbers, in the order of the menu."""
 
 
 @dataclass(frozen=True)
 class FieldWords:
-    """The name of a field and the unit of its numbers."""
+    """The displayed name of a field, and the unit of its numbers."""
 
     label: str
     unit: str
 
 
 def words_of(name: str, units: Mapping[str, str]) -> FieldWords:
-    """Return the words for a field; an unknown field keeps its own name.
+    """Return the displayed name and unit of a field; an unknown field keeps its own name.
 
     Args:
-        name: Name in the result files.
+        name: Name of the field in the result files.
         units: Units by quantity (:meth:`units.Units.table`).
     """
     label, kind = WORDS.get(name, (name.replace("_", " "), ""))
@@ -70,7 +70,7 @@ def rank_of(name: str) -> int:
 
 
 def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
-    """Return edges of triangles that are drawn as lines.
+    """Return the edges of triangles that are drawn as lines.
 
     Returns:
         Indices of points, shape (num_lines, 2), and the body of each line, in ascending order.
@@ -83,7 +83,7 @@ def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     a, b = order[first], order[first + (count > 1)]
     normals = _unit_normals(surface)
-    # Triangles at a larger angle meet at a line.
+    # An edge is drawn if its triangles meet at a larger angle.
     least_cosine = np.cos(np.radians(30.0))
     smooth = np.einsum("ni,ni->n", normals[triangle[a]], normals[triangle[b]]) > least_cosine
     same = surface.body[triangle[a]] == surface.body[triangle[b]]
@@ -101,7 +101,7 @@ def _unit_normals(surface: Surface) -> np.ndarray:
 
 
 SLAB = 1 << 17
-"""Number of rows that are read at once."""
+"""Number of rows that are read together."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class SkinField:
     """A number at each point or triangle of the skin.
 
     Attributes:
-        name: Name in the file.
+        name: Name of the field in the file.
         at: Whether the values are at points or triangles.
         values: Shape (num_points,) or (num_triangles,).
     """
@@ -121,11 +121,11 @@ class SkinField:
 
 @dataclass(frozen=True)
 class SkinState:
-    """The skin at a level, or of the mechanism.
+    """The skin at a level, or with the mechanism.
 
     Attributes:
-        motion: Displacement or velocity of its points, shape (num_points, 3).
-        fields: The other fields, as numbers.
+        motion: Displacement or velocity of the skin's points, shape (num_points, 3).
+        fields: All other fields, as numbers.
     """
 
     motion: Floats
@@ -133,18 +133,18 @@ class SkinState:
 
 
 def read_state(reader: ResultReader, name: str) -> SkinState:
-    """Return all fields of a file at the skin.
+    """Return all fields of a file on the skin.
 
     Args:
         reader: The results.
         name: Name of a field file in the folder.
 
     Raises:
-        InputError: If it cannot be read, or if it has no displacement or velocity.
+        InputError: If the file cannot be read, or has neither a displacement nor a velocity.
     """
     skin = reader.skin
 
-    # Fields that give the motion of points; the second is a velocity.
+    # Fields that give the motion of points; the second one is a velocity.
     motions = ("displacement", "mechanism")
 
     def read(path: Path) -> SkinState:
@@ -174,7 +174,7 @@ def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
 
     Args:
         data: The data set.
-        rows: Their numbers, in ascending order.
+        rows: Row indices, in ascending order.
     """
     found = np.empty((len(rows), *data.shape[1:]), dtype=np.float32)
     for first in range(0, len(data), SLAB):
@@ -185,15 +185,15 @@ def rows_of(data: Any, rows: Longs) -> npt.NDArray[Any]:
 
 
 def as_number(name: str, values: Floats) -> Floats:
-    """Return the displayed numbers of a field.
+    """Return the numbers that the view displays for a field.
 
     Args:
         name: Name of the field.
-        values: Numbers, vectors (n, 3) or tensors (n, 9) or (n, 3, 3).
+        values: Numbers, vectors (n, 3), or tensors (n, 9) or (n, 3, 3).
 
     Returns:
-        Numbers unchanged; for vectors the norm; for stresses von Mises' stress √(3/2) ‖dev σ‖; for
-        other tensors, which are strains, √(2/3) ‖ε‖.
+        Numbers are unchanged. Vectors become their norm, stresses von Mises' stress √(3/2) ‖dev σ‖,
+        and other tensors, which are strains, √(2/3) ‖ε‖.
     """
     if values.ndim == 1:
         return values
@@ -208,16 +208,16 @@ def as_number(name: str, values: Floats) -> Floats:
 
 
 HEAD, TICK = 0.25, 0.015
-"""Length of an arrow's head relative to its shaft, and half-length of a tick relative to the
-bodies."""
+"""Length of an arrow's head relative to its shaft, and half the length of a tick relative to the
+size of the bodies."""
 
 
 def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
     """Return lines that move with points of the skin, by kind.
 
     Returns:
-        Each kind has a ``colour``, ``anchors`` (a point for each end of a line), and ``offsets``
-        from them, one axis after the other.
+        Each kind has a ``colour``, ``anchors`` (a point of the skin for each end of a line), and
+        ``offsets`` from the anchors, one axis after the other.
     """
     surface = reader.skin.surface
     found = []
@@ -239,7 +239,7 @@ def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
 
 
 def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
-    """Return ends of lines, shape (2 n, 3), and their anchor points on the skin."""
+    """Return the ends of arrow lines, shape (2 n, 3), and their anchor points on the skin."""
     surface = reader.skin.surface
     arrows = load_arrows(surface, surface.points, reader.scene.on_surfaces)
     tails, tips = arrows.starts, arrows.starts + arrows.vectors
@@ -255,7 +255,7 @@ def _arrows(reader: ResultReader) -> tuple[Floats, Floats]:
 
 
 def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
-    """Return ticks of supports in the same form: a line along each held axis."""
+    """Return the ends and anchors of support ticks: a line along each held axis."""
     surface, tags = reader.skin.surface, reader.skin.tags
     ends, held = [np.zeros((0, 3))], [np.zeros((0, 3))]
     half = TICK * surface.size
@@ -282,23 +282,23 @@ def _ticks(reader: ResultReader) -> tuple[Floats, Floats]:
 
 
 ROOM = 18_000_000
-"""Largest number of characters of packed arrays; the whole page then stays below 20 MB."""
+"""Largest number of characters of packed arrays, which keeps the whole page below 20 MB."""
 
 
 ARBITRARY = (
-    "Stress and contact pressure are those of one state of equilibrium at the limit load. "
-    "Where nothing flows, as in bolts without load, other states are possible."
+    "Stress and contact pressure belong to one state of equilibrium at the limit load. "
+    "Where there is no plastic flow, as in unloaded bolts, other stresses are possible."
 )
-"""The sentence for fields at the limit load, which do not belong to a level."""
+"""The sentence on fields at the limit load, which belong to no level."""
 
 
 @dataclass(frozen=True)
 class View:
-    """Data and remarks of the view.
+    """The data of the view, and remarks on them.
 
     Attributes:
         data: Data for ``decode.js``; None if there is nothing to show.
-        remarks: Sentences on omitted data and the reasons.
+        remarks: Sentences on omitted data, with the reasons.
     """
 
     data: dict[str, Any] | None
@@ -306,18 +306,18 @@ class View:
 
 
 def view_data(reader: ResultReader, room: int = ROOM) -> View:
-    """Return the packed skin, the levels that fit, and the mechanism.
+    """Return the packed skin, as many levels as fit, and the mechanism.
 
     Args:
         reader: The results.
-        room: Largest number of characters of arrays.
+        room: Largest number of characters of the packed arrays.
 
     Raises:
         InputError: If a field file cannot be read.
     """
     collapses = reader.limit is not None and (reader.path / MECHANISM).exists()
     if not reader.levels and not collapses:
-        return View(None, ["The run stored no fields, so that the bodies are not shown."])
+        return View(None, ["The run stored no fields, so the page does not show the bodies."])
     units, remarks = reader.summary.units, []
     surface = reader.skin.surface
     order = np.argsort(surface.body, kind="stable")
@@ -333,7 +333,7 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     newest = [packer.level(reader.levels[-1])] if reader.levels else []
     mechanism = [packer.mechanism()] if collapses else []
     if size_of(newest) + size_of(mechanism) > left:
-        # Fields that are kept even if not one level with all fields fits.
+        # These fields are kept even if not a single level with all fields fits.
         kept = ("stress", "displacement", "contact_pressure", "dissipation")
         packer = _Packer(reader, order, kept)
         newest = [packer.level(reader.levels[-1])] if reader.levels else []
@@ -354,21 +354,21 @@ def view_data(reader: ResultReader, room: int = ROOM) -> View:
     for one in data["fields"]:
         if not one.pop("whole"):
             remarks.append(
-                f"Some numbers of '{one['label']}' are not finite; the smallest of the others is"
-                " shown there."
+                f"Some numbers of '{one['label']}' are not finite; they are"
+                " shown as the smallest finite number."
             )
     return View(data, remarks)
 
 
 def chosen_levels(count: int, most: int) -> list[int]:
-    """Return evenly spaced numbers of displayed levels from 0, always with the last one."""
+    """Return evenly spaced indices of the displayed levels, always with the last one."""
     if not count:
         return []
     return sorted({int(a) for a in np.linspace(count - 1, 0, min(count, max(most, 1))).round()})
 
 
 def view_mesh(surface: Surface, order: Longs) -> dict[str, Any]:
-    """Return points, triangles and lines, grouped by body."""
+    """Return points, triangles and lines of the skin, grouped by body."""
     lines, line_body = skin_lines(surface)
     numbers = np.arange(len(surface.names) + 1)
     return {
@@ -385,7 +385,7 @@ def view_mesh(surface: Surface, order: Longs) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Packer:
-    """Reads and packs states."""
+    """Reads states of the skin and packs them."""
 
     reader: ResultReader
     order: Longs
@@ -429,7 +429,7 @@ class _Packer:
 
 
 def _offered(states: list[dict[str, Any]], units: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return fields in the order of the menu, with their ranges over all levels."""
+    """Return the fields in the order of the menu, with their ranges over all levels."""
     names = sorted({name for state in states for name in state["fields"]}, key=rank_of)
     offered = []
     for name in names:

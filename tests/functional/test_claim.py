@@ -78,7 +78,7 @@ def test_assumptions_of_bounds_on_one_mesh(place: Path, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     assert main(["report", str(place / "results"), "-o", str(page)]) == SOLVED
     text = page.read_text(encoding="utf-8")
-    assert "The bodies are those that the straight elements of the mesh fill." in text
+    assert "The bodies are the regions that the straight-sided elements of the mesh fill." in text
     assert "Results hold for the mesh" not in text
 
 

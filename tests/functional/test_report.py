@@ -286,7 +286,7 @@ def test_a_mechanism_has_the_colours_of_its_flow(tmp_path: Path, browser: Any) -
     assert main(["run", str(case), "-o", str(folder), "--report", "--quiet"]) == SOLVED
     page = Page(browser, folder / "report.html")
     assert page("document.getElementById('field').value") == "dissipation"
-    assert "Where nothing flows" in page("document.getElementById('bodies').textContent")
+    assert "Where there is no plastic flow" in page("document.getElementById('bodies').textContent")
     before = page.pixels()
     page.choose("field", "stress")
     page.changed(before)

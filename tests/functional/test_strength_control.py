@@ -93,7 +93,9 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
         assert (results / picture).stat().st_size > 1000
     page = (results / "report.html").read_text(encoding="utf-8")
     assumed = page[page.index('<section id="assumptions"') : page.index('<section id="again"')]
-    assert "The bodies are those that the straight elements of the mesh fill." in assumed
+    assert (
+        "The bodies are the regions that the straight-sided elements of the mesh fill." in assumed
+    )
     verdict = verdict_on(ResultReader(results))
     assert verdict.mark == "proven"
     assert verdict.sentence.startswith("The bodies stand with F = 1.")

@@ -26,7 +26,7 @@ from tests.functional.test_command_line import CASE as LEVELS
 from tests.functional.test_command_line import write
 from tests.models import write_case
 
-GOING_ON = re.compile(r"<strong>At [-0-9: ]{19} this run was going on\.</strong>(.*?)</p>")
+GOING_ON = re.compile(r"<strong>At [-0-9: ]{19} this run was in progress\.</strong>(.*?)</p>")
 
 
 @pytest.mark.mpi2
@@ -50,7 +50,7 @@ def test_bounds_as_they_narrow(
     monkeypatch.setattr(LiveReport, "refresh", noted)
     assert main(["run", str(case), "-o", str(results), "--watch"]) == SOLVED
     before, *during = seen
-    assert "Nothing is solved yet" in before[0]
+    assert "No step is solved yet" in before[0]
     assert len(during) >= 1
     for page, body in during:
         assert GOING_ON.search(page)

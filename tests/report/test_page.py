@@ -73,7 +73,7 @@ def test_the_case_in_words() -> None:
         ("c", "change of temperature 20"),
     ]
     assert words.contacts() == [
-        ("p – s", "contact, friction coefficient 0.3 (Coulomb), gap as measured"),
+        ("p – s", "contact, friction coefficient 0.3 (Coulomb), gap measured in the mesh"),
         ("top", "rigid plane, without friction, moves by (0, -1) mm times ζ"),
         ("p – q", "glued together"),
     ]
@@ -97,7 +97,7 @@ def test_the_case_in_words() -> None:
 def test_the_load_factor_in_words() -> None:
     words = CaseWords(GIVEN, Units("mm", "MPa").table(), "xyz")
     assert words.meaning(driven=False) == "ζ is the load factor: ζ = 1 is pressure 3*x MPa on top."
-    assert "motion of supports" in words.meaning(driven=True)
+    assert "motions of supports" in words.meaning(driven=True)
     assert "ζ is the time" in CaseWords(GIVEN, {}, "xy", staged=True).meaning(driven=False)
     assert CaseWords({"loads": GIVEN["loads"][1:]}, {}, "xy").meaning(driven=False) == ""
     many = CaseWords({"loads": 7 * GIVEN["loads"][:1]}, {}, "xy").meaning(driven=False)
@@ -111,7 +111,7 @@ def test_the_mesh_is_that_of_the_results() -> None:
     assert mesh_in_words(summary) == f"{one}, elements of degree 2"
     summary.limit = {"body": {"meshes": [{"cells": 80}, {"cells": 3982}]}}
     assert mesh_in_words(summary) == (
-        f"3982 cells, the last of 2 meshes, elements of degree 2; the first one: {one}"
+        f"3982 cells, the last of 2 meshes, elements of degree 2; the first mesh: {one}"
     )
     summary.limit = {"body": None}
     assert mesh_in_words(summary).startswith(one)

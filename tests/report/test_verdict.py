@@ -113,7 +113,7 @@ def test_runs_that_have_not_come_to_their_end() -> None:
     assert search.mark == "open"
     assert "the limit load is not found" in search.sentence
     moved = of_levels(plain(1.0), plain(2.0, converged=False), driven=True)
-    assert moved.sentence == "All is solved up to ζ = 1, but at ζ = 2 no solution was found."
+    assert moved.sentence == "All steps are solved up to ζ = 1, but at ζ = 2 no solution was found."
 
 
 def test_motions_histories_and_friction() -> None:
@@ -121,5 +121,5 @@ def test_motions_histories_and_friction() -> None:
     assert "driving force is -7, at ζ = 1" in driven.sentence
     assert "2 steps in 1 stage" in of_levels(report(1.0), report(2.0)).sentence
     rough = of_levels(plain(1.0), contacts=[{"coulomb": 0.3}])
-    assert any("other solutions" in text for text in rough.details)
-    assert not any("other solutions" in text for text in of_levels(plain(1.0)).details)
+    assert any("further solutions" in text for text in rough.details)
+    assert not any("further solutions" in text for text in of_levels(plain(1.0)).details)
