@@ -1,4 +1,4 @@
-"""Solve limit loads with Clarabel, an interior point method independent of the program's own.
+"""Solve limit loads with Clarabel, an interior point solver independent of the program's own.
 
 P. J. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic
 objectives (2024), arXiv:2405.12762. The module passes the matrices of
@@ -49,7 +49,8 @@ def by_clarabel(
         least: Not used, since Clarabel itself detects unbounded loads.
 
     Raises:
-        InputError: On several ranks, without Clarabel, or if a kind of cone has no rows.
+        InputError: If there are several ranks, if Clarabel is not installed, or if a block's cones
+            cannot be written as rows of a matrix.
     """
     program, began = iteration.program, time.perf_counter()
     clarabel = check_clarabel(program.comm.size)
@@ -98,7 +99,7 @@ def by_clarabel(
 
 
 def check_clarabel(ranks: int) -> Any:
-    """Return Clarabel. Not collective.
+    """Import and return the module of Clarabel. Not collective.
 
     Args:
         ranks: Number of ranks.
@@ -121,12 +122,13 @@ def check_clarabel(ranks: int) -> Any:
 
 
 def _settings(clarabel: Any, rtol: float) -> Any:
-    """Return the settings for a relative tolerance of the load."""
+    """Return Clarabel's settings for a relative tolerance of the load."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_rel = settings.tol_gap_abs = rtol
     settings.tol_feas = min(1e-8, rtol)
-    # With the default settings 2e-7, 1e-8 and 10, some bounds in space end with numerical errors.
+    # With the default settings 2e-7, 1e-8 and 10, some three-dimensional bounds end with numerical
+    # errors.
     settings.dynamic_regularization_delta = 1e-5
     settings.static_regularization_constant = 1e-7
     settings.iterative_refinement_max_iter = 30
@@ -134,13 +136,13 @@ def _settings(clarabel: Any, rtol: float) -> Any:
 
 
 def _order(kind: ConeKind, shape: tuple[int, ...]) -> Longs:
-    """Return the order of a block's rows in Clarabel."""
+    """Return the indices that put the rows of a block into Clarabel's order."""
     rows = np.arange(shape[0] * shape[1]).reshape(shape)
     return (rows[:, TRIANGLE] if kind is ConeKind.SEMIDEFINITE else rows).ravel()
 
 
 def _cones(clarabel: Any, kind: ConeKind, shape: tuple[int, ...]) -> list[Any]:
-    """Return Clarabel's cones of a block."""
+    """Return Clarabel's objects for the cones of a block."""
     num, size = shape
     match kind:
         case ConeKind.NONNEGATIVE:

@@ -1,17 +1,17 @@
 """Define the protocol of a kind of cone, the only interface of the interior point iteration.
 
-A program has blocks: points with one kind of cone, or contact pairs. Each point of a block has two
-members of cones. The static member is linear in the stress or forces at the point, and in unknowns
-of the block. The kinematic member, in the dual cone, is linear in the rates at the point, if the
-velocity is feasible. The iteration drives the products of both towards a multiple of the unit
-element. For this it asks a :class:`Block` for the centre of its cones, the members of a stress,
-longest steps, and the missing parts of products. At an iterate it asks a :class:`ScaledBlock` for
-moduli, products, and the change of members with a velocity.
+A program has blocks: points with one kind of cone, or contact pairs. Each point of a block has a
+pair of cone members. The static member is linear in the stress or forces at the point, and in
+unknowns of the block. The kinematic member lies in the dual cone. If the velocity is feasible, this
+member is linear in the rates at the point. The iteration drives the Jordan product of both members
+towards a multiple of the unit element. A :class:`Block` supplies the centre of its cones, the
+members of a stress, step lengths, and corrections of products. At an iterate, a
+:class:`ScaledBlock` supplies moduli, products, and the change of the members with the velocity.
 
-A law's yield sets at its points, from which blocks are made, form a :class:`PointSets`.
+A :class:`PointSets` contains the yield sets of a law at its points and creates a block from them.
 
-Kinds are in :mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`half_spaces`. This module
-uses only NumPy.
+:mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`parabolas` and :mod:`half_spaces`
+implement blocks. This module uses only NumPy.
 """
 
 from collections.abc import Sequence
@@ -26,31 +26,32 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.rounding import TINY
 
 PROXIMAL = 1e-5
-"""Proximal parameter δ of stresses that no cone bounds: they change by 1/δ times a strain. With a
-larger value, linear elements that nearly lock converge slowly (three times the steps at 1e-4). With
-a smaller one, K is ill-conditioned."""
+"""Proximal parameter δ of stresses that no cone bounds: in a step, they change by 1/δ times a
+strain. With a larger δ, the iteration converges slowly for linear elements that nearly lock (three
+times as many steps with 1e-4). With a smaller δ, K is ill-conditioned."""
 
 MOST_VISCOUS = 1e4
-"""Largest initial viscosity of strong bodies relative to those that bear the loads, for the
-conditioning of the first K."""
+"""Largest initial viscosity of strong bodies, relative to that of the bodies that limit the loads.
+The limit keeps the first K well conditioned."""
 
 NEAR = 0.1
-"""Products between this share of their target and its inverse are not corrected."""
+"""Share of the target: products between this share of the target and the target divided by it are
+not corrected."""
 
 Places: TypeAlias = Longs | slice
-"""Indices of points; a slice of all of them avoids a copy."""
+"""Indices of points; a slice that selects all points avoids a copy."""
 
 NO_OWN: Floats = np.zeros(0)
-"""Empty unknowns, of a block that has none."""
+"""Empty array for a block without unknowns of its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rates:
-    """The rates of a velocity at all points and pairs of a rank.
+    """Strain rates and contact jumps of a velocity at all points and pairs of a rank.
 
     Attributes:
         trace: Trace of the strain rate, in the coordinates of the cones, shape (count,).
-        deviator: Deviator of the strain rate in these coordinates, shape (count, m).
+        deviator: Deviator of the strain rate, in the coordinates of the cones, shape (count, m).
         jumps: Jumps [v] of contact pairs, shape (num_pairs,).
     """
 
@@ -65,7 +66,7 @@ class Borne:
 
     Attributes:
         pressure: Mean stress p, in the coordinates of the cones, shape (count,).
-        deviator: Deviator s in these coordinates, shape (count, m).
+        deviator: Deviator s, in the coordinates of the cones, shape (count, m).
         forces: Forces r of contact pairs, shape (num_pairs,).
     """
 
@@ -74,7 +75,7 @@ class Borne:
     forces: Floats
 
     def plus(self, t: float, change: "Borne") -> "Borne":
-        """Return the stress and forces after t times a change."""
+        """Return the stress and forces plus t times a change."""
         return Borne(
             self.pressure + t * change.pressure,
             self.deviator + t * change.deviator,
@@ -87,8 +88,8 @@ class Members:
     """Members of the cones of a block, or their changes.
 
     Attributes:
-        static: Static members, of stress and forces, shape (num, ...).
-        kinematic: Kinematic members, of the rates, same shape.
+        static: Static members, functions of stress and forces, shape (num, ...).
+        kinematic: Kinematic members, functions of the rates, same shape.
         own: Static unknowns that only this block has, shape (num,), or :data:`NO_OWN`.
     """
 
@@ -97,7 +98,7 @@ class Members:
     own: Floats = field(default_factory=lambda: NO_OWN)
 
     def plus(self, t: float, change: "Members") -> "Members":
-        """Return the members after t times a change."""
+        """Return the members plus t times a change."""
         return Members(
             self.static + t * change.static,
             self.kinematic + t * change.kinematic,
@@ -107,17 +108,17 @@ class Members:
 
 @dataclass(frozen=True)
 class Moduli:
-    """Moduli κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points, or full ones.
+    """Moduli κ, a, N and b of ⟨κ (tr ε − b:ε)² + a‖dev ε‖² − (N:ε)²⟩ at points, or full moduli.
 
     Attributes:
         bulk: Coefficient κ, shape (count,).
         a: Coefficient a, shape (count,).
         normal: Deviator N, shape (count, m).
         along: Deviator b, shape (count, m); None for zero.
-        whole: Indices of the points, shape (num,), with a full modulus RRᵀ of (tr ε, dev ε)
-            instead, and R, shape (num, 1 + m, 1 + m); None without such points.
-        springs: Coefficient c of ⟨c [v]²⟩ at contact pairs, shape (num_pairs,); None if they are
-            handled separately.
+        whole: Indices of the points that have a full modulus RRᵀ of (tr ε, dev ε) instead, shape
+            (num,), and R, shape (num, 1 + m, 1 + m); None without such points.
+        springs: Coefficient c of ⟨c [v]²⟩ at contact pairs, shape (num_pairs,); None if the caller
+            adds the springs separately.
     """
 
     bulk: Floats
@@ -128,18 +129,18 @@ class Moduli:
     springs: Floats | None = None
 
     def with_whole(self, at: Longs, roots: Floats) -> "Moduli":
-        """Return the same moduli with full ones at some more points."""
+        """Return these moduli with full moduli RRᵀ at further points."""
         if self.whole is not None:
             at, roots = np.concatenate([self.whole[0], at]), np.concatenate([self.whole[1], roots])
         return replace(self, whole=(at, roots))
 
     def first(self, count: int) -> "Moduli":
-        """Return the moduli of the first points, which include those with full moduli."""
+        """Return the moduli of the first points; these include all points with full moduli."""
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
     def beyond(self, count: int) -> "Moduli":
-        """Return the moduli of the remaining points, if these include those with full moduli."""
+        """Return the moduli of the points from ``count`` on, none of which has a full modulus."""
         along = None if self.along is None else self.along[count:]
         return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
 
@@ -160,7 +161,7 @@ class Moduli:
         return found
 
     def roots(self) -> Floats:
-        """Return R with R Rᵀ equal to the modulus, shape (count, 1 + m, 1 + m).
+        """Return the factors R of the moduli RRᵀ, shape (count, 1 + m, 1 + m).
 
         Returns:
             The modulus is κ(1, −b)(1, −b)ᵀ plus a I − N Nᵀ on the deviator, or the full modulus.
@@ -200,7 +201,7 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class ConeRows:
-    """Cones of one kind and size, with members right + factors · x[columns].
+    """Cones of one kind and size, whose members are right + factors · x[columns].
 
     Attributes:
         kind: Kind of the cones.
@@ -228,14 +229,14 @@ class ConeKind(StrEnum):
 
 @runtime_checkable
 class MatrixBlock(Protocol):
-    """A block that can be written as rows of a matrix, for external solvers."""
+    """A block whose members can be written as rows of a matrix, for external solvers."""
 
     def rows(self, at: Columns) -> ConeRows:
-        """Return the static members as functions of the unknowns."""
+        """Return the static members as linear functions of the unknowns."""
         ...
 
     def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
-        """Return members from static and dual ones in the rows of :meth:`rows`."""
+        """Return the members, given static and dual vectors in the order of :meth:`rows`."""
         ...
 
 
@@ -243,23 +244,23 @@ class ScaledBlock(Protocol):
     """A block at an iterate, with the scaling of its cones."""
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """Return the moduli of all points and pairs, with those of this block added."""
+        """Write the moduli of this block into those of all points and pairs, and return them."""
         ...
 
     def products(self, change: Members | None = None) -> Floats:
-        """Return the products of the scaled members of the iterate, or their change."""
+        """Return the products of the scaled members, or of a change of the members."""
         ...
 
     def aim(self, products: Floats) -> Any:
-        """Return the data with which :meth:`bear` and :meth:`follow` change the products."""
+        """Return the data that :meth:`bear` and :meth:`follow` need to change the products."""
         ...
 
     def bear(self, aim: Any, change: Borne) -> None:
-        """Write the change of stress and forces that the aim requires at a constant velocity."""
+        """Write the change of stress and forces that reaches the aim at a constant velocity."""
         ...
 
     def follow(self, aim: Any, rates: Rates, change: Borne) -> Members:
-        """Write the change of stress and forces as the velocity changes by these rates.
+        """Write the change of stress and forces when the velocity changes by these rates.
 
         Returns:
             The change of the members.
@@ -267,7 +268,7 @@ class ScaledBlock(Protocol):
         ...
 
     def resist(self, rates: Rates, change: Borne) -> Floats:
-        """Write the stress and forces that resist these rates, from the moduli only.
+        """Write the stress and forces that the moduli alone assign to these rates.
 
         Returns:
             The change of the block's own unknowns.
@@ -279,7 +280,7 @@ class Block(Protocol):
     """The points of a rank with one kind of cone, or its contact pairs.
 
     Attributes:
-        degree: Sum of the ranks of the cones, which weight the gap.
+        degree: Sum of the ranks of the cones; the gap over this sum is the mean product.
     """
 
     @property
@@ -288,11 +289,11 @@ class Block(Protocol):
         ...
 
     def start(self, borne: Borne) -> Members:
-        """Write the stress at the centre of the cones, and return its members."""
+        """Write the stress at the centre of the cones, and return the members there."""
         ...
 
     def flow(self, moduli: Moduli) -> None:
-        """Write the moduli of the flow at :meth:`start`, from which units are chosen."""
+        """Write the moduli at :meth:`start`, of the viscous flow that determines the units."""
         ...
 
     def static(self, borne: Borne, own: Floats) -> Floats:
@@ -300,15 +301,15 @@ class Block(Protocol):
         ...
 
     def inner(self, now: Members) -> float:
-        """Return the sum of the inner products of the members."""
+        """Return the sum of the inner products of static and kinematic members."""
         ...
 
     def longest(self, now: Members, change: Members) -> float:
-        """Return the longest step that keeps the members in the cones; ∞ without a limit."""
+        """Return the longest step that keeps the members in the cones, ∞ if no step leaves them."""
         ...
 
     def raised(self, products: Floats, by: float) -> Floats:
-        """Return products with a multiple of the unit added."""
+        """Return the products plus ``by`` times the unit element."""
         ...
 
     def missing(self, products: Floats, mu: float) -> Floats:
@@ -320,16 +321,16 @@ class Block(Protocol):
         ...
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Write stress over rate at the points, with rates at least 1/``stiffer``."""
+        """Write stress divided by strain rate, with rates of at least 1/``stiffer``."""
         ...
 
 
 class PointSets(Protocol):
     """Yield sets of one kind at points of a rank, in the coordinates (p, s) and the user's units.
 
-    Points outside all such sets have second-order cones (:mod:`second_order_cones`). Each set is
-    enclosed in such a cone, whose γ and α apply at its points. If the set bounds the mean stress, α
-    > 0 and bodies dilate.
+    Points that belong to no :class:`PointSets` have second-order cones (:mod:`second_order_cones`).
+    Such a cone, with γ and α of the point, also encloses each set here. If a set bounds the mean
+    stress, α > 0 and the body dilates.
 
     Attributes:
         at: Indices of the points, shape (num,).
@@ -342,23 +343,23 @@ class PointSets(Protocol):
 
     @property
     def caps(self) -> Floats:
-        """Return the largest mean stress of the sets (stress), ∞ if unbounded, shape (num,)."""
+        """Return the largest mean stress of each set (stress), ∞ if unbounded, shape (num,)."""
         ...
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> Self:
-        """Return the sets of some of the points, by flags or indices among them."""
+        """Return the sets of some of the points, which flags or indices among the points select."""
         ...
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the gauge of stresses at all points, shape (num,): 1 on the surface of a set."""
+        """Return the gauge (1 on a set's surface), given stresses at all points, shape (num,)."""
         ...
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return the support function of admissible rates at all points, shape (num,)."""
+        """Return the support function, given admissible rates at all points, shape (num,)."""
         ...
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return by how much tr ε is too small for admissible rates, shape (num,)."""
+        """Return the increase of tr ε that would make the rates admissible, shape (num,)."""
         ...
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> Block:
@@ -373,9 +374,10 @@ class PointSets(Protocol):
 
 
 class LawSet(Protocol):
-    """A yield set of another kind, which a law returns as its only cone.
+    """A yield set of another kind than a second-order cone, which a law returns as its only cone.
 
-    Its coordinates are the mean stress and the deviator; in plane strain both are in-plane.
+    Its coordinates are the mean stress and the deviator, in plane strain those of the in-plane
+    stress.
     """
 
     def around(self, flat: bool) -> tuple[float, float]:
@@ -391,7 +393,8 @@ class LawSet(Protocol):
 
         Args:
             at: Indices of the points.
-            tensors: Tensors whose factors are p and the components of s, shape (1 + m, 3, 3).
+            tensors: Tensors of which p and the components of s are the factors, shape (1 + m, 3,
+                3).
             flat: As for :meth:`around`; the out-of-plane stress is then p.
         """
         ...
@@ -399,12 +402,12 @@ class LawSet(Protocol):
 
 @runtime_checkable
 class Provable(Protocol):
-    """A :class:`LawSet` that a proof file can state, so that strict bounds support it."""
+    """A :class:`LawSet` that proof files can describe, so that strict bounds support the set."""
 
     def on_file(self) -> dict[str, float]:
-        """Return the numbers of the set by the names of arrays of the proof file.
+        """Return the numbers that describe the set, by the names of the arrays in the proof file.
 
-        Without a name, ``cone_slope`` and ``cone_matrix`` are zero and the other numbers NaN.
+        If a name is missing, ``cone_slope`` and ``cone_matrix`` are zero and other numbers are NaN.
         """
         ...
 
@@ -413,10 +416,10 @@ class Provable(Protocol):
 class Products:
     """Products of static and kinematic members, block by block.
 
-    They are kept close to each other: an interior point method takes long steps if all decrease
-    together. J. Gondzio, Multiple centrality corrections in a primal-dual method for linear
-    programming, Comput. Optim. Appl. 6 (1996), 137, doi:10.1007/BF00249643; for cones with the
-    eigenvalues of the products.
+    Corrections keep the products close to each other, because an interior point method takes long
+    steps if all products decrease together. J. Gondzio, Multiple centrality corrections in a
+    primal-dual method for linear programming, Comput. Optim. Appl. 6 (1996), 137,
+    doi:10.1007/BF00249643; for cones, the corrections apply to the eigenvalues of the products.
 
     Attributes:
         blocks: Blocks of the program.
@@ -445,7 +448,7 @@ class Products:
 
 
 def missing_of(values: Floats, mu: float) -> Floats:
-    """Return the change of eigenvalues towards μ, at most ``mu / NEAR`` for large ones."""
+    """Return the change of eigenvalues towards μ; large ones fall by at most ``mu / NEAR``."""
     most = mu / NEAR
     missing: Floats = np.maximum(np.clip(values, NEAR * mu, most) - values, -most)
     return missing

@@ -1,12 +1,12 @@
-"""A limit load as the data of a conic program: matrices, vectors and cones, for any solver.
+"""Write a limit load as the data of a conic program: matrices, vectors and cones, for any solver.
 
     max c·x  with  A x = b  and  right + factors · x in cones.
 
 The unknowns are x = (σ, r, λ, μ, t). The stress σ of each point is in the coordinates of its cone.
-Contact pairs have the forces r. The load factor is λ, that of the loads of any factor is μ. The
-unknowns t belong to one block each. The rows of A state equilibrium, Eᵀw σ + r − λL − μF = L₀,
-with the strain rates E of all velocities. Their multipliers are a velocity v with L(v) = 1. The
-multipliers of the cones are the kinematic members of the points (:mod:`cone`).
+Contact pairs have the forces r. The load factor is λ; the loads L have this factor, the free loads
+F the factor μ. Each unknown in t belongs to one block. The rows of A state equilibrium, Eᵀw σ + r −
+λL − μF = L₀, where the matrix E maps velocities to strain rates. Their multipliers are a velocity v
+with L(v) = 1. The multipliers of the cones are the kinematic members (:mod:`cone`).
 
 :class:`~conic_program.ConicProgram` is the same program in terms of operators, without a matrix,
 and in the same units.
@@ -34,16 +34,16 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import Unknowns
 
 @dataclass(frozen=True, eq=False)
 class ConeProgram:
-    """max c·x with A x = b and members of cones, on one rank.
+    """The program max c·x with A x = b and the members of its cones, on one rank.
 
     Attributes:
         A: Equilibrium, shape (num_velocities, num_unknowns).
         b: Permanent loads L₀, shape (num_velocities,).
         c: 1 for λ and 0 for all others, shape (num_unknowns,).
-        cones: The cones, one entry for each block of the program.
+        cones: Rows of the cones, one entry for each block of the program.
         columns: The columns of each block's unknowns.
         blocks: The blocks.
-        factors: The columns of λ and, if there is one, of μ.
+        factors: The columns of λ and, if there are free loads, of μ.
         deviators: Function that removes from s the part that belongs to p
             (:meth:`~discretisation.Strains.deviators`).
     """
@@ -62,8 +62,8 @@ class ConeProgram:
         """Return the data of a program in its present units.
 
         Raises:
-            InputError: If a kind of cone cannot be written as rows of a matrix.
-            ValueError: On several ranks.
+            InputError: If the cones of a block cannot be written as rows of a matrix.
+            ValueError: If there are several ranks.
         """
         if program.comm.size > 1:
             raise ValueError("matrices of a conic program are made on one rank")
@@ -113,7 +113,7 @@ class ConeProgram:
         return sparse.csr_array(entries, shape=shape), cones.right.ravel()
 
     def unknowns(self, x: Floats, static: list[Floats], kinematic: list[Floats]) -> Unknowns:
-        """Return a solution as the interior point iteration holds it.
+        """Return a solution in the form of the interior point iteration.
 
         Args:
             x: The unknowns.
@@ -134,10 +134,10 @@ class ConeProgram:
 
 
 def _with_rows(block: Block) -> MatrixBlock:
-    """Return a block that can be written as rows of a matrix.
+    """Return the block unchanged if it can be written as rows of a matrix.
 
     Raises:
-        InputError: If the block lacks the methods for it.
+        InputError: If the block lacks the methods ``rows`` and ``from_rows``.
     """
     if isinstance(block, MatrixBlock):
         return block

@@ -1,34 +1,35 @@
-"""Pose a limit load as a static and a kinematic problem, in units that make numbers about 1.
+"""Formulate a limit load as a static and a kinematic problem, in units that make numbers about 1.
 
-On points with weights w,
+At points with weights w, the problems are
 
     max λ               with  Σ w σ:ε(v) + r·[v] = λ L(v) + L₀(v),   ‖dev σ‖ ≤ γ − αp,   r ≥ 0,
     min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
-in the coordinates of each point's cone (:mod:`standard_cones`). For sets about a stress other than
-zero, s + γt replaces dev σ. L₀ are the permanent loads, [v] the jumps of contact pairs and
-obstacles, r their forces and p the mean stress. If α = 0, bodies preserve their volume; otherwise
-they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and ε(v) = 0. The gaps
-of contact do not matter: unlimited motion has closed or opened all of them (E. Christiansen,
-Handbook of Numerical Analysis IV, 1996).
+in the coordinates of each point's cone (:mod:`standard_cones`). For yield sets whose centre is not
+zero stress, s + γt replaces dev σ. L₀ is the work of the permanent loads, [v] the jump at contact
+pairs and obstacles, r the contact force and p the mean stress. If α = 0, bodies preserve their
+volume; otherwise they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and
+ε(v) = 0. Contact gaps do not affect the limit load, because unlimited motion closes or opens all of
+them (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
 A :class:`discretisation.Discretisation` defines the velocities v: displacements of finite elements
 (:mod:`discrete_limit`), or the multipliers of the equilibrium of piecewise linear stresses
 (:mod:`static_program`).
 
-Units come from the flow of viscous bodies under the same loads (:func:`choose_units`). This flow
-shows which strength matters: the one of the points where it dissipates. For example, a weak layer
-in a stack flows alone, and a weak column next to a strong one flows together with it. Bodies that
-are far stronger are then treated as elastic. Both bounds remain bounds: the final stress is scaled
-into the true yield sets, and the dissipation of a velocity is computed with the true yield radii.
-The restriction affects only the search, and not its result if the stress is within yield in the
-strong bodies too. Otherwise the weakest of them become plastic as well
+The flow of viscous bodies under the same loads determines the units (:func:`choose_units`). The
+unit of stress is the strength of the points where this flow dissipates. For example, a weak layer
+in a stack flows alone, and a weak column next to a strong one flows together with it. The program
+then treats far stronger bodies as elastic. Both bounds remain bounds: the program scales the final
+stress into the true yield sets, and computes the dissipation of a velocity with the true yield
+radii. If the stress does not exceed yield in the strong bodies, treating them as elastic does not
+change the result. Otherwise the weakest of the strong bodies become plastic as well
 (:meth:`ConicProgram.stronger`).
 
-The flow also shows which part of the loads drives it at all. Mean stresses, and stresses of bodies
-that do not yield, have no bounds; the loads that they balance are subtracted. If A⁺σ are the forces
-of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any velocity that preserves volumes and
-the shape of elastic bodies. The stress σ' is in equilibrium with λL' if σ' + λσ₀ is with λL.
+The flow also shows which part of the loads drives it. Mean stresses and the stresses of bodies that
+do not yield are unbounded. The program subtracts the loads that these stresses balance. If A⁺σ are
+the forces of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any velocity that preserves
+volumes and the shape of elastic bodies. The stress σ' is in equilibrium with λL' if and only if σ'
++ λσ₀ is in equilibrium with λL.
 """
 
 from collections.abc import Sequence
@@ -59,26 +60,26 @@ from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
 )
 
 Stress: TypeAlias = tuple[Floats, Floats]
-"""Pressure and deviator at the points, shapes (count,) and (count, m)."""
+"""Mean stress and deviator at the points, shapes (count,) and (count, m)."""
 
 SOFTEST = 1e-10
 """Least modulus of points.
 
-Weak points that flow next to strong ones, which carry the loads, would have almost none. Without it
-K is singular in double precision with bulk moduli of 1e5.
+Without this limit, weak points that flow next to strong points, which carry the loads, would have a
+modulus of almost zero. With bulk moduli of 1e5, K would then be singular in double precision.
 """
 
 CONTRAST = 1e4
-"""Ratio to the strength of the points that bear the loads, above which points do not flow. The
-moduli of a step would have a range of its square, and in double precision the balance of the weak
-points would be lost.
+"""Largest strength of points that may flow, relative to the strength of the points that carry the
+loads. The ratio of the moduli in a step is the square of this number. With a larger one, rounding
+in double precision would spoil the equilibrium of the weak points.
 """
 
 
 RESERVES = (1e-5, 1e-3, 1e-2)
-"""Shares of the strengths that are kept in reserve for rounding if there are permanent loads: the
-initial one (or a tenth of the tolerance), the largest one if the excess over yield is not known,
-and the largest one if it is known.
+"""Shares of the strengths that are kept in reserve for rounding if there are permanent loads. The
+first is the initial share (a tenth of the tolerance if that is smaller). The second is the largest
+share if the excess over yield is not known, the third the largest if it is.
 """
 
 UNLIMITED = (
@@ -92,10 +93,10 @@ class Start:
     """The start of a search.
 
     Attributes:
-        scale: Yield radius (stress) of the bodies that bear the loads; None if the flow is to
-            determine it.
-        pushed: Whether contact carries most of the loads, so that a flow with soft springs in its
-            place gives no information.
+        scale: Yield radius (stress) of the bodies that carry the loads; None if the flow determines
+            it.
+        pushed: Whether contact carries most of the loads. The flow with soft springs in place of
+            contact then gives no information.
         reserve: Share of the strengths that is kept in reserve if there are permanent loads.
     """
 
@@ -112,26 +113,26 @@ class Start:
         """Return the next start with a larger reserve; None if that would change the bound.
 
         Args:
-            over: Relative excess of the stress over yield, if it is known.
+            over: Relative excess of the stress over yield; None if it is unknown.
         """
         most = RESERVES[1] if over is None else RESERVES[2]
         if self.reserve >= most:
             return None
         more = 10 * self.reserve
         if over is not None:
-            # The same excess is expected again, or one and a half times it.
+            # The next excess is expected to be at most one and a half times the last.
             more = max(3 * self.reserve, self.reserve + 1.5 * over)
         return replace(self, reserve=min(more, most))
 
 
 NO_STRAIN = 1e-4
 """Share of the work of constant loads below which the dissipation of a flow is negligible. Loads on
-both sides of a contact drive a flow that opens it, and bodies move as rigid ones. The constant
-loads then limit it."""
+both sides of a contact can drive a flow that opens the contact, so that the bodies move rigidly.
+Only the constant loads then limit the load factor."""
 
 PRESSED = 10.0
-"""Ratio of the strength that friction gives under constant loads to the cohesion, above which
-friction determines the size of a strength."""
+"""Ratio of the frictional strength under the constant loads to the cohesion. Above this ratio, the
+frictional strength is the size of a strength."""
 
 
 class ConicProgram:
@@ -140,41 +141,43 @@ class ConicProgram:
     Attributes:
         comm: The ranks.
         strains: Strain rates at the points.
-        stiffness: K, to be assembled with any moduli.
-        load: L, less the part that ``carried`` balances.
-        dead: L₀, less the part that ``carried_dead`` balances.
-        free: Loads of any factor, which may help to carry the others: they do no work on v.
-        has_free: Whether there are any such loads.
+        stiffness: K, which can be assembled with any moduli.
+        load: L without the part that ``carried`` balances.
+        dead: L₀ without the part that ``carried_dead`` balances.
+        free: Loads with a free factor, which may help to balance the other loads; they do no work
+            on v.
+        has_free: Whether there are any loads with a free factor.
         has_dead: Whether there are permanent loads L₀.
         jumps: Local (owned) entries of velocities that are jumps of contact pairs, ``num_pairs`` on
             all ranks together.
         plastic: Flags of the points of this rank that can yield, shape (count,); the other points
             are treated as elastic.
         weights: Weights w with mean 1, shape (count,).
-        sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress of the
-            permanent loads if that is much larger; ∞ in elastic bodies.
+        sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress due to the
+            permanent loads if this product is much larger; ∞ in elastic bodies.
         loose: Whether any point of any rank has no cohesion.
-        keeps: Whether stresses cannot be scaled into yield: with permanent loads, or without
-            cohesion.
-        strengths: Sizes of the strengths of plastic points, about 1 in the bodies that bear the
-            loads, and 0 at the other points, shape (count,).
+        keeps: Whether scaling cannot bring a stress within the yield sets: with permanent loads, or
+            without cohesion.
+        strengths: Sizes of the strengths of plastic points, about 1 in the bodies that carry the
+            loads, and 0 at points that are not plastic, shape (count,).
         dilates: Whether any plastic point of any rank dilates.
         strongest: Largest γ (stress) of the plastic points.
         springs: Stiffness of contact that suits the stiffness of the bodies, shape (num_pairs,).
         degree: Degree of the blocks of all ranks.
         stress_unit: Unit of σ.
         load_unit: Unit of λ; ``force_unit`` is the unit of r.
-        carried: Unbounded stress (pressures, and stresses of points that are not plastic) that
-            balances a part of L; ``carried_dead`` balances a part of L₀. None without such a part.
+        carried: Unbounded stress (mean stresses, and stresses of points that are not plastic) that
+            balances a part of L; ``carried_dead`` balances a part of L₀. None if there is no such
+            part.
     """
 
     def __init__(self, on: Discretisation, reserve: float) -> None:
-        """Take over a discretisation and its PETSc objects. Collective.
+        """Store a discretisation, and take ownership of its PETSc objects. Collective.
 
         Args:
             on: The discretisation.
-            reserve: Share of the strengths that is kept for rounding, if a stress above yield
-                cannot be scaled into it.
+            reserve: Share of the strengths that is kept in reserve for rounding, if scaling cannot
+                bring a stress within yield.
         """
         self._reserve, self._of_slopes = reserve, on.proves_stress
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness
@@ -205,10 +208,10 @@ class ConicProgram:
         self.springs: Floats = np.zeros(len(on.jumps))
         self.carried: Stress | None = None
         self.carried_dead: Stress | None = None
-        self.measure(cones / weaknesses if cones else 1.0)  # the mean is dominated by weak bodies
+        self.measure(cones / weaknesses if cones else 1.0)  # weak bodies dominate the mean
 
     def measure(self, unit: float, strongest: float = np.inf) -> None:
-        """Measure stresses in a unit, and let points yield that are weak enough. Collective.
+        """Set the unit of stress, and let the points that are weak enough yield. Collective.
 
         Args:
             unit: Unit of stress.
@@ -229,7 +232,7 @@ class ConicProgram:
             load.scale(before / self.force_unit)
 
     def _blocks_of_points(self, unit: float, left: float) -> list[Block]:
-        """Return blocks of the points that can yield, one for each kind of cone.
+        """Return the blocks of points that can yield, one for each kind of cone.
 
         Args:
             unit: Unit of stress.
@@ -261,18 +264,18 @@ class ConicProgram:
 
     @property
     def blocks(self) -> Sequence[Block]:
-        """Return the blocks of this rank by the kind of their cones, contact pairs last."""
+        """Return the blocks of this rank, one for each kind of cone, contact pairs last."""
         return (*self._of_points, Pairs(self.springs))
 
     def multiply(self, unit: float) -> None:
-        """Multiply the loads by a factor, and so divide the unknown load factor by it."""
+        """Multiply the loads by ``unit``, which divides the unknown load factor by ``unit``."""
         self.load_unit *= unit
         self.load.scale(unit)
         if self.carried is not None:
             self.carried = (unit * self.carried[0], unit * self.carried[1])
 
     def stronger(self) -> float | None:
-        """Return the least yield radius (stress) of points that cannot yield, or None.
+        """Return the smallest yield radius (stress) above ``strongest``; None without one.
 
         Collective.
         """
@@ -286,7 +289,7 @@ class ConicProgram:
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
     def overstress(self, stress: Stress) -> float:
-        """Return the largest yield ratio of a stress, also at points that do not flow. Collective.
+        """Return the largest yield ratio of a stress over all points, plastic or not. Collective.
 
         Args:
             stress: Stress in units of ``stress_unit``.
@@ -300,11 +303,11 @@ class ConicProgram:
         return Borne(np.zeros(count), np.zeros((count, size), order="F"), np.zeros(len(self.jumps)))
 
     def rates_of(self, velocity: PETSc.Vec) -> Rates:
-        """Return strain rates and jumps of a velocity. Collective."""
+        """Return the strain rates and the jumps of a velocity. Collective."""
         return Rates(*self.strains.of(velocity), velocity.array_r[self.jumps])
 
     def whole(self, stress: Stress, load: float) -> Stress:
-        """Return the stress that balances all loads, given one that balances the reduced loads."""
+        """Return the stress that balances all loads, given a stress for the reduced loads."""
         for share, carried in ((load, self.carried), (1.0, self.carried_dead)):
             if carried is not None:
                 stress = stress[0] + share * carried[0], stress[1] + share * carried[1]
@@ -321,13 +324,13 @@ class ConicProgram:
         return float(self.dead.norm(largest) / self.load.norm(largest)) if self.has_dead else 0.0
 
     def create_vector(self) -> PETSc.Vec:
-        """Return a velocity of zeros. Collective."""
+        """Return a zero velocity. Collective."""
         vector = self.load.duplicate()
         vector.set(0)
         return vector
 
     def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
-        """Return pressure and deviator of the flow that determines units. Collective."""
+        """Return the viscous stress in the flow that determines units. Collective."""
         trace, deviator = self.strains.of(velocity)
         moduli = self.flow_moduli()
         return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
@@ -340,16 +343,16 @@ class ConicProgram:
         return found
 
     def moduli(self, uniform: float) -> Moduli:
-        """Return moduli that are the same at all points."""
+        """Return moduli with the same κ and a at all points, and N = 0."""
         shape = self.strains.count, self.strains.size
         bulk, a = np.full(shape[0], uniform), np.full(shape[0], uniform)
         return Moduli(bulk, a, np.zeros(shape, order="F"))
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Assemble Σ w² times the moduli, and springs; see :class:`discretisation.Stiffness`.
+        """Assemble K from w² times the moduli, and springs; see :class:`discretisation.Stiffness`.
 
-        Coefficients a below :data:`SOFTEST` are raised to it. Directions are then slightly less
-        exact, and later directions correct the balance that they leave.
+        Coefficients a below :data:`SOFTEST` are raised to this value. The directions are then
+        slightly less exact; later directions correct the unbalanced forces that remain.
         """
         scale = self.weights / self._mean_weight
         scaled = Moduli(
@@ -378,18 +381,20 @@ class ConicProgram:
         return float(self.dead.dot(velocity)) if self.has_dead else 0.0
 
     def dissipation(self, velocity: PETSc.Vec) -> float:
-        """Return Σ w γ(‖dev ε(v)‖ − t·dev ε(v)), and (γ/α) tr ε(v) where bodies dilate. Collective.
+        """Return the dissipation of a velocity, in the program's units. Collective.
 
-        The sum is over all points with a finite yield radius; the velocity must be admissible.
+        The dissipation is Σ w γ(‖dev ε(v)‖ − t·dev ε(v)), and Σ w (γ/α) tr ε(v) where bodies
+        dilate. The sum is over all points with a finite yield radius. The velocity must be
+        admissible.
         """
         power = powers(self.strains, *self.strains.of(velocity))
         return self.total(float(self.weights @ power)) / self.stress_unit
 
     def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
-        """Return root mean squares of the inadmissible part of ε(v), and of ε(v). Collective.
+        """Return the root mean squares of the inadmissible part of ε(v) and of ε(v). Collective.
 
-        In bodies that dilate, the inadmissible part is the shortfall of their volume growth. In
-        these units the second value is about 1 for a flow that meets resistance.
+        In bodies that dilate, the inadmissible part is the shortfall of tr ε(v). In the program's
+        units, the second value is about 1 for a flow that dissipates.
         """
         trace, deviator = self.strains.of(velocity)
         squares = np.einsum("ni,ni->n", deviator, deviator)
@@ -414,9 +419,9 @@ class ConicProgram:
 
 
 def choose_units(program: ConicProgram, start: Start) -> bool:
-    """Scale the limit load to about the number of points and pairs. Collective.
+    """Choose units in which the limit load is about the number of points and pairs. Collective.
 
-    The stiffness holds the factors of the flow afterwards.
+    Afterwards, the stiffness holds the factors of the flow's K.
 
     Args:
         program: The program whose units are chosen, in its initial state.
@@ -429,8 +434,8 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         SingularStiffness: If K cannot be factorised.
     """
     flow = program.create_vector()
-    # If springs of contact are this many times as stiff as the bodies, contact carries nearly its
-    # full share.
+    # If contact springs are this many times as stiff as the bodies, contact carries nearly its full
+    # share of the loads.
     hard = 1e4
     try:
         if start.scale is not None:
@@ -451,7 +456,7 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         if power <= NO_STRAIN * abs(program.dead_work(flow)):
             power = abs(program.dead_work(flow))
         unit = power / program.work(flow) / max(program.degree, 1)
-        # initial forces are the square roots of the springs: those at the limit load
+        # initial forces are √springs; here they become the forces at the limit load
         if start.pushed:
             pushes = program.degree * unit * pushes
             program.springs = np.maximum(program.springs, pushes**2)
@@ -463,13 +468,13 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
 
 
 def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None) -> None:
-    """Solve for the flow that the loads drive, with springs at contact. Collective.
+    """Solve for the viscous flow under the loads, with springs at contact. Collective.
 
     Args:
         program: The bodies and their loads.
         flow: Set to the flow.
-        springs: Springs of contact; by default the program's, which are then set to suit the
-            bodies.
+        springs: Springs of contact; by default the springs of the program, whose stiffness is first
+            set to suit the stiffness of the bodies.
     """
     moduli = program.flow_moduli()
     if springs is None and program.num_pairs:
@@ -489,7 +494,7 @@ def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
 
 
 def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
-    """Choose as the unit of stress the mean strength where the flow dissipates. Collective.
+    """Set the unit of stress to the mean strength where the flow dissipates. Collective.
 
     Returns:
         Whether the units have changed.
@@ -513,9 +518,10 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
 
 
 def _divide_dead(program: ConicProgram) -> None:
-    """Subtract from the permanent loads the part that unbounded stresses carry. Collective.
+    """Subtract from the permanent loads the part that unbounded stresses balance. Collective.
 
-    The present factors are used. If no flow remains, such stresses carry the loads entirely.
+    The function uses the present factors. If no flow remains, unbounded stresses balance all
+    permanent loads.
     """
     flow = program.create_vector()
     try:
@@ -528,22 +534,24 @@ def _divide_dead(program: ConicProgram) -> None:
 def _divide(
     program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
 ) -> tuple[Stress | None, Floats, bool]:
-    """Subtract from loads the part that unbounded stresses carry, if it is most of them.
+    """Subtract from loads the part that unbounded stresses balance, if its share is large.
 
     Collective.
 
-    Uzawa's iteration, with the factors of the flow. The part that contact carries remains in the
-    loads, since its forces must not pull. At the end, the flow is that of the remaining loads.
+    The method is Uzawa's iteration with the factors of the flow's K. The part that contact carries
+    remains in the loads, since contact forces must not pull. On return, ``flow`` is the flow under
+    the remaining loads.
 
     Args:
         program: The program with the loads.
-        load: The loads, from which the carried part is subtracted.
-        flow: Flow of the loads.
-        springs: Springs of contact whose forces are computed as well; None to compute none.
+        load: The loads, from which the balanced part is subtracted.
+        flow: Flow under the loads; the function updates it.
+        springs: Springs of contact, whose forces are computed as well; None if contact forces are
+            not needed.
 
     Returns:
-        The carried stress, None for none; contact forces, zeros if they are not computed; whether
-        any flow is left.
+        The unbounded stress, None if nothing was subtracted; contact forces, zeros if they are not
+        computed; whether any flow is left.
     """
     given, left, rest = load.copy(), program.create_vector(), load.copy()
     carried: Stress | None = None
@@ -552,13 +560,14 @@ def _divide(
     pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
     bounded = program.plastic & (program.strains.slopes > 0)
-    # The loads are divided if unbounded stresses have at least this share of the power. The share
-    # is 1e-5 for a load that a flow resists, and 1 for a load that no flow resists.
+    # A part of the loads is subtracted if unbounded stresses have at least this share of the power.
+    # The share is 1e-5 for a load that dissipation resists, and 1 for a load that drives no
+    # dissipation.
     mostly = 0.1
-    # Share of the initial power that counts as no flow: the square of the rounding of balanced
-    # loads, over the proximal modulus.
+    # Share of the initial power below which no flow is left: the square of the rounding error of
+    # balanced loads, divided by the proximal modulus.
     no_flow = 1e-16
-    most_divisions = 20  # divisions of the loads; two to four were seen
+    most_divisions = 20  # two to four divisions of the loads have been seen
     try:
         for _ in range(most_divisions):
             trace, deviator = program.strains.of(flow)

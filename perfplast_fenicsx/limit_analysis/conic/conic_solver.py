@@ -1,4 +1,4 @@
-"""Define the protocol of solvers of conic programs, and hold the solver that a run has chosen."""
+"""Define the protocol of conic solvers, and store which solver a run uses."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
 
 
 class ConicSolver(Protocol):
-    """A method that solves a conic program, as :func:`interior_steps.iterate` does."""
+    """A function that solves a conic program, such as :func:`interior_steps.iterate`."""
 
     def __call__(
         self,
@@ -28,7 +28,7 @@ class ConicSolver(Protocol):
         share: float = 1.0,
         least: float = 0.0,
     ) -> tuple[Verdict, str]:
-        """Bring the iterate and its velocity to the solution. Collective.
+        """Solve the program, and store the solution as the iterate and its velocity. Collective.
 
         Args:
             iteration: The iteration at its start, with the program.
@@ -36,7 +36,7 @@ class ConicSolver(Protocol):
             steps: List to which the steps are appended.
             monitor: Called on every rank after each step.
             share: Share of the tolerance that the solution may use.
-            least: Load factor up to which a load does not count as unbounded.
+            least: Load factor up to which the method does not report an unbounded load.
 
         Returns:
             The outcome, and its reason.
@@ -55,7 +55,7 @@ CONIC = (
     " package that is installed by pip install clarabel and works on one rank. It goes with no"
     " other key, since the other keys belong to a loading path."
 )
-"""The key ``conic`` of ``[solve]``, for references."""
+"""Description of the key ``conic`` of ``[solve]``, for the reference pages."""
 
 _CHOSEN: ContextVar[str] = ContextVar("conic solver", default=USUAL)
 
@@ -80,20 +80,20 @@ def conic_solver(name: str) -> Iterator[None]:
 
 
 def check_solver(name: str, ranks: int) -> None:
-    """Refuse a solver that cannot run here. Not collective.
+    """Check that a solver can run on these ranks. Not collective.
 
     Args:
         name: A key of :data:`SOLVERS`.
         ranks: Number of ranks.
 
     Raises:
-        InputError: If the solver is not installed, or works on one rank only and there are
-            several.
+        InputError: If the solver is not installed, or if there are several ranks and the solver
+            works on one rank only.
     """
     if name != USUAL:
         check_clarabel(ranks)
 
 
 def chosen_conic() -> ConicSolver:
-    """Return the solver chosen by :func:`conic_solver`, the interior point method by default."""
+    """Return the solver that :func:`conic_solver` has set, by default the interior point method."""
     return SOLVERS[_CHOSEN.get()]

@@ -1,7 +1,7 @@
-"""Define the discrete form of a limit load problem: strain rates at points, and a stiffness.
+"""Define the discrete form of a limit load problem: strain rates at points and a stiffness.
 
-:class:`SprungMatrix` is the common part of both kinds of stiffness: springs at the jumps of
-contact, and factors.
+:class:`SprungMatrix` is the common part of both kinds of stiffness: contact springs and the
+factorisation.
 """
 
 from collections.abc import Mapping
@@ -25,11 +25,11 @@ NONE = np.zeros(0, dtype=np.int32)
 
 
 class SingularStiffness(RuntimeError):
-    """A factorisation that has failed, on every rank."""
+    """Raised on every rank if a factorisation has failed."""
 
 
 class Strains(Protocol):
-    """ε(v) at the points of this rank, and its transpose.
+    """The operator from velocities to strain rates at the points of this rank, and its transpose.
 
     Stresses are (p, s) in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp. Strain rates are
     conjugate to them (:mod:`standard_cones`). For a cone about the hydrostatic axis, p is the mean
@@ -38,13 +38,13 @@ class Strains(Protocol):
     Attributes:
         count: Number of points of this rank.
         size: Number m of components of a deviator; its norm is that of the tensor.
-        gdim: Dimension in which the trace is taken and pressure acts.
+        gdim: Number of normal components in the trace; p is their mean.
         weights: Volume of each point, shape (count,).
         radii: Yield radius γ (stress) at zero mean stress, ∞ in elastic bodies, shape (count,).
         slopes: Slope α, by which the radius falls with the mean stress, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        sets: Yield sets of other kinds, one entry for each kind; γ and α at their points are those
-            of the narrowest cone with the same apex around the set.
+        sets: Yield sets of other kinds, one entry for each kind. At their points, γ and α describe
+            the narrowest cone with the same apex that encloses the set.
     """
 
     count: int
@@ -57,7 +57,7 @@ class Strains(Protocol):
     sets: tuple[PointSets, ...]
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Return trace and deviator of ε(v), shapes (count,) and (count, m). Collective."""
+        """Return the trace and the deviator of ε(v), shapes (count,) and (count, m). Collective."""
         ...
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
@@ -65,7 +65,7 @@ class Strains(Protocol):
         ...
 
     def matrix(self) -> sparse.csr_array:
-        """Return the matrix of :meth:`of`; on one rank only.
+        """Return the matrix of :meth:`of`, on one rank only.
 
         Returns:
             The trace of each point, then its deviator, shape (count · (1 + m), num_unknowns).
@@ -73,7 +73,7 @@ class Strains(Protocol):
         ...
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return s without the part that belongs to p, if s has one component too many."""
+        """Return s without a volumetric part, which s has if its components are redundant."""
         ...
 
     def destroy(self) -> None:
@@ -82,7 +82,7 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """K with :class:`~cone.Moduli` at the points and c s² for the jump s of each contact pair."""
+    """K from :class:`~cone.Moduli` at the points and a spring c [v]² at each contact pair."""
 
     @property
     def factorisations(self) -> int:
@@ -95,7 +95,7 @@ class Stiffness(Protocol):
         ...
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Assemble K with moduli at the points; the unknowns ``held`` stay zero. Collective."""
+        """Assemble K from moduli at points; the unknowns ``held`` stay zero. Collective."""
         ...
 
     def jump_diagonal(self) -> Floats:
@@ -131,12 +131,12 @@ class Discretisation:
         comm: The ranks.
         strains: Strains of velocities.
         stiffness: Stiffness of the same velocities.
-        load: L, the loads whose factor λ is sought, as a vector, in the user's units.
-        dead: L₀, permanent loads, in the same units.
-        free: Loads of any factor.
+        load: Vector of L, the loads whose factor λ is sought, in the user's units.
+        dead: Vector of L₀, the permanent loads, in the user's units.
+        free: Vector of the loads with a free factor.
         jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
-        proves_stress: Whether the stress is to be proven. Without cohesion, a share of the slope α
-            is then kept in reserve for rounding, too.
+        proves_stress: Whether the stress has to prove a bound. Then, without cohesion, a share of
+            the slope α is kept in reserve for rounding too.
     """
 
     comm: MPI.Intracomm
@@ -160,11 +160,11 @@ class SprungMatrix:
     def __init__(
         self, comm: PETSc.Comm, matrix: PETSc.Mat, jumps: Ints, options: Mapping[str, object]
     ) -> None:
-        """Take over a matrix that its owner assembles later. Collective.
+        """Take ownership of a matrix that the caller assembles later. Collective.
 
         Args:
             comm: The ranks.
-            matrix: The matrix; the owner of this object assembles it again for each K.
+            matrix: The matrix; the caller assembles it again for each K.
             jumps: Owned unknowns that are jumps.
             options: PETSc options of the factorisation.
         """
@@ -183,7 +183,7 @@ class SprungMatrix:
 
     @property
     def uses(self) -> str:
-        """PETSc's name of the solver that has made the last factors."""
+        """Name that PETSc gives to the solver of the last factorisation."""
         return str(self._used.getPC().getFactorSolverType())
 
     def jump_diagonal(self) -> Floats:
@@ -201,12 +201,12 @@ class SprungMatrix:
         diagonal.destroy()
 
     def check_once(self) -> None:
-        """Refuse the matrix if its factors do not fit into memory; only on the first call.
+        """Check on the first call that the factors of the matrix fit into memory.
 
         Collective.
 
         Raises:
-            TooLarge: With the memory that is needed and that is available.
+            TooLarge: If they do not fit; the message gives the needed and the available memory.
         """
         if not self._checked:
             self._ksp.setOperators(self._matrix)
@@ -219,7 +219,7 @@ class SprungMatrix:
 
         Raises:
             SingularStiffness: If the factorisation fails.
-            InputError: If the first one needs more memory than there is.
+            InputError: If the first factorisation needs more memory than is available.
         """
         self.check_once()
         self.factorisations += 1

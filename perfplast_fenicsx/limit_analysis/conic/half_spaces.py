@@ -34,13 +34,13 @@ class Pairs:
         return len(self.springs)
 
     def start(self, borne: Borne) -> Members:
-        """Return forces and slacks whose products are 1."""
+        """Write the initial forces √springs, and return forces and slacks with products 1."""
         root = np.sqrt(self.springs)
         borne.forces[:] = root
         return Members(root, 1 / root)
 
     def flow(self, moduli: Moduli) -> None:
-        """Do nothing: the caller adds springs where they are known."""
+        """Do nothing, because the caller adds the springs."""
 
     def static(self, borne: Borne, own: Floats) -> Floats:
         """Return the forces."""
@@ -80,7 +80,7 @@ class Pairs:
         return ScaledPairs(now, rates)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Do nothing: pairs have no points."""
+        """Do nothing, because contact pairs have no points."""
 
 
 class ScaledPairs:
@@ -96,13 +96,13 @@ class ScaledPairs:
         return replace(moduli, springs=self._springs)
 
     def products(self, change: Members | None = None) -> Floats:
-        """Return r·(−[v]); such products need no scaling."""
+        """Return r·(−[v]), which needs no scaling; see :meth:`cone.ScaledBlock.products`."""
         if change is None:
             return self._forces * self._rooms
         return change.static * change.kinematic
 
     def aim(self, products: Floats) -> Floats:
-        """Return the products themselves."""
+        """Return the products unchanged."""
         return products
 
     def bear(self, aim: Floats, change: Borne) -> None:

@@ -1,10 +1,10 @@
 """Implement the primal-dual interior point iteration for limit loads.
 
-A step takes one factorisation of a stiffness. The stress of a point changes by moduli times a
-strain, and each kind of cone defines its moduli (:mod:`cone`). A step is Mehrotra's, with a
-predictor and a corrector, followed by Gondzio's corrections (:class:`cone.Products`), all with the
-same factors. Stresses that nothing bounds (mean stresses, and those of elastic bodies) follow the
-proximal point method, which does not change the limit of the iteration.
+Each step factorises one stiffness. The stress at a point changes by moduli times a strain rate;
+each kind of cone defines its moduli (:mod:`cone`). A step consists of Mehrotra's predictor and
+corrector and of Gondzio's corrections (:class:`cone.Products`). All of them use the same factors.
+The proximal point method changes unbounded stresses (mean stresses, and all stresses in elastic
+bodies). It does not change the limit of the iteration.
 """
 
 from collections.abc import Sequence
@@ -30,19 +30,20 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import measure_of
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 AT_REST = 1e-4
-"""Strain rates, relative to those of a flow that meets resistance, that count as nearly zero."""
+"""Strain rates, relative to the rates of a flow that dissipates, that count as nearly zero."""
 
 MOST_ROUNDS = 4
-"""Largest number of balancing rounds; between them, forces that pull are set to zero."""
+"""Largest number of rounds in which :func:`rebalance` restores equilibrium; after each, contact
+forces that pull are set to zero."""
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Static and kinematic unknowns, or changes of them, on this rank, in the program's units.
+    """Static and kinematic unknowns of this rank, or their changes, in the program's units.
 
     Attributes:
         load: Load factor λ.
-        aside: Factor of the loads of any factor, 0 without them.
+        aside: Factor of the free loads, 0 without such loads.
         borne: Stress at the points, and forces of the pairs.
         members: Members of the program's blocks, the contact pairs last.
     """
@@ -54,7 +55,7 @@ class Unknowns:
 
     @property
     def stress(self) -> tuple[Floats, Floats]:
-        """Return pressure and deviator, in the coordinates of the cones."""
+        """Return the mean stress and the deviator, in the coordinates of the cones."""
         return self.borne.pressure, self.borne.deviator
 
     @property
@@ -68,7 +69,7 @@ class Unknowns:
         return self.members[-1].kinematic
 
     def plus(self, t: float, change: "Unknowns") -> "Unknowns":
-        """Return the unknowns after t times a change."""
+        """Return the unknowns plus t times a change."""
         both = zip(self.members, change.members, strict=True)
         return Unknowns(
             self.load + t * change.load,
@@ -78,7 +79,7 @@ class Unknowns:
         )
 
     def bearing(self, borne: Borne, blocks: Sequence[Block]) -> "Unknowns":
-        """Return the unknowns with other stress and forces, and with their static members."""
+        """Return the unknowns with other stress and forces, and with the static members of both."""
         both = zip(blocks, self.members, strict=True)
         members = (replace(it, static=block.static(borne, it.own)) for block, it in both)
         return replace(self, borne=borne, members=tuple(members))
@@ -93,13 +94,13 @@ class Direction:
 
 
 class Workspace:
-    """Vectors of velocities that the steps share.
+    """Velocity vectors that all steps use as work space.
 
     Attributes:
         balance: Unbalanced forces.
         right: Right-hand side of a linear system.
         change: Change of the velocity.
-        motions: Motions under a unit of each load whose factor is unknown.
+        motions: Motions under a unit factor of each load with an unknown factor.
     """
 
     def __init__(self, program: ConicProgram) -> None:
@@ -115,7 +116,7 @@ class Workspace:
 
 
 class NewtonDirections:
-    """Newton's directions from one iterate, for given changes of the products of cones and pairs.
+    """Newton directions from one iterate, for given changes of the products of cones and pairs.
 
     All directions use the factors of one K.
     """
@@ -135,8 +136,8 @@ class NewtonDirections:
             program: The program to solve.
             now: The current iterate.
             velocity: Velocity of the iterate.
-            work: Vectors to work with; its ``balance`` holds the unbalanced forces of the iterate.
-            factorised: Whether the last factors are the factors of K.
+            work: Work vectors; ``work.balance`` holds the unbalanced forces of the iterate.
+            factorised: Whether the stiffness already holds the factors of K.
             proximal: Proximal parameter δ.
         """
         self._program, self._now, self._work = program, now, work
@@ -158,7 +159,7 @@ class NewtonDirections:
         program.stiffness.factorise()
 
     def _find_of_loads(self, velocity: PETSc.Vec) -> None:
-        """Compute motions under unit loads, their works, and the missing works. Collective."""
+        """Compute the motions under unit loads, their works, and the missing works. Collective."""
         program, work = self._program, self._work
         self._loads = [program.load, program.free] if program.has_free else [program.load]
         self._motions = work.motions[: len(self._loads)]
@@ -172,14 +173,14 @@ class NewtonDirections:
         return np.array([float(load.dot(velocity)) for load in self._loads])
 
     def products(self, change: Unknowns | None = None) -> Products:
-        """Return the products of the unknowns, or of a change of them."""
+        """Return the products of the unknowns' members, or of a change of the unknowns."""
         if change is None:
             return Products(self._blocks, [scaled.products() for scaled in self._scaled])
         both = zip(self._scaled, change.members, strict=True)
         return Products(self._blocks, [scaled.products(members) for scaled, members in both])
 
     def products_after(self, t: float, change: Unknowns) -> Products:
-        """Return the products of the unknowns after t times a change."""
+        """Return the products of the unknowns plus t times a change."""
         return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
@@ -214,15 +215,15 @@ class NewtonDirections:
         return Direction(unknowns, work.change.array_r.copy())
 
     def _proximal(self, trace: Floats, deviator: Floats) -> Borne:
-        """Return the stress of the proximal point method, of which blocks overwrite parts."""
+        """Return the stress of the proximal point method; blocks overwrite it at their points."""
         none = np.zeros(len(self._program.jumps))
         return Borne(self._free * trace, self._free[:, None] * deviator, none)
 
     def balanced(self, now: Unknowns) -> Unknowns:
-        """Return unknowns whose stress and forces balance the forces in the workspace. Collective.
+        """Return the unknowns, corrected so that the unbalanced forces vanish. Collective.
 
         Args:
-            now: The unknowns, with ``balance`` of the workspace as their unbalanced forces.
+            now: The unknowns, whose unbalanced forces are in ``balance`` of the workspace.
         """
         program, change = self._program, self._work.change
         program.stiffness.solve(self._work.balance, change)
@@ -237,20 +238,20 @@ class NewtonDirections:
 
 
 class InteriorIteration:
-    """The iterate, and its steps.
+    """The iterate of the interior point method, and the steps that change it.
 
     Attributes:
         program: The program to solve.
         now: The iterate.
         velocity: Velocity v of the iterate.
-        earlier: The first iterate that :meth:`kept` has returned; None before.
+        earlier: The first iterate that :meth:`kept` has returned; None before the first call.
     """
 
     def __init__(self, program: ConicProgram) -> None:
-        """Start at the centre of the yield sets, at rest. Collective.
+        """Start at the centre of the yield sets, with zero velocity. Collective.
 
-        K of the first step is the K that has determined the program's units, and its factors are
-        used. Nothing else may have been factorised since.
+        The first step uses the factors of the K that has determined the program's units. The
+        stiffness must not have factorised another K since then.
         """
         self.program = program
         self.earlier: tuple[Unknowns, Floats] | None = None
@@ -268,7 +269,7 @@ class InteriorIteration:
         self._work.destroy()
 
     def put(self, now: Unknowns, velocity: Floats) -> None:
-        """Replace the iterate by one of another solver.
+        """Replace the iterate by the iterate of another solver.
 
         Args:
             now: The iterate, its members inside their cones.
@@ -278,37 +279,37 @@ class InteriorIteration:
         self.velocity.array[:] = velocity
 
     def kept(self) -> tuple[Unknowns, Floats]:
-        """Return the iterate and a copy of its velocity's entries; the first one is kept."""
+        """Return the iterate and its velocity's entries; ``earlier`` keeps the first result."""
         now = self.now, self.velocity.array_r.copy()
         self.earlier = self.earlier or now
         return now
 
     def gap(self) -> float:
-        """Return the difference of static and kinematic load for a feasible iterate. Collective."""
+        """Return the gap between static and kinematic load at a feasible iterate. Collective."""
         both = zip(self.program.blocks, self.now.members, strict=True)
         return self.program.total(sum(block.inner(members) for block, members in both))
 
     def unbalanced(self) -> float:
-        """Return the largest unbalanced force, relative to the largest of the loads. Collective."""
+        """Return the largest unbalanced force, relative to the largest load. Collective."""
         largest = PETSc.NormType.NORM_INFINITY
         loads = max(abs(self.now.load), 1.0) * self.program.load.norm(largest)
         loads += self.program.dead.norm(largest)
         return float(self.balance().norm(largest) / loads)
 
     def row_units(self) -> Floats | float:
-        """Return the forces in the rows of this rank that are equally bad if unbalanced."""
+        """Return the unit in which unbalanced forces are measured, for each row of this rank."""
         return 1.0
 
     def unbalanced_work(self) -> float:
         """Return the work of the unbalanced forces on the velocity. Collective.
 
-        To first order, they change the load by this work, because the velocity is that of collapse
-        with L(v) = 1.
+        To first order, the load changes by this work when the forces are balanced, because the
+        velocity is the mechanism with L(v) = 1.
         """
         return float(self.balance().dot(self.velocity))
 
     def size(self) -> float:
-        """Return the size that differences of bounds refer to (:func:`load_factor.measure_of`).
+        """Return the size that divides differences of bounds (:func:`load_factor.measure_of`).
 
         Collective.
         """
@@ -316,7 +317,7 @@ class InteriorIteration:
         return measure_of(load + self.program.dead_work(self.velocity), load, self.program.loose)
 
     def missing_work(self) -> float:
-        """Return |1 − L(v)|, or the work of the loads of any factor if it is larger. Collective."""
+        """Return the larger of |1 − L(v)| and the absolute work of the free loads. Collective."""
         missing = abs(1 - self.program.work(self.velocity))
         if not self.program.has_free:
             return missing
@@ -325,7 +326,7 @@ class InteriorIteration:
     def balance(self) -> PETSc.Vec:
         """Return the residual of equilibrium as a vector, zero at the solution. Collective.
 
-        It is Σ w σ:ε(v) + r·[v] less the work of the loads, for all v.
+        The residual is Σ w σ:ε(v) + r·[v] minus the work of the loads, for all v.
         """
         program, now, left = self.program, self.now, self._work.balance
         program.internal_forces(*now.stress, left)
@@ -337,12 +338,13 @@ class InteriorIteration:
         return left
 
     def inadmissible(self) -> float:
-        """Return the inadmissible part of ε(v), relative to ‖ε(v)‖.
+        """Return the inadmissible part of ε(v), relative to ‖ε(v)‖. Collective.
 
-        It is the volume change in plastic bodies and the strain in elastic ones.
+        The inadmissible part is the volume change in plastic bodies and the strain rate in elastic
+        bodies.
 
-        If only permanent loads hold bodies together, they may separate as rigid bodies. With
-        permanent loads, rates below :data:`AT_REST` are therefore replaced by it. Collective.
+        Bodies that only permanent loads hold together may separate rigidly. With permanent loads,
+        ‖ε(v)‖ is therefore at least :data:`AT_REST`.
         """
         wrong, rate = self.rates()
         rate = max(rate, AT_REST) if self.program.has_dead else rate
@@ -355,9 +357,9 @@ class InteriorIteration:
     def equilibrate(self) -> None:
         """Add the stress and contact forces that balance the unbalanced forces. Collective.
 
-        The last step's K determines them. They may leave the cones, by as little as there is to
-        balance. If K is nearly singular, as when bodies separate, the residual may grow; then
-        nothing is added.
+        The function uses the factors of the last step's K. The corrected stress and forces may lie
+        outside the cones, by about the size of the correction. If K is nearly singular, for example
+        because bodies separate, the residual may grow; the function then keeps the iterate.
         """
         if self._newton is None:
             return
@@ -366,18 +368,18 @@ class InteriorIteration:
         if not self.unbalanced() < left:
             self.now = before
 
-    @np.errstate(over="ignore", invalid="ignore")  # an unbounded direction is not used
+    @np.errstate(over="ignore", invalid="ignore")  # the step refuses an infinite direction
     def step(self, onwards: bool = True) -> float:
-        """Perform a step. Collective.
+        """Perform one step. Collective.
 
         Args:
-            onwards: Whether to step towards the limit load. Otherwise the step goes towards the
-                centre of the cones at the present load, which corrects the velocity only. The
-                strains of elastic bodies then become rounding at once, with the square of the
-                usual δ.
+            onwards: Whether to step towards the limit load. If False, the step is towards the
+                centre of the cones at the present load and corrects only the velocity. Its proximal
+                parameter is δ², which reduces the strain rates of elastic bodies to rounding in one
+                step.
 
         Returns:
-            Length of the step, at most 1; 0 if no direction was found.
+            The length of the step, at most 1; 0 if no direction was found.
 
         Raises:
             SingularStiffness: If K cannot be factorised.
@@ -401,9 +403,9 @@ class InteriorIteration:
             aim = -(here + newton.products(affine.unknowns)).raised(-centre)
         chosen = newton.towards(aim)
         longest = self._longest(chosen.unknowns)
-        # Corrections of a direction, each a solution with the present factors. A correction aims at
-        # a step that is longer by ``gain`` (a whole step is 1). It is accepted if the step grows by
-        # more than ``worth``.
+        # Each correction of a direction needs one solution with the present factors. A correction
+        # aims at a step that is longer by ``gain`` (a full step is 1). It is accepted if the step
+        # grows by more than ``worth``.
         most_corrections, gain, worth = 3, 0.3, 0.02
         for _ in range(most_corrections):
             if not longest < 1:
@@ -415,7 +417,7 @@ class InteriorIteration:
             if not further > longest + worth:
                 break
             chosen, longest = other, further
-        shortened = 0.95  # share of the distance to the boundary
+        shortened = 0.95  # share of the distance to the boundary of the cones
         length = min(1.0, shortened * longest)
         if not np.isfinite(chosen.unknowns.load):
             return 0.0
@@ -431,18 +433,19 @@ class InteriorIteration:
 
 
 def rebalance(iteration: InteriorIteration) -> None:
-    """Bring an iterate into equilibrium by the least change of its stress. Collective.
+    """Restore the equilibrium of an iterate by the least change of its stress. Collective.
 
-    The function takes a factorisation. Contact forces change in proportion to their size, so that
-    small ones stay positive. If equilibrium requires a force to be zero, residuals of the
-    iteration may still make it pull. Such forces are set to zero, and the rest is balanced without
-    them. The stress may leave the yield sets. If no factorisation succeeds, or forces pull until
-    the end, the last iterate in equilibrium remains, or the original one.
+    Each round needs one factorisation. Contact forces change in proportion to their size, so that
+    small forces stay positive. A contact force that has to be zero in equilibrium may still pull,
+    because of residuals of the iteration. The function sets such forces to zero and restores
+    equilibrium without them. The stress may exceed yield. If a factorisation fails, or if forces
+    still pull after the last round, the function keeps the last iterate in equilibrium, or the
+    original iterate.
     """
     program, balanced = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
-    least_change = 1e-6  # share of the largest contact force by which a zero force changes
+    least_change = 1e-6  # spring of a zero contact force, relative to that of the largest force
     springs = program.springs * (balanced.forces / (largest or 1.0) + least_change)
     try:
         for _ in range(MOST_ROUNDS):
@@ -464,23 +467,23 @@ def rebalance(iteration: InteriorIteration) -> None:
 
 
 def _balance(iteration: InteriorIteration, springs: Floats) -> None:
-    """Correct stress and contact forces with the present factors. Collective.
+    """Correct the stress and the contact forces with the present factors. Collective.
 
-    The method is conjugate residuals, with the factors as those of K. If rows of equilibrium
-    nearly depend on each other, as where edges nearly cross, the ridge of the factors
-    (:data:`condensed_stiffness.RIDGE`) exceeds K itself. Then simple refinement hardly corrects a
-    few such motions. Conjugate gradients lose the balance again if no stress fulfils it to the
-    last bit. The best balance is kept.
+    The method is conjugate residuals with the factors as preconditioner. Where edges nearly cross,
+    rows of equilibrium nearly depend on each other. The ridge of the factors
+    (:data:`condensed_stiffness.RIDGE`) then exceeds K for a few motions, which simple refinement
+    hardly corrects. Conjugate gradients would diverge again if no stress fulfils equilibrium to the
+    last bit. The function keeps the correction with the smallest residual.
     """
     program, units = iteration.program, iteration.row_units()
     direction, product = program.create_vector(), program.create_vector()
     directions = ConjugateResiduals(program.total)
     least, best, since = np.inf, iteration.now, 0
-    # Unbalanced forces, relative to the largest load, that need no correction.
+    # Largest unbalanced force, relative to the largest load, that needs no correction.
     balanced = 1e-13
-    most_corrections = 20  # one or two, and one more for each place where edges nearly cross
-    worth = 0.5  # a correction helps if it reduces the residual below this share of the least one
-    patience = 4  # corrections in a row without success, after which they end
+    most_corrections = 20  # usually one or two, plus one for each pair of edges that nearly cross
+    worth = 0.5  # a correction succeeds if it reduces the least residual to this share
+    patience = 4  # number of unsuccessful corrections in a row that ends the loop
     try:
         while directions.count <= most_corrections:
             missing = iteration.unbalanced()
@@ -508,13 +511,13 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
 def _resistance(
     iteration: InteriorIteration, springs: Floats, motion: PETSc.Vec, out: PETSc.Vec
 ) -> Borne:
-    """Return stress and forces that resist a motion. Collective.
+    """Return the stress and forces with which bodies and springs resist a motion. Collective.
 
     Args:
         iteration: The iteration with the program.
         springs: Stiffness of contact.
-        motion: Motion of bodies with unit moduli.
-        out: Set to the total forces.
+        motion: The motion; the bodies have unit moduli.
+        out: Set to the sum of internal and contact forces.
     """
     program = iteration.program
     rates, weights = program.rates_of(motion), program.weights

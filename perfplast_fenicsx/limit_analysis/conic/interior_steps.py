@@ -16,7 +16,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 MOST_STEPS = 60
 
 NO_LOAD = 1e-7
-"""Loads and strain rates below this share of those of a viscous flow count as zero."""
+"""Loads and strain rates below this share of the values in a viscous flow count as zero."""
 
 CARRIES_NONE = (
     "no stress can carry the loads: they move bodies away from their supports without resistance"
@@ -28,8 +28,8 @@ class StopSearch(Exception):
     """Raised by a monitor on every rank to end the steps and keep the results.
 
     Attributes:
-        found: Results of the search so far; None if it had not begun.
-        adapted: Results of the previous meshes, if there are several; otherwise None.
+        found: Results of the search so far; None if the search had not begun.
+        adapted: Results on the previous meshes of an adaptive search; None in other searches.
     """
 
     found: object = None
@@ -47,18 +47,18 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class InteriorStep:
-    """One step of the method.
+    """One step of the interior point method.
 
     Attributes:
         number: Number of the step, from 1.
-        load: Factor λ of the stress, a lower bound once forces balance.
-        gap: Kinematic less static load, for an admissible velocity, relative to the power of all
+        load: Load factor λ of the stress, a lower bound once the forces are in balance.
+        gap: Kinematic minus static load for an admissible velocity, relative to the power of all
             loads.
-        unbalanced: Largest unbalanced force, relative to the largest of the loads.
-        inadmissible: Volume change of v in plastic bodies, and strain in elastic ones, relative to
-            ‖ε(v)‖.
+        unbalanced: Largest unbalanced force, relative to the largest load.
+        inadmissible: Volume change of v in plastic bodies and strain rate in elastic bodies,
+            relative to ‖ε(v)‖.
         length: Length of the step, at most 1.
-        seconds: Wall time so far.
+        seconds: Wall time since the start of the search.
     """
 
     number: int
@@ -75,7 +75,7 @@ Monitor: TypeAlias = Callable[[InteriorStep], None]
 
 
 def carries_none(program: ConicProgram, most: float, rate: float) -> bool:
-    """Return whether a load factor is zero because bodies move without resistance.
+    """Return whether the load factor is zero because bodies move without resistance.
 
     Args:
         program: The program with the loads.
@@ -96,8 +96,8 @@ def iterate(
 ) -> tuple[Verdict, str]:
     """Perform steps until the limit load is known. Collective.
 
-    Unbalanced forces r change λ by r·v to first order, where v is the mechanism with L(v) = 1. The
-    caller removes these residuals afterwards; otherwise there is no bound.
+    To first order, unbalanced forces r change λ by r·v, where v is the mechanism with L(v) = 1. The
+    caller removes these residuals afterwards; with residuals, λ is not a bound.
 
     Args:
         iteration: The iteration at its start.
@@ -105,20 +105,19 @@ def iterate(
         steps: List to which the steps are appended.
         monitor: Called on every rank after each step.
         share: Share of the tolerance that the solution may use.
-        least: Load factor up to which a load does not count as unbounded.
+        least: Load factor up to which the function does not report an unbounded load.
     """
     program, began = iteration.program, time.perf_counter()
-    good: tuple[Unknowns, Floats] | None = None  # an iterate and its velocity's entries
-    # A load this many times the load of a viscous flow, without any sign of a mechanism, has no
-    # bound.
+    good: tuple[Unknowns, Floats] | None = None  # last balanced iterate and its velocity's entries
+    # Without a sign of a mechanism, this many times the viscous flow's load counts as unbounded.
     unbounded = 50.0
     far = unbounded * (program.degree + program.dead_to_live())
     far = max(far, least / program.load_unit)
-    # Unbalanced forces and missing work that the bounds can remove afterwards.
+    # Largest unbalanced force and missing work that the bounds can remove afterwards.
     least_residual = 1e-5
-    # Unbalanced forces, relative to the largest load, that are allowed if they do almost no work on
-    # the mechanism. For a body force spread over fine cells this is far below the rounding of the
-    # internal forces. A velocity that is less admissible is far from a mechanism.
+    # Largest unbalanced force, relative to the largest load, if such forces do almost no work. For
+    # a body force on fine cells it is far below the rounding of the internal forces. A velocity
+    # whose inadmissible part exceeds this number is far from a mechanism.
     almost = 1e-3
     stuck = 1e-6  # length of a step that counts as zero
     while len(steps) < MOST_STEPS:
@@ -149,7 +148,7 @@ def iterate(
                 "stresses within yield carry the loads beyond ζ ="
                 f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
             )
-        at_rest = rate <= NO_LOAD  # bodies move as rigid ones, and strains are rounding
+        at_rest = rate <= NO_LOAD  # bodies move rigidly, and strain rates are rounding errors
         tolerated = share * rtol * size
         idle = unbalanced <= almost and abs(iteration.unbalanced_work()) <= tolerated
         balanced = missing <= least_residual and unbalanced <= least_residual
@@ -171,7 +170,7 @@ def iterate(
 def next_start(
     start: Start, program: ConicProgram, now: Unknowns | None, verdict: Verdict, rtol: float
 ) -> Start | None:
-    """Return the start of the next search; None if this one has succeeded or no other start exists.
+    """Return the start of the next search; None if none is needed or possible.
 
     Collective.
 

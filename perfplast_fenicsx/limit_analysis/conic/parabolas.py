@@ -1,17 +1,17 @@
 """Bound stresses in the plane by a parabola, the criterion of Hoek and Brown, as two cones.
 
-With p and ‖s‖ = √2 R of the in-plane stress, σ₁ = p + R, the set is R² ≤ k (f − σ₁). It holds if a
-number t ≥ R exists with (2t + k)² ≤ 4k (P − p), P = f + k/4. So a point has two members of
-second-order cones,
+The in-plane stress has the mean p, ‖s‖ = √2 R and σ₁ = p + R. The set is R² ≤ k (f − σ₁). A stress
+is in the set if a number t ≥ R exists with (2t + k)² ≤ 4k (P − p), where P = f + k/4. So each point
+has two second-order cone members,
 
     (√2 t, s)   and   (P − p + k, P − p − k, 2t + k),
 
-which are linear in y = (t, p, s), x = h + Gy, with multipliers z that satisfy −Gᵀz = w (0, tr ε,
-dev ε). With the scaling W of Nesterov and Todd the stress changes by dy = H⁻¹(GᵀW⁻¹r + Gᵀz + w(ε +
-dε)), H = GᵀW⁻²G, where the products are to change by W z ∘ r.
+which are linear in y = (t, p, s): x = h + Gy. Their multipliers z satisfy −Gᵀz = w (0, tr ε, dev
+ε). With the scaling W of Nesterov and Todd and H = GᵀW⁻²G, the stress changes by dy = H⁻¹(GᵀW⁻¹r +
+Gᵀz + w(ε + dε)) if the products change by W z ∘ r.
 
-With v = tr ε and g = ε₁ − ε₃ a rate dissipates fv + (k/4) (g − v)₊²/v, for v > 0. All such sets are
-one parabola, of size k, at the tensile strength f.
+With v = tr ε > 0 and g = ε₁ − ε₃, a strain rate dissipates fv + (k/4) (g − v)₊²/v. All such sets
+have the shape of one parabola; k is its size, and the tensile strength f its position.
 """
 
 import math
@@ -44,8 +44,9 @@ from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
 ROOT2 = math.sqrt(2.0)
 
 GENTLEST = 0.01
-"""Least tr ε relative to ε₁ − ε₃ of a strict mechanism, as of the checker. The stress with this
-sine of the friction angle is 2500 k, beyond all stresses of interest."""
+"""Least tr ε of a strict mechanism, relative to ε₁ − ε₃; the proof checker uses the same value.
+Where the tangent of the parabola has this sine of the friction angle, the stress is about 2500 k,
+beyond all stresses of interest."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,14 @@ class Parabola:
 
     @property
     def apex(self) -> float:
-        """Return P, where the parabola without R ≥ 0 ends (stress)."""
+        """Return P, the largest p of the full parabola, on which R may be negative (stress)."""
         return self.tension + self.curvature / 4
 
     def around(self, flat: bool) -> tuple[float, float]:
-        """Return γ and α of the tangent with a friction angle of 30°, at p = P − k.
+        """Return γ and α of the tangent cone with a friction angle of 30°, at p = P − k.
 
         Raises:
-            InputError: If the set is not that of in-plane stresses.
+            InputError: If the stresses are not in-plane stresses.
         """
         if not flat:
             raise InputError(
@@ -96,7 +97,7 @@ class Parabola:
 
 @dataclass(frozen=True, eq=False)
 class Parabolas:
-    """The set at points; see :class:`cone.PointSets`.
+    """The parabola at points; see :class:`cone.PointSets`.
 
     Attributes:
         of: The set.
@@ -126,7 +127,7 @@ class Parabolas:
         return found
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
-        """See :meth:`cone.PointSets.powers`; rates with less dilation than ``GENTLEST`` have it."""
+        """See :meth:`cone.PointSets.powers`; the dilation counts as at least ``GENTLEST``."""
         growth, shear = self._sizes(trace, deviator)
         growth = np.maximum(growth, GENTLEST * shear)
         over = np.maximum(shear - growth, 0.0)
@@ -141,7 +142,7 @@ class Parabolas:
         return found
 
     def _sizes(self, trace: Floats, deviator: Floats) -> tuple[Floats, Floats]:
-        """Return tr ε and ε₁ − ε₃."""
+        """Return tr ε and ε₁ − ε₃ of these points, shape (num,) each."""
         return trace[self.at], ROOT2 * np.linalg.norm(deviator[self.at, :2], axis=1)
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> "ParabolaPoints":
@@ -175,7 +176,7 @@ class ParabolaPoints(SecondOrderMembers):
 
     @property
     def degree(self) -> int:
-        """Two cones a point."""
+        """Number of cones, two for each point."""
         return 2 * len(self.at)
 
     def start(self, borne: Borne) -> Members:
@@ -247,7 +248,7 @@ class ScaledParabolaPoints(ScaledMembers):
         return found
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """See :meth:`cone.ScaledBlock.stiffen`; t comes first, so that H⁻¹ without it is RRᵀ."""
+        """See :meth:`cone.ScaledBlock.stiffen`; H⁻¹ without the row and column of t is RRᵀ."""
         more = moduli.normal.shape[1] - 2
         roots = np.pad(self._roots[:, 1:, 1:], ((0, 0), (0, more), (0, more)))
         return moduli.with_whole(self._block.at, roots)
@@ -267,7 +268,7 @@ class ScaledParabolaPoints(ScaledMembers):
         self._put(dy, change)
         static = np.einsum("kij,nj->nki", self._block.G, dy).reshape(-1, 3)
         kinematic = self.scaling.invert(aim - self.scaling.invert(static))
-        left = self._works(kinematic) + self._off + more  # rounding, and more if not admissible
+        left = self._works(kinematic) + self._off + more  # larger than rounding if not admissible
         kinematic[::2, 1:] -= left[:, 2:]
         kinematic[1::2, 2] -= left[:, 0] / 2
         kinematic[1::2, 0] += left[:, 1]

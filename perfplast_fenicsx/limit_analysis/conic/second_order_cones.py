@@ -1,15 +1,15 @@
-"""Implement second-order cones a₀ ≥ ‖a'‖, and blocks of points with one each. NumPy only.
+"""Implement second-order cones a₀ ≥ ‖a'‖, and blocks of points with one cone each. NumPy only.
 
-Members are rows (a₀, a') of arrays of shape (num_cones, 1 + m). Notation and formulas are those of
-E. D. Andersen, C. Roos, T. Terlaky, On implementing a primal-dual interior-point method for conic
+Members are rows (a₀, a') of arrays of shape (num_cones, 1 + m). Notation and formulas follow E. D.
+Andersen, C. Roos, T. Terlaky, On implementing a primal-dual interior-point method for conic
 quadratic optimization, Math. Program. 95 (2003), 249.
 
-The static member of a point is (γ − αp, s + γt), its kinematic member (d, −w dev ε) with the weight
-w of the point. If α = 0 (:class:`Cylinders`), nothing bounds p, and d ≥ w‖dev ε‖ is an unknown. If
-α > 0 (:class:`Cones`), bodies dilate, and d = w tr ε/α. With the scaling W of Nesterov and Todd,
-members change by dS = W r − W² dz if the products are to change by W z ∘ r.
+The static member of a point is (γ − αp, s + γt). Its kinematic member is (d, −w dev ε) with the
+weight w of the point. If α = 0 (:class:`Cylinders`), nothing bounds p, and d ≥ w‖dev ε‖ is an
+unknown. If α > 0 (:class:`Cones`), bodies dilate, and d = w tr ε/α. With the scaling W of Nesterov
+and Todd, static members change by dS = W r − W² dz if the products change by W z ∘ r.
 
-Gauge and support function are those of ‖s + γt‖ ≤ γ − αp (:mod:`standard_cones`). With
+The gauge and the support function belong to the set ‖s + γt‖ ≤ γ − αp (:mod:`standard_cones`). With
 ρ² = 1 − ‖t‖², a set with t ≠ 0 (which has α = 0) is √(‖s‖² + (t·s)²/ρ²) + t·s/ρ ≤ γρ.
 """
 
@@ -56,7 +56,7 @@ def quotient(a: Floats, b: Floats) -> Floats:
 
 
 def raised(products: Floats, by: float) -> Floats:
-    """Return products with a number added to their eigenvalues."""
+    """Return the products with a number added to their eigenvalues."""
     found = products.copy(order="K")
     found[:, 0] += by
     return found
@@ -74,10 +74,10 @@ def missing(products: Floats, mu: float) -> Floats:
 
 
 def longest_step(a: Floats, da: Floats) -> float:
-    """Return the largest t for which a + t da are in the cones, for a inside; ∞ without a limit."""
+    """Return the largest t with a + t da in the cones, for a inside; ∞ without a limit."""
     if not len(a):
         return np.inf
-    # the smallest positive root of A t² + 2 B t + C, in a form that loses no digits
+    # the smallest positive root of A t² + 2 B t + C, in a form without cancellation
     square = da[:, 0] ** 2 - np.einsum("ni,ni->n", da[:, 1:], da[:, 1:])
     half = a[:, 0] * da[:, 0] - np.einsum("ni,ni->n", a[:, 1:], da[:, 1:])
     least = determinant(a)
@@ -123,7 +123,7 @@ class Scaling:
         return np.hstack([head[:, None], a[:, 1:] + along[:, None] * w])
 
     def moduli(self) -> tuple[Floats, Floats]:
-        """Return the inverse of the block of W⁻² that belongs to a', as a I − N Nᵀ.
+        """Return a and N of a I − N Nᵀ, the inverse of the block of W⁻² for a'.
 
         Returns:
             Coefficient a, shape (num_cones,); N, shape (num_cones, m).
@@ -133,7 +133,7 @@ class Scaling:
         return self._eta**2, scale[:, None] * self._w
 
     def coupled(self, slopes: Floats) -> tuple[Floats, Floats]:
-        """Return the part of W² that a₀ = −αp adds to :meth:`moduli`: κ(t − b·x)² for rates (t, x).
+        """Return κ and b of κ(t − b·x)², which a₀ = −αp adds to :meth:`moduli` for rates (t, x).
 
         Args:
             slopes: Slopes α > 0, shape (num_cones,).
@@ -146,7 +146,7 @@ class Scaling:
         return self._eta**2 * size2 / slopes**2, along
 
     def inverse_square(self) -> tuple[Floats, Floats]:
-        """Return η and n of W⁻² = (2 n nᵀ − J)/η² with J = diag(1, −1, …, −1).
+        """Return 1/η² and n of W⁻² = (2 n nᵀ − J)/η², where J = diag(1, −1, …, −1).
 
         Returns:
             1/η², shape (num_cones,); n, shape (num_cones, 1 + m).
@@ -179,13 +179,13 @@ class _Points(SecondOrderMembers):
     """Common part of both kinds of points; see :class:`cone.Block`."""
 
     def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
-        """Store the points' numbers in the units of the program.
+        """Store the data of the points, in the units of the program.
 
         Args:
-            at: The points.
+            at: Indices of the points.
             radii: Yield radii γ, shape (num,).
-            strengths: Sizes of the strengths, about 1; γ itself may be much smaller without
-                cohesion.
+            strengths: Sizes of the strengths, about 1; with little or no cohesion, γ may be much
+                smaller.
             weights: Weights w, shape (num,).
         """
         self.at, self.radii, self.strengths, self.weights = at, radii, strengths, weights
@@ -222,7 +222,7 @@ class Cylinders(_Points):
         weights: Floats,
         tilts: Floats | None = None,
     ) -> None:
-        """Store the points as :class:`_Points`, with tilts t, shape (num, m), None for zero."""
+        """Store the data as :class:`_Points` does, and tilts t, shape (num, m), None for zero."""
         super().__init__(at, radii, strengths, weights)
         self._middles = None if tilts is None else radii[:, None] * tilts
 
@@ -263,12 +263,12 @@ class Cones(_Points):
     def __init__(
         self, at: Places, radii: Floats, strengths: Floats, weights: Floats, slopes: Floats
     ) -> None:
-        """Store the points as :class:`_Points`, with slopes α > 0, shape (num,)."""
+        """Store the data as :class:`_Points` does, and slopes α > 0, shape (num,)."""
         super().__init__(at, radii, strengths, weights)
         self.slopes = slopes
 
     def start(self, borne: Borne) -> Members:
-        """Write pressures that give cohesionless points their strengths, and return the members."""
+        """Write mean stresses at which γ − αp is the size of the strength; return the members."""
         borne.pressure[self.at] = -(self.strengths - self.radii) / self.slopes
         return self._start(self.static(borne, NO_OWN))
 
@@ -305,7 +305,7 @@ class ScaledMembers:
     """The scaling of second-order members at an iterate; see :class:`cone.ScaledBlock`.
 
     Attributes:
-        scaling: Their scaling W.
+        scaling: Scaling W of the members.
     """
 
     def __init__(self, now: Members) -> None:
@@ -369,7 +369,7 @@ class ScaledCylinders(ScaledMembers):
 class ScaledCones(ScaledMembers):
     """Points at an iterate; see :class:`cone.ScaledBlock`.
 
-    Their moduli are W², with dp = −dS₀/α.
+    The moduli are W², and dp = −dS₀/α.
     """
 
     def __init__(self, block: Cones, now: Members, rates: Rates) -> None:
@@ -405,7 +405,7 @@ class ScaledCones(ScaledMembers):
         return NO_OWN
 
     def _static(self, kinematic: Floats, aim: Floats | None = None) -> Floats:
-        """Return the change of static members with kinematic ones, shape (num, 1 + m)."""
+        """Return W(r − W dz), the change of static members, shape (num, 1 + m)."""
         scaled = -self.scaling.apply(kinematic)
         return self.scaling.apply(scaled if aim is None else scaled + aim)
 
@@ -421,8 +421,8 @@ class ConesAtPoints(Protocol):
         radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        sets: Yield sets of other kinds at their points; γ and α there are those of the narrowest
-            cone with the same apex around the set.
+        sets: Yield sets of other kinds. At their points, γ and α describe the narrowest cone with
+            the same apex that encloses the set.
     """
 
     radii: Floats
@@ -434,9 +434,9 @@ class ConesAtPoints(Protocol):
 def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
     """Return the yield ratio of a stress, shape (count,): 1 on the surface of the yield set.
 
-    The ratio is negative where no multiple of the stress yields. Without cohesion (γ = 0) a
-    multiple yields if the stress does, and the ratio is ‖s‖/(−αp), the steepness relative to the
-    cone.
+    The ratio is negative where no positive multiple of the stress yields. Without cohesion (γ = 0),
+    all multiples of a yielding stress yield. The ratio is then ‖s‖/(−αp), the steepness relative to
+    the cone.
 
     Args:
         cones: The cones.
@@ -462,7 +462,7 @@ def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Fl
 
 
 def _steepness(heads: Floats, deviator: Floats) -> Floats:
-    """Return ‖s‖/(−αp): 0 without any stress, ∞ unless p is compressive."""
+    """Return ‖s‖/(−αp): 0 at zero stress, otherwise ∞ unless p is compressive."""
     sizes, rest = np.linalg.norm(deviator, axis=1), (heads <= 0) & ~deviator.any(axis=1)
     found: Floats = np.divide(sizes, -heads, out=np.full_like(sizes, np.inf), where=heads < 0)
     found[rest] = 0.0
@@ -470,16 +470,17 @@ def _steepness(heads: Floats, deviator: Floats) -> Floats:
 
 
 def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
-    """Return the strengths to which residuals are relative: γ, or −αp of cohesionless points.
+    """Return the strengths that residuals are divided by: γ, or −αp at cohesionless points.
 
-    A tensile strength limits them.
+    A tensile strength is an upper limit of the result.
 
     Args:
         cones: The cones.
         pressure: Mean stress p (stress), shape (count,).
 
     Returns:
-        Shape (count,), ∞ in elastic bodies and, without cohesion, where p is not compressive.
+        Strengths (stress), shape (count,): ∞ in elastic bodies, and at cohesionless points where p
+        is not compressive.
     """
     heads = -cones.slopes * pressure
     own = np.where(heads > 0, heads, np.inf)
@@ -490,7 +491,7 @@ def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
 
 
 def powers(cones: ConesAtPoints, trace: Floats, deviator: Floats) -> Floats:
-    """Return the dissipation of admissible rates per volume, shape (count,).
+    """Return the dissipation of admissible strain rates per volume, shape (count,).
 
     Args:
         cones: The cones.

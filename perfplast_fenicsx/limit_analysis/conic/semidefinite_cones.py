@@ -1,32 +1,34 @@
 """Implement cones of semidefinite 3 × 3 matrices, and the blocks of points with them. NumPy only.
 
-Members are arrays of shape (..., 3, 3). Notation and formulas are those of M. J. Todd, K. C. Toh,
-R. H. Tütüncü, On the Nesterov–Todd direction in semidefinite programming, SIAM J. Optim. 8 (1998),
-769. Operations on 3 × 3 matrices are written out, since library calls take longer.
+Members are arrays of shape (..., 3, 3). Notation and formulas follow M. J. Todd, K. C. Toh, R. H.
+Tütüncü, On the Nesterov–Todd direction in semidefinite programming, SIAM J. Optim. 8 (1998), 769.
+The module writes out operations on 3 × 3 matrices, because library calls are slower.
 
-Points have sets of principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ b: Mohr–Coulomb, or Tresca if s = 0.
-A tensile strength may be added, σ₁ ≤ f. With the mean stress p and the deviator d, such a set is
-the projection of a set in (p, d, t) that two matrices bound,
+The yield set of a point bounds principal stresses, (1 + s)σ₁ − (1 − s)σ₃ ≤ b: Mohr–Coulomb, or
+Tresca if s = 0. A law may add a tensile strength, σ₁ ≤ f. With the mean stress p and the deviator
+d, the yield set is the projection of a set in (p, d, t) that two matrices bound,
 
     t I − (1 + s) d ⪰ 0,    (1 − s) d + (b − t − 2sp) I ⪰ 0,
 
-since the first means t ≥ (1 + s)d₁ and the second t ≤ b − 2sp + (1 − s)d₃ (K. Krabbenhøft, A. V.
-Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are admissible if
-tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε. If s = 0 they need tr ε = 0 and dissipate (b/2) Σ|ε_i|.
+since the first matrix requires t ≥ (1 + s)d₁ and the second t ≤ b − 2sp + (1 − s)d₃ (K.
+Krabbenhøft, A. V. Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are
+admissible if tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε. If s = 0, they are admissible if tr ε = 0,
+and dissipate (b/2) Σ|ε_i|.
 
-With f < b/2s there is a third matrix, f I − pI − d ⪰ 0. The set then ends at three vertices with
-σ₁ = f, and σ₂ and σ₃ each f or r = ((1 + s)f − b)/(1 − s). Its recession cone is that of the set
-without f if s > 0, and the pressures if s = 0. So the same rates are admissible if s > 0, and those
-with tr ε ≥ 0 if s = 0. They dissipate (f − h) tr ε + h Σ|ε_i|, h = (f − r)/2.
+If f < b/2s, a third matrix f I − pI − d ⪰ 0 bounds the set. The set then has three vertices with σ₁
+= f, where σ₂ and σ₃ are each f or r = ((1 + s)f − b)/(1 − s). If s > 0, the tensile strength
+changes neither the recession cone nor the admissible rates. If s = 0, the recession cone contains
+hydrostatic compression only, and rates are admissible if tr ε ≥ 0. Admissible rates dissipate (f −
+h) tr ε + h Σ|ε_i|, where h = (f − r)/2.
 
 The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t, p, s), X = h + Gy.
-Their multipliers Z_k fulfil −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd,
-dx̃ + dz̃ = r̃ for the products to change by Λ∘r̃, so that
+Their multipliers Z_k fulfil −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd, the
+products change by Λ∘r̃ if dx̃ + dz̃ = r̃. It follows that
 
     GᵀW⁻²G dy = G̃ᵀ r̃ + Gᵀz + w(ε + dε),
 
-a system of 2 + m rows at each point. The part of its inverse without t is the modulus. If no member
-contains p, as without friction, p follows the proximal point method.
+a system of 2 + m rows at each point. The inverse without the row and column of t is the modulus. If
+no member contains p (no friction, no tensile strength), the proximal point method changes p.
 """
 
 from collections.abc import Sequence
@@ -53,7 +55,7 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
 from perfplast_fenicsx.rounding import TINY
 
 SIZE = 3
-"""Rows of a matrix, and the contribution of a matrix to the degree of a program."""
+"""Number of rows of a matrix, which is also its contribution to the degree of a program."""
 
 
 def product(a: Floats, b: Floats) -> Floats:
@@ -63,7 +65,7 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def least_eigenvalue(a: Floats) -> Floats:
-    """Return the least eigenvalue of each matrix, to rounding relative to its size, shape (...)."""
+    """Return the least eigenvalue of each matrix, accurate relative to its norm, shape (...)."""
     mean = np.trace(a, axis1=-2, axis2=-1) / SIZE
     rest = a - mean[..., None, None] * np.eye(SIZE)
     size = np.sqrt(np.einsum("...ij,...ij->...", rest, rest) / 6)
@@ -80,7 +82,7 @@ def eigenvalues(a: Floats) -> Floats:
 
 
 def longest_step(a: Floats, da: Floats) -> float:
-    """Return the largest t for which a + t da are semidefinite, for a inside; ∞ without a limit."""
+    """Return the largest t with a + t da semidefinite, for a inside; ∞ without a limit."""
     if not a.size:
         return np.inf
     back = _lower_inverse(_factor(a))
@@ -89,7 +91,7 @@ def longest_step(a: Floats, da: Floats) -> float:
 
 
 class MatrixScaling:
-    """The scaling G of Nesterov and Todd with G⁻¹ s G⁻ᵀ = Gᵀ z G = Λ, for s and z inside.
+    """The scaling G of Nesterov and Todd: G⁻¹ s G⁻ᵀ = Gᵀ z G = Λ, for s and z inside the cones.
 
     Attributes:
         point: Diagonal of Λ, shape (..., 3).
@@ -134,7 +136,7 @@ def _determinant(a: Floats) -> Floats:
 
 
 def _factor(a: Floats) -> Floats:
-    """Return Cholesky's lower triangle; diagonal entries below zero by rounding are made tiny."""
+    """Return Cholesky's lower triangle; diagonal entries that round to ≤ 0 become tiny."""
     L: Floats = np.zeros_like(a)
     for i in range(SIZE):
         rest = a[..., i:, i] - np.einsum("...ij,...j->...i", L[..., i:, :i], L[..., i, :i])
@@ -156,17 +158,17 @@ def _lower_inverse(L: Floats) -> Floats:
 
 
 def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
-    """Return V that makes the columns of aV orthogonal, and their norms: the singular values.
+    """Return the V that makes the columns of aV orthogonal, and the norms of these columns.
 
-    One-sided rotations of Jacobi, which compute small values as accurately as large ones (J.
-    Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992), 1204).
+    The norms are the singular values. One-sided Jacobi rotations compute small singular values as
+    accurately as large ones (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992), 1204).
     """
     columns = [a[..., i].copy() for i in range(SIZE)]
     turned = [np.broadcast_to(row, columns[0].shape).copy() for row in np.eye(SIZE)]
-    # Largest number of rounds of Jacobi's rotations: four to six are usual, and each squares the
-    # error.
+    # Largest number of rounds of Jacobi rotations. Usually four to six suffice, since each round
+    # squares the error.
     sweeps = 12
-    orthogonal = 1e-14  # cosine of the angle of two columns that count as orthogonal
+    orthogonal = 1e-14  # largest cosine between columns that count as orthogonal
     for _ in range(sweeps):
         largest = 0.0
         for i, j in ((0, 1), (0, 2), (1, 2)):
@@ -199,8 +201,8 @@ class PrincipalCones:
         bounds: Bounds b > 0 (stress), shape (num,).
         sines: Sines s in [0, 1), shape (num,).
         tensions: Tensile strengths f > 0 (stress), ∞ where there is no such limit, shape (num,).
-        tensors: Unit tensor and orthonormal deviators, whose factors are p and the first k
-            components of s, shape (1 + k, 3, 3). Other components of s belong to other sets.
+        tensors: Unit tensor and orthonormal deviators, shape (1 + k, 3, 3). Their factors are p and
+            the first k components of s. Further components of s belong to sets of other kinds.
         flat: Whether out-of-plane rates are zero; the out-of-plane stress is then the mean of the
             in-plane stresses.
     """
@@ -230,7 +232,7 @@ class PrincipalCones:
 
     @property
     def grows(self) -> npt.NDArray[np.bool_]:
-        """Flags of the points whose mean stress is bounded, so that they dilate, shape (num,)."""
+        """Flags of the points whose mean stress is bounded and which dilate, shape (num,)."""
         return (self.sines > 0) | self.cut
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
@@ -243,12 +245,12 @@ class PrincipalCones:
         return replace(self, at=self.at[chosen], **numbers)
 
     def divided(self, unit: float) -> "PrincipalCones":
-        """Return the cones with stresses measured in a unit."""
+        """Return the cones with stresses divided by a unit."""
         bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
         return replace(self, bounds=bounds, tensions=tensions)
 
     def scaled(self, factors: Floats) -> "PrincipalCones":
-        """Return the cones with bounds b multiplied by factors of all points, shape (count,)."""
+        """Return the cones with each bound b times the factor of its point, shape (count,)."""
         return replace(self, bounds=self.bounds * factors[self.at])
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> "PrincipalPoints":
@@ -270,7 +272,7 @@ class PrincipalCones:
         d = eigenvalues(self.deviators(deviator))
         along = (1 + self.sines) * d[:, 2] - (1 - self.sines) * d[:, 0]
         found: Floats = (along + 2 * self.sines * pressure[self.at]) / self.bounds
-        pulled = (pressure[self.at] + d[:, 2]) / self.tensions  # 0 without a strength
+        pulled = (pressure[self.at] + d[:, 2]) / self.tensions  # 0 without a tensile strength
         return np.where(self.cut, np.maximum(found, pulled), found)
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
@@ -296,12 +298,12 @@ class PrincipalCones:
         return of_trace, of_sizes
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return the shortfall of tr ε from s Σ|ε_i|, shape (num,); see :meth:`powers`."""
+        """Return the amount by which tr ε is below s Σ|ε_i|, shape (num,); see :meth:`powers`."""
         found: Floats = np.maximum(self.sines * self.sizes(trace, deviator) - trace[self.at], 0.0)
         return found
 
     def sizes(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return Σ|ε_i| for :meth:`powers`, shape (num,), without the trace if p is unbounded."""
+        """Return Σ|ε_i| for :meth:`powers`, of the deviator if p is unbounded, shape (num,)."""
         unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
         means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
         values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
@@ -314,22 +316,22 @@ class PrincipalCones:
         return found
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return the tensors of these components, shape (num, 3, 3), given s at all points."""
+        """Return the deviators as tensors, shape (num, 3, 3), given s at all points."""
         found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
         return found
 
 
 def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
-    """Return the sets of principal stresses among all sets."""
+    """Return the sets of principal stresses among sets of all kinds."""
     found = [it for it in sets if isinstance(it, PrincipalCones)]
     return found[0] if found else PrincipalCones.none()
 
 
 class PrincipalPoints:
-    """Points whose principal stresses are bounded; see :class:`cone.Block`.
+    """Points with bounds on principal stresses; see :class:`cone.Block`.
 
-    A point has two matrices, or three if any of the rank's points has a tensile strength. The third
-    matrix of a point without a tensile strength is a constant.
+    A point has two matrices, or three if any of the rank's points has a tensile strength. If the
+    point itself has no tensile strength, its third matrix is a constant.
 
     Attributes:
         cones: Cones of the points.
@@ -359,7 +361,7 @@ class PrincipalPoints:
 
     @property
     def degree(self) -> int:
-        """Number of rows of all matrices."""
+        """Total number of rows of all matrices."""
         return SIZE * self._of_t.size
 
     def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
@@ -375,7 +377,7 @@ class PrincipalPoints:
         return found
 
     def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the changes of X with changes of the arguments of :meth:`members`."""
+        """Return the change of X for given changes of the arguments of :meth:`members`."""
         cones = self.cones
         heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
         tensors = cones.deviators(deviator)
@@ -395,7 +397,7 @@ class PrincipalPoints:
         See :meth:`cone.Block.flow`.
         """
         grows, squares = self.cones.grows, self._viscosities
-        # for the t that makes the first two equal
+        # with the t for which the first two matrices are equal
         of_p = self._of_p.copy()
         of_p[:, :2] = self._of_p[:, :2].mean(axis=1, keepdims=True)
         soft = SIZE * (of_p**2 / squares).sum(axis=1)
@@ -446,7 +448,7 @@ class PrincipalPoints:
     def missing(self, products: Floats, mu: float) -> Floats:
         """See :meth:`cone.Block.missing`."""
         found = np.zeros_like(products)
-        near = 1 + 1e-6  # most matrices need no change, which their extreme eigenvalues show faster
+        near = 1 + 1e-6  # most matrices need no change, which extreme eigenvalues show faster
         least, most = least_eigenvalue(products), -least_eigenvalue(-products)
         far = (least < near * NEAR * mu) | (most * near > mu / NEAR)
         values, axes = np.linalg.eigh(products[far])
@@ -471,7 +473,7 @@ class PrincipalPoints:
         return found
 
     def columns(self, primal: Floats) -> Floats:
-        """Return the columns of G for (t, p, s), the members being vectors.
+        """Return the columns of G for (t, p, s), with the members as Mandel vectors.
 
         Args:
             primal: Unit tensor and deviators in the scaling of each member, shape (num, k, 1 + m,
@@ -502,7 +504,7 @@ class PrincipalPoints:
         )
 
     def least(self, works: Floats) -> Floats:
-        """Return the smallest z with given :meth:`works`, without those of p if no member has p."""
+        """Return the smallest z with given :meth:`works`, ignoring that of p if p is unbounded."""
         grows = self.cones.grows
         grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)
@@ -540,7 +542,7 @@ class ScaledPrincipal:
 
     def stiffen(self, moduli: Moduli) -> Moduli:
         """See :meth:`cone.ScaledBlock.stiffen`."""
-        roots = self._roots[:, 1:, 1:]  # inverse of a part of a triangle, which is a triangle too
+        roots = self._roots[:, 1:, 1:]  # a block of the inverse of a triangle is a triangle too
         more = moduli.normal.shape[1] + 1 - roots.shape[2]
         return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
 
@@ -579,7 +581,7 @@ class ScaledPrincipal:
         return own
 
     def _answer(self, aim: Floats, rates: Floats) -> Floats:
-        """Return dy for an aim, with the residual of Z, and for rates, shape (num, 2 + m)."""
+        """Return dy for an aim, the residual of Z, and rates, shape (num, 2 + m)."""
         right = rates + self._off
         numbers = vectors(aim).reshape(len(aim), -1, 1)
         right += (np.swapaxes(self._columns, 1, 2) @ numbers)[:, :, 0]

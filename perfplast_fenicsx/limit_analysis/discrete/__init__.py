@@ -1,1 +1,1 @@
-"""Compute limit loads of the mesh."""
+"""Compute limit loads of the finite element mesh."""

@@ -1,4 +1,4 @@
-"""Collect the cones of a problem's bodies from their laws, with the coordinates of each cone."""
+"""Collect the yield sets of a problem's bodies from their laws, with coordinates of each set."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -36,31 +36,33 @@ from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 OfField: TypeAlias = Callable[[SpatialField, Longs], Floats]
-"""Values of a field in those cells, or at those points, whose places are given."""
+"""Function that returns the values of a field in the cells, or at the points, with given
+indices."""
 
 NOMINAL_SINE = 0.5
-"""sin φ of the cones of ground whose friction angle varies."""
+"""Value of sin φ in the cones of ground whose friction angle varies."""
 
 NO_PROOF = "a proof file cannot contain the yield set of a body"
 
 OUT_OF_PLANE = 2
-"""Index of the Mandel component that is in no equation in plane strain."""
+"""Index of the out-of-plane Mandel component, which no equation contains in plane strain."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyCone:
-    """The bound of the stresses of a body.
+    """The yield set of a body.
 
     Attributes:
-        plain: Cone of the stress components in equations; None if the body never yields, or if the
-            bound is of another kind.
-        principal: Bound of principal stresses, instead of ``plain``.
-        standard: The same set in standard coordinates; for principal stresses a cone around it.
-        shadow: Rule for the out-of-plane stress in plane strain.
-        profile: Field that multiplies the bound c; None if it does not vary.
-        friction: Sine of a friction angle that varies; the slope q is that of
-            ``NOMINAL_SINE``, and in proportion to the sine. None if it does not vary.
-        other: A set of another kind, instead of ``plain``.
+        plain: Second-order cone of the stress components in the equations; None if the body never
+            yields, or if its set is of another kind.
+        principal: Set of principal stresses, instead of ``plain``.
+        standard: The same set in standard coordinates; for other kinds of sets, a cone that
+            encloses the set.
+        shadow: Rule for the out-of-plane stress in plane strain; None otherwise.
+        profile: Field that multiplies the bound c; None if the bound does not vary.
+        friction: Sine of a friction angle that varies; None if the angle does not vary. The slope q
+            here belongs to ``NOMINAL_SINE`` and is proportional to the sine.
+        other: Set of another kind, instead of ``plain``.
     """
 
     plain: PlainCone | None
@@ -77,7 +79,7 @@ class BodyCone:
         return not (self.plain is None and self.principal is None and self.other is None)
 
     def whole(self, stress: Floats) -> Floats:
-        """Return stresses with the out-of-plane component that is farthest from yield."""
+        """Return stresses with the out-of-plane component that is farthest from yield added."""
         if self.shadow is None:
             return stress
         free = stress @ self.shadow.along
@@ -91,9 +93,9 @@ class BodyCones:
     """The cones of all bodies.
 
     Attributes:
-        cones: The cones, each once.
+        cones: The different cones.
         of_cells: Index in ``cones`` for each cell that this rank owns.
-        normal: Number of normal stresses among the components in equations.
+        normal: Number of normal stresses among the components in the equations.
     """
 
     cones: Sequence[BodyCone]
@@ -121,8 +123,8 @@ class BodyCones:
         """Return factors of the slopes in cells or at points; None if no slope varies.
 
         Args:
-            numbers: Number of the cone of each, shape (n,).
-            of: Values of a sine in those whose places are given, shape (m,) of (m,).
+            numbers: Index of the cone of each cell or point, shape (n,).
+            of: Function that returns the values of a sine at given indices: (m,) for (m,).
 
         Returns:
             Shape (n,), 1 where the slope does not vary.
@@ -155,7 +157,7 @@ class BodyCones:
         return bool(plastic) and not any(plastic)
 
     def principal_at(self, numbers: Longs) -> PrincipalCones:
-        """Return the points with sets of principal stresses.
+        """Return the sets of principal stresses at the points that have such sets.
 
         Args:
             numbers: Index of the cone of each point.
@@ -170,14 +172,14 @@ class BodyCones:
         return PrincipalCones(at, bounds, sines, tensions, *self._tensors(found[0]))
 
     def _tensors(self, number: int) -> tuple[Floats, bool]:
-        """Return the tensors of a cone's coordinates, and whether they are in-plane."""
+        """Return the tensors of a cone's coordinates, and whether the coordinates are in-plane."""
         rows, flat = self.cones[number].standard.frame.T, self.normal == OUT_OF_PLANE
-        if flat:  # the out-of-plane stress lies between the others
+        if flat:  # the out-of-plane stress lies between the in-plane principal stresses
             rows = np.insert(rows, OUT_OF_PLANE, np.eye(len(rows))[0], axis=1)
         return matrices(rows), flat
 
     def sets_at(self, numbers: Longs, profile: Floats | None) -> tuple[PointSets, ...]:
-        """Return the sets of points without a second-order cone, by kinds.
+        """Return the sets of points without a second-order cone, one entry for each kind.
 
         Args:
             numbers: Index of the cone of each point.
@@ -194,7 +196,7 @@ class BodyCones:
         return tuple(found)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
-        """Return γ (stress), α and t of the cells; None for t where all are zero."""
+        """Return γ (stress), α and t of the cells; None for t if all tilts are zero."""
         forms = [cone.standard for cone in self.cones]
         radii = np.array([form.radius for form in forms])
         slopes = np.array([form.slope for form in forms])
@@ -205,7 +207,7 @@ class BodyCones:
 
 
 def _values(fields: Sequence[SpatialField | None], numbers: Longs, of: OfField) -> Floats | None:
-    """Return values of the field of each cone, 1 without one; None if there is none."""
+    """Return the values of each cone's field, 1 for cones without a field; None without fields."""
     found: Floats | None = None
     for number, field in enumerate(fields):
         if field is None:
@@ -220,7 +222,7 @@ def _values(fields: Sequence[SpatialField | None], numbers: Longs, of: OfField) 
 
 @once_a_problem
 def body_cones(problem: Problem) -> BodyCones:
-    """Return the cones of the bodies. Not collective: materials are the same on all ranks.
+    """Return the cones of the bodies. Not collective, because all ranks have the same materials.
 
     Raises:
         InputError: If the method does not support a body's yield set.
@@ -230,7 +232,7 @@ def body_cones(problem: Problem) -> BodyCones:
 
 @once_a_problem
 def whole_cones(problem: Problem) -> BodyCones:
-    """Return the cones of all stress components, the out-of-plane one included. Not collective.
+    """Return the cones of all stress components, including the out-of-plane one. Not collective.
 
     Raises:
         InputError: If the method does not support a body's yield set.
@@ -273,7 +275,7 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
 
 
 def check_cones_are_provable(problem: Problem) -> None:
-    """Refuse bodies with yield sets that a proof cannot state. Not collective.
+    """Check that proof files can describe the yield sets of all bodies. Not collective.
 
     Raises:
         InputError: Naming the first such body.
@@ -292,7 +294,7 @@ def check_cones_are_provable(problem: Problem) -> None:
 
 
 def are_provable(problem: Problem) -> bool:
-    """Return whether a proof file can state the yield sets of all bodies. Not collective."""
+    """Return whether proof files can describe the yield sets of all bodies. Not collective."""
     return all(_is_provable(cone) for cone in body_cones(problem).cones)
 
 
@@ -301,7 +303,7 @@ def _is_provable(cone: BodyCone) -> bool:
 
 
 def check_whole_cones(problem: Problem) -> None:
-    """Refuse bodies whose complete stresses have no cone with constant numbers. Not collective.
+    """Check that the full stress of each body has a cone with constant numbers. Not collective.
 
     Raises:
         InputError: Naming the first such body.
@@ -335,13 +337,13 @@ def has_cones(problem: Problem) -> bool:
 
 
 def materials_of(problem: Problem) -> Mapping[str, Material]:
-    """Return the material of each volume; in thin bodies those of plane stress."""
+    """Return the material of each volume, converted to plane stress in thin bodies."""
     given = problem.given.materials
     return in_plane_stress(given) if problem.tagged_mesh.is_thin else given
 
 
 def _components(problem: Problem) -> tuple[bool, int]:
-    """Return whether the out-of-plane stress is in no equation, and the size of Mandel vectors."""
+    """Return whether no equation contains the out-of-plane stress, and the Mandel vectors' size."""
     return not problem.kinematics.whole, mandel_size(problem.tagged_mesh.mesh.geometry.dim)
 
 
@@ -355,13 +357,13 @@ def _is_same(one: BodyCone, other: BodyCone) -> bool:
 
 
 def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
-    """Return the cone of a body; None if it is not known.
+    """Return the cone of a body; None if the method does not support the yield set.
 
-    A parameter that varies counts as its scale, as if the profile were 1.
+    The numbers of the cone contain the scale of a parameter that varies; the profile is separate.
 
     Args:
         material: Material of the body.
-        size: Components of Mandel vectors.
+        size: Number of components of Mandel vectors.
         flat: Whether the out-of-plane stress is in no equation.
         thin: Whether the out-of-plane stress is zero; only if ``flat``.
     """
@@ -395,7 +397,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
 
 
 def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
-    """Return whether a cone has the shape of another cone and twice its bound."""
+    """Return whether ``one`` has the shape of ``other`` and twice its bound."""
     if one is None or other.other is not None or (one.plain is None) != (other.plain is None):
         return False
     if one.plain is not None and other.plain is not None:
@@ -428,7 +430,7 @@ def _of_numbers(
         principal = _principal(cones[0], law)
         by_matrices = not flat or np.isfinite(principal.tension)
         if by_matrices and principal.bound == 0:
-            return None  # no stress is inside its matrices to start from
+            return None  # no interior stress exists from which the iteration could start
         if by_matrices:
             return BodyCone(None, principal.around(n, normal), none, principal)
         plain = principal.in_plane()

@@ -1,13 +1,13 @@
-"""Assemble and factorise the stiffness of bodies, with moduli given at each point.
+"""Assemble and factorise the stiffness of bodies from moduli at each point.
 
-Matrices of cells are Σ (Bᵀ R)(Bᵀ R)ᵀ. B are the strain rates of nodal unknowns in the coordinates
-of the points' cones, and R is a root of the moduli there. A kernel adds the matrices to blocks of
-nodes, and PETSc adds the blocks of the ranks. A form of DOLFINx takes more than twice as long in
-space.
+The matrix of a cell is Σ (Bᵀ R)(Bᵀ R)ᵀ over its points. B contains the strain rates of the nodal
+unknowns in the coordinates of the point's cone. R is a factor of the moduli RRᵀ at the point. A
+compiled kernel adds the cell matrices to blocks of nodes; PETSc adds the blocks of the ranks. In
+three dimensions, a DOLFINx form takes more than twice as long.
 
-Generate the C source that sums cells' stiffness matrices.
-The kernel works on four cells at once, with corresponding entries of the four side by side. So the
-vector instructions of any processor are used.
+The module also generates the C source of the kernel. The kernel processes four cells at once and
+stores their corresponding entries side by side. Compilers can therefore use the vector instructions
+of any processor.
 """
 
 import math
@@ -30,7 +30,7 @@ from perfplast_fenicsx.solvers.linear.petsc_calls import expect_entries, give_en
 
 
 def source() -> str:
-    """Return the source of the function ``body_sums``."""
+    """Return the C source of the function ``body_sums``."""
     return r"""
 #include <stdint.h>
 #include <stdlib.h>
@@ -121,14 +121,14 @@ void body_sums(int64_t cells, int points, int nodes, int dim, int parts, const d
 
 
 class BodyStiffness:
-    """K, which is assembled again for each set of moduli.
+    """Assemble K of the bodies for given moduli.
 
     Attributes:
-        matrix: K, with room for the entries of contact, and the identity at supports.
+        matrix: K, with space for the entries of contact, and the identity at supports.
     """
 
     def __init__(self, problem: Problem, points: PointStrains) -> None:
-        """Compute the pattern, and the strain rates of nodal unknowns. Collective.
+        """Compute the sparsity pattern, and the strain rates of nodal unknowns. Collective.
 
         Args:
             problem: The problem of the bodies.
@@ -173,7 +173,7 @@ class BodyStiffness:
 
 
 def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.Mat]:
-    """Return a matrix with room for these blocks, and for the zeros that contact may fill.
+    """Return a matrix with space for these blocks, and for the zeros that contact may fill.
 
     Collective.
 
@@ -183,7 +183,7 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
         columns: Columns of the blocks, global numbers of nodes.
 
     Returns:
-        Number of zeros that follow the blocks' entries; the matrix.
+        Number of zeros after the entries of the blocks; the matrix.
     """
     room = create_stiffness(problem)
     dim, size = room.getBlockSize(), room.getSize()[0] // room.getBlockSize()
@@ -207,7 +207,7 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
 
 
 def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
-    """Return the start of each row of blocks, and the columns of its blocks."""
+    """Return the index of the first block of each block row, and the column of each block."""
     pointer, columns, _ = room.getValuesCSR()
     dim = room.getBlockSize()
     starts = np.repeat(pointer[:-1:dim], np.diff(pointer)[::dim] // dim)
@@ -218,9 +218,9 @@ def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
 
 
 def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
-    """Return strain rates of nodal unknowns in the coordinates of the points' cones. Collective.
+    """Return the nodal unknowns' strain rates in the coordinates of the points' cones. Collective.
 
-    The rates of held unknowns are zero.
+    The rates of supported unknowns are zero.
 
     Returns:
         Rates in the order of the kernel: four cells side by side, zero after the last cell, shape
@@ -246,7 +246,7 @@ class ConicStiffness(SprungMatrix):
     """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, problem: Problem, points: PointStrains) -> None:
-        """Compute the pattern. Collective.
+        """Compute the sparsity pattern. Collective.
 
         Args:
             problem: The problem of the displacements.
@@ -275,7 +275,7 @@ class ConicStiffness(SprungMatrix):
         self._operator.hold(held)
 
     def add_springs(self, springs: tuple[Ints, Floats]) -> None:
-        """Add springs to K at a few unknowns, from the next assembly on.
+        """Set springs at a few unknowns, which each later assembly adds to K.
 
         Args:
             springs: See :meth:`ContactOperator.add_springs`.

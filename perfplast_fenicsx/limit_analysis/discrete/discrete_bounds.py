@@ -1,8 +1,9 @@
-"""Compute bounds of the discrete limit load from any iterate: the numbers that are printed.
+"""Compute the bounds of the discrete limit load that the program prints, from any iterate.
 
-A stress in equilibrium with λL and contact forces, and nowhere above yield, gives a lower bound. A
-velocity that preserves the volume of plastic bodies and the shape of elastic ones, without
-penetration, gives an upper bound. This module fulfils these conditions up to rounding.
+A stress that is in equilibrium with λL and contact forces, and that nowhere exceeds yield, gives a
+lower bound. A velocity without penetration that preserves the volume of plastic bodies and the
+shape of elastic bodies gives an upper bound. This module corrects the iterate so that it fulfils
+these conditions up to rounding.
 """
 
 from dataclasses import dataclass
@@ -26,13 +27,14 @@ IN_BALANCE = 1e-8
 
 
 EXACT = 1e-10
-"""Volume change (and strain of elastic bodies), relative to ‖ε(v)‖, that counts as zero."""
+"""Largest volume change (and strain rate of elastic bodies), relative to ‖ε(v)‖, that counts as
+zero."""
 
 
 MOST_ITERATIONS, USUAL = 400, 20
-"""Largest and usual number of iterations of the projection. Each iteration takes a solve with the
-same factors. A mesh that nearly locks takes more than usual, as long as each iteration leaves less
-than :data:`PROGRESS` of the inadmissible part.
+"""Largest and usual number of iterations of the projection. Each iteration solves one system with
+the same factors. On a mesh that nearly locks, the projection continues beyond the usual number
+while each iteration leaves less than :data:`PROGRESS` of the inadmissible part.
 """
 
 PROGRESS = 0.999
@@ -41,12 +43,12 @@ PROGRESS = 0.999
 
 @dataclass(frozen=True)
 class StaticLoad:
-    """Factor λ of a stress in equilibrium; scaled into the yield set if λL are the only loads.
+    """Load factor λ of a stress in equilibrium, scaled into the yield set if λL are the only loads.
 
     Attributes:
         value: The bound; None if equilibrium was not reached, or if the stress exceeds yield with
             permanent loads.
-        unbalanced: Largest unbalanced force, relative to the largest of the loads.
+        unbalanced: Largest unbalanced force, relative to the largest load.
     """
 
     value: float | None
@@ -55,12 +57,12 @@ class StaticLoad:
 
 @dataclass(frozen=True)
 class KinematicLoad:
-    """Dissipation of a mechanism with L(v) = 1, less the work of permanent loads.
+    """Dissipation of a mechanism with L(v) = 1, minus the work of permanent loads.
 
     Attributes:
         value: The bound; None if no admissible mechanism was reached.
-        size: Size that differences of bounds are relative to; 0 without a bound.
-        inadmissible: Remaining volume change and strain of elastic bodies, relative to ‖ε(v)‖.
+        size: Size by which differences of bounds are divided; 0 without a bound.
+        inadmissible: Remaining volume change and strain rate of elastic bodies, relative to ‖ε(v)‖.
         entering: Largest penetration rate, relative to the largest velocity.
     """
 
@@ -71,12 +73,12 @@ class KinematicLoad:
 
 
 def static_load(iteration: InteriorIteration) -> StaticLoad:
-    """Bring the iterate's stress into balance and scale it into the yield set. Collective.
+    """Bring the iterate's stress into equilibrium and scale it into the yield set. Collective.
 
-    If the last step's factors do not balance it, factors of uniform moduli do, which takes one more
-    factorisation.
+    The function first corrects the stress with the factors of the last step. If the result is not
+    balanced, the function factorises K again, with uniform moduli.
     """
-    # Unbalanced force, relative to the largest load, that needs no correction.
+    # Largest unbalanced force, relative to the largest load, that needs no correction.
     balanced = 1e-12
     most_corrections = 3
     unbalanced = iteration.unbalanced()
@@ -88,7 +90,8 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
         unbalanced = iteration.unbalanced()
         if not unbalanced < before:
             break
-    # more than that is balanced with other factors, whose K is far from singular
+    # with larger residuals, the function uses factors of uniform moduli, whose K is far from
+    # singular
     left_by_factors = 1e-10
     if not unbalanced <= left_by_factors:
         rebalance(iteration)
@@ -103,11 +106,11 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
 
 
 def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
-    """Make the iterate's velocity admissible, or that of an earlier iterate. Collective.
+    """Make the velocity of the iterate, or of an earlier iterate, admissible. Collective.
 
-    Where bodies dilate, K of later iterates is closer to a singular one. So an earlier iterate that
-    was close enough may have a mechanism where the last one has none. The iteration's velocity
-    becomes the admissible one.
+    Where bodies dilate, K is closer to singular at later iterates. An earlier iterate that was
+    close enough may then give a mechanism although the last iterate does not. The function replaces
+    the velocity of the iteration by the admissible velocity.
     """
     found = _admissible_load(iteration)
     earlier = iteration.earlier if iteration.program.dilates else None
@@ -123,17 +126,17 @@ def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
 
 
 def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
-    """Make the iterate's velocity admissible, with one or a few factorisations. Collective.
+    """Make the iterate's velocity admissible with one or a few factorisations. Collective.
 
-    Pairs that push are held first, then pairs that penetrate.
+    The function holds first the contact pairs that push, then the pairs that penetrate.
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     jumps, inadmissible, entering = program.jumps, np.inf, np.inf
     largest = v.norm(PETSc.NormType.NORM_INFINITY)
     closed = (now.forces > program.springs * now.rooms) | (now.rooms < ROUNDING * largest)
-    if program.dilates:  # final iterates are inside all cones, and remain there
+    if program.dilates:  # final iterates are inside all cones and remain inside
         closed[:] = False
-    most_holdings = 5  # rounds in which pairs are held; the hardest known case took two
+    most_holdings = 5  # rounds of holding pairs; the hardest known case needs two
     for _ in range(most_holdings):
         try:
             inadmissible = _project(iteration, jumps[closed])
@@ -159,14 +162,14 @@ def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
-    """Replace the velocity by the nearest one that preserves volumes and shapes. Collective.
+    """Project the velocity on those that preserve volumes and shapes. Collective.
 
-    It is nearest in the norm of the last viscosities; the method of multipliers computes it. If
-    bodies dilate, see :func:`_centred`.
+    The result is the nearest such velocity in the norm of the last viscosities. The method of
+    multipliers computes it. If bodies dilate, see :func:`_centred`.
 
     Args:
         iteration: The iteration with the velocity.
-        held: Unknowns that become zero.
+        held: Unknowns that the function sets to zero.
 
     Returns:
         The remaining inadmissible part, relative to ‖ε(v)‖.
@@ -178,11 +181,12 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     if program.dilates:
         return _centred(iteration)
     strains = program.strains
-    # Iterations continue down to this inadmissible part as long as they converge quickly. Strict
+    # The projection continues down to this inadmissible part while it converges quickly. Strict
     # bounds and their checkers accept about `EXACT`.
     better = 1e-12
     v.array[held] = 0
-    # In the projection, regions that flow less than the mean are at most this many times stiffer.
+    # In the projection, regions that flow less than the mean are at most this many times stiffer
+    # than the mean.
     stiffer = 1e3
     rates, viscosity = program.rates_of(v), np.ones(strains.count)
     for block, members in zip(program.blocks, now.members, strict=True):
@@ -218,12 +222,13 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
 
 
 def _centred(iteration: InteriorIteration) -> float:
-    """Make the velocity admissible where bodies dilate; others may preserve volume. Collective.
+    """Make the velocity admissible in a problem with dilating bodies. Collective.
 
-    Steps towards the centre of the cones increase the volume of dilating bodies enough. They leave
-    volume changes of the other bodies that are small but above rounding, since the stiffness is
-    nearly singular. The factors of the last step remove these changes. Its moduli are the scaling
-    of the cones, so that the change of each cone is small compared with its margin.
+    Steps towards the centre of the cones sufficiently increase the volume of dilating bodies. Since
+    the stiffness is nearly singular, volume changes that are small but above rounding remain in
+    bodies that preserve their volume. The factors of the last step remove these changes. The moduli
+    of this step are the scaling of the cones, so each cone member changes by little compared with
+    its distance from the boundary.
 
     Returns:
         The remaining inadmissible part, relative to ‖ε(v)‖.
@@ -234,8 +239,8 @@ def _centred(iteration: InteriorIteration) -> float:
     program, v = iteration.program, iteration.velocity
     keeps = ~(program.plastic & (program.strains.slopes > 0))
     both = bool(program.comm.allreduce(bool(keeps.any()), MPI.LOR))
-    # Inadmissible part that may remain without cohesion, and where volumes are kept too. Strict
-    # bounds and their checkers accept about `EXACT`.
+    # Inadmissible part that may remain without cohesion, and if some bodies preserve their volume.
+    # Strict bounds and their checkers accept about `EXACT`.
     better = 1e-12
     most_centrings = 3
     left = iteration.inadmissible()
@@ -258,7 +263,7 @@ def _centred(iteration: InteriorIteration) -> float:
     forces, correction, best = v.duplicate(), v.duplicate(), v.copy()
     directions = ConjugateResiduals(program.total)
     least, since = np.inf, 0
-    most_corrections, patience, worth = 50, 8, 0.5  # 10 to 30 corrections were seen
+    most_corrections, patience, worth = 50, 8, 0.5  # usually 10 to 30 corrections
     try:
         while directions.count <= most_corrections:
             wrong = changes(v)

@@ -1,18 +1,19 @@
 """Compute the limit load of the discrete problem by an interior point method, without a path.
 
-Static and kinematic limit load converge to each other in 5 to 30 factorisations, for any mesh. The
-bounds are those of the *discrete* problem: equilibrium of the finite elements, with yield and
+The static and the kinematic load converge to each other in 5 to 30 factorisations, for any mesh.
+Both bound the limit load of the *discrete* problem: finite elements in equilibrium, with yield and
 dissipation at the quadrature points.
 
-Identify bodies that lock: those that prevent a velocity of the mesh from preserving volume. A
-quadratic velocity on arbitrary tetrahedra has few ways to preserve the volume at all points. The
-volume changes of the nearest velocity show the bodies whose mesh is too coarse for a mechanism.
+The module also identifies bodies that lock, because no velocity on their mesh preserves volume. Few
+quadratic velocities on arbitrary tetrahedra preserve the volume at all points. The volume changes
+of the projected velocity show the bodies whose mesh is too coarse for a mechanism.
 
-Compute Drucker's bounds of the load that bodies with Coulomb's friction carry. No limit theorem
-holds for Coulomb's friction, because slip does not follow the normal of the friction cone. But a
-body carries no less than without any friction. It carries no more than if surfaces with friction
-could neither slip nor separate. Both are limit loads of perfect plasticity (D. C. Drucker, Coulomb
-friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
+The module also computes Drucker's bounds of the limit load with Coulomb's friction. No limit
+theorem holds for Coulomb's friction, because slip is not normal to the friction cone. However, the
+load is at least the limit load without friction. The load is at most the limit load with surfaces
+that can neither slip nor separate where there is friction. Both bounds are limit loads of perfect
+plasticity (D. C. Drucker, Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954),
+71).
 """
 
 import math
@@ -73,7 +74,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 MOST = 0.9
-"""Share of the inadmissible part that the named bodies have together."""
+"""Share of the inadmissible part that the named bodies together contain."""
 
 
 def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
@@ -84,13 +85,13 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
         iteration: The iteration with the velocity after the projection.
 
     Returns:
-        Names of volumes, those with the largest part first; empty if the velocity is admissible.
+        Names of volumes, in descending order of their part; empty if the velocity is admissible.
     """
     program, tagged_mesh = iteration.program, problem.tagged_mesh
     trace, deviator = program.strains.of(iteration.velocity)
     wrong = trace**2 / program.strains.gdim
     wrong += np.where(program.plastic, 0.0, np.einsum("ni,ni->n", deviator, deviator))
-    wrong *= program.weights  # points of friction follow those of cells
+    wrong *= program.weights  # friction points come after the points of cells
     owned = tagged_mesh.mesh.topology.index_map(problem.bodies.gdim).size_local
     cells = wrong[problem.Q.dofmap.list[:owned]].sum(axis=1)
     names = sorted(tagged_mesh.volumes)
@@ -100,7 +101,7 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
 
 
 def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
-    """Return the fewest names that have the share :data:`MOST` together, the largest first."""
+    """Return the fewest names whose shares sum to :data:`MOST`, in descending order."""
     total = sum(shares)
     if not 0 < total < np.inf:
         return ()
@@ -149,8 +150,8 @@ def discrete_result(
 ) -> LimitLoad:
     """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
-    Its ``lower`` is the bound of a stress, −∞ without one; the bound 0 without loads is not yet
-    used.
+    ``lower`` is the load of a stress, or −∞; the bound 0 without permanent loads is not yet
+    applied.
     """
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
@@ -170,13 +171,13 @@ def discrete_result(
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
-            iteration.now = iterate  # pairs that push are those before balancing
+            iteration.now = iterate  # the pairs that pushed before the stress was balanced
             high = kinematic_load(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
                 locked = locking_bodies(problem, iteration)
                 reason += f"; no admissible mechanism was found, {_remedy(problem)}"
-                # A mechanism with a larger inadmissible part after the projection gives no
+                # Largest inadmissible part after the projection with which a mechanism gives an
                 # estimate.
                 nearly = 1e-6
                 verdict = verdict if inadmissible <= nearly else Verdict.STALLED
@@ -190,8 +191,8 @@ def discrete_result(
                 verdict = Verdict.FOUND if upper - lower <= rtol * size else verdict
             reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
         if verdict is Verdict.FOUND and estimate is None:
-            # Excess of an upper bound over the last kinematic load, relative to the dissipation:
-            # above it the bound contains rounding of bodies that are far too strong to flow.
+            # Largest excess of a useful upper bound over the last kinematic load, relative to the
+            # dissipation; rounding in bodies too strong to flow causes larger ones.
             polluted = 0.01
             useful = upper is not None and upper <= kinematic + polluted * power
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
@@ -233,14 +234,14 @@ def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.
     """Write the stress of the iterate into a function of S. Collective."""
     now = iteration.now
     pressure, deviator = iteration.program.whole(now.stress, now.load)
-    count = problem.Q.dofmap.index_map.size_local  # points of friction follow them
+    count = problem.Q.dofmap.index_map.size_local  # friction points come after them
     found = PointCoordinates(problem).whole(pressure[:count], deviator[:count])
     function.x.array[: found.size] = iteration.program.stress_unit * found.ravel()
     function.x.scatter_forward()
 
 
 def limit_program(problem: Problem, question: Question, reserve: float) -> ConicProgram:
-    """Return the program of a problem's limit load. Collective."""
+    """Return the conic program of a problem's limit load. Collective."""
     points = PointStrains(problem)
     bodies = ConicStiffness(problem, points)
     strains: Strains = points
@@ -291,7 +292,7 @@ def interior_point(
 
 
 def _or_none(problem: Problem, found: LimitLoad) -> LimitLoad:
-    """Return the result with a lower bound of at least 0 if there are no permanent loads."""
+    """Return the result; without permanent loads, its lower bound is at least 0."""
     return found if problem.loads.has_dead() else replace(found, lower=max(found.lower, 0.0))
 
 
@@ -301,7 +302,7 @@ def _searched(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
 ) -> LimitLoad:
-    """Search, and start again as long as that may improve the result. Collective."""
+    """Search, and repeat from another start while that may improve the result. Collective."""
     found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
         before = found
@@ -311,7 +312,7 @@ def _searched(
 
 
 def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
-    """Return the result together with the share of the permanent loads that is carried."""
+    """Return the result with the multiple of the permanent loads that the bodies can carry."""
     told = _of_dead_loads(stands)
     standing = told.standing
     if standing is not None and not standing.falls:
@@ -321,7 +322,7 @@ def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
 
 
 def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
-    """Return the result as a multiple of the permanent loads, without a load factor."""
+    """Return the result as a multiple of the permanent loads, with no load factor."""
     times = stands.lower if np.isfinite(stands.lower) else None
     standing = Standing(times, stands.upper)
     return replace(
@@ -342,7 +343,7 @@ def _together(before: LimitLoad, after: LimitLoad) -> LimitLoad:
 
 
 def _of_both(told: LimitLoad, before: LimitLoad, after: LimitLoad) -> LimitLoad:
-    """Return a result with the effort of both searches."""
+    """Return a result with the steps and solves of both searches."""
     steps = [*before.steps, *after.steps]
     return replace(
         told,
@@ -360,7 +361,7 @@ def _search(
     start: Start,
     question: Question,
 ) -> tuple[LimitLoad, Start | None]:
-    """Search from a start; return the result and the next start, None to end. Collective."""
+    """Search from a start; return the result and the next start, None if none. Collective."""
     with ExitStack() as made:
         program = limit_program(problem, question, start.reserve)
         made.callback(program.destroy)
@@ -393,8 +394,8 @@ def _search(
             return found, next_start(start, program, None, Verdict.UNBOUNDED, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
-        # The steps end at this share of rtol: making the mechanism exactly admissible afterwards
-        # raises the upper bound, and this leaves room for it.
+        # The steps end at this share of rtol. The remaining share allows for the increase of the
+        # upper bound when the mechanism is made exactly admissible.
         closer = 0.1
         try:
             verdict, reason = chosen_conic()(
@@ -418,10 +419,10 @@ def _search(
 
 
 def drucker_bounds(problem: Problem) -> DruckerBounds:
-    """Compute both bounds. Collective.
+    """Compute Drucker's two bounds. Collective.
 
     Raises:
-        InputError: As :func:`interior_point`.
+        InputError: In the cases of :func:`interior_point`.
     """
     smooth, tied = (interior_point(make(problem)) for make in (without_friction, without_slip))
     return DruckerBounds(_carried(smooth), _borne(tied))
@@ -437,12 +438,12 @@ def _borne(found: LimitLoad) -> float | None:
 
 
 def without_friction(problem: Problem) -> Problem:
-    """Return the same problem without friction. Collective."""
+    """Return a copy of the problem without friction. Collective."""
     return variant(problem, friction=problem.friction.smooth())
 
 
 def without_slip(problem: Problem) -> Problem:
-    """Return the same problem, glued where there is friction. Collective."""
+    """Return a copy of the problem, with surfaces tied where there is friction. Collective."""
     basis, friction = problem.basis, problem.friction
     parts = np.ones(len(basis.index), dtype=np.bool_)
     parts[friction.pair] = False

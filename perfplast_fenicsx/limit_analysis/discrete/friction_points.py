@@ -1,11 +1,12 @@
-"""Treat places of slip as points beside those of the bodies, for friction in limit analysis.
+"""Treat friction in limit analysis as further points, one for each place that can slip.
 
-A place has the area A and the force c that slip s has to overcome. It is a point with the volume
-A h, the strain s/h and the yield radius c/A, where h = A^(1/(gdim − 1)). Its cone is ‖μ‖ ≤ c, an
-interval in the plane, and it dissipates c‖s‖.
+A place has the area A and a friction force c that resists the slip s. The place is a point with the
+volume A h, the strain rate s/h and the yield radius c/A, where h = A^(1/(gdim − 1)). Its yield set
+is ‖μ‖ ≤ c, an interval in two dimensions, and the place dissipates c‖s‖.
 
-A place may also open, by w along its normal, and pressure may increase its resistance. Then w/h is
-the trace of its strain, and its cone is ‖μ‖ ≤ c − αp with the slope α and p < 0 for compression.
+A place may also open by w along its normal, and pressure may increase its resistance. Then w/h is
+the trace of its strain rate. Its yield set is ‖μ‖ ≤ c − αp with the slope α, where p < 0 is
+compression.
 """
 
 from dataclasses import dataclass, fields
@@ -23,27 +24,28 @@ from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Stiffness, Strains
 
 Springs = tuple[Ints, Floats]
-"""Unknowns of small groups, shape (n, k), −1 for none, and their stiffnesses, shape (n, k, k)."""
+"""Unknowns of n small groups, shape (n, k), −1 for none, and stiffness matrices, shape (n, k,
+k)."""
 
 
 class SpringStiffness(Stiffness, Protocol):
-    """A stiffness that may have springs at a few unknowns."""
+    """A stiffness that can contain springs at a few unknowns."""
 
     def add_springs(self, springs: Springs) -> None:
-        """Add springs to K, from the next assembly on."""
+        """Set springs, which each later assembly adds to K."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class SlipPlaces:
-    """Places of slip on this rank, whose jumps are combinations of a few unknowns each.
+    """Places of this rank that can slip; the jump of each is a combination of a few unknowns.
 
     Attributes:
         index: Local (owned) unknowns, −1 for none, shape (num_places, k).
-        shares: Coefficients of these unknowns in each component of the jump, shape (num_places,
-            gdim − 1, k).
-        area: Area of a place (length, area), shape (num_places,).
-        bound: Force c that slip has to overcome, shape (num_places,); 0 where α > 0.
+        shares: Coefficients of the unknowns in each component of the jump, shape (num_places, gdim
+            − 1, k).
+        area: Area of each place (a length in two dimensions), shape (num_places,).
+        bound: Friction force c, shape (num_places,); 0 where α > 0.
         closing: Local (owned) unknown that equals −w, −1 for none, shape (num_places,).
         slope: Slope α, shape (num_places,).
     """
@@ -68,17 +70,17 @@ class SlipPlaces:
 
     @classmethod
     def that_slip(cls, index: Ints, shares: Floats, area: Floats, bound: Floats) -> "SlipPlaces":
-        """Return places whose resistance does not depend on pressure."""
+        """Return places at which the friction force does not depend on pressure."""
         return cls(index, shares, area, bound, np.full(len(area), -1), np.zeros(len(area)))
 
     def and_those(self, others: "SlipPlaces") -> "SlipPlaces":
-        """Return these places, followed by others whose jumps have as many unknowns."""
+        """Return these places followed by others, whose jumps have equally many unknowns."""
         names = (it.name for it in fields(self))
         both = (np.concatenate([getattr(self, it), getattr(others, it)]) for it in names)
         return SlipPlaces(*both)
 
     def shared_out(self, pressure: Floats, slips: Floats) -> Floats:
-        """Return shear stresses in which pressed places bear all they can, and others the rest.
+        """Return shear stresses with as much as possible at pressed places and the rest at others.
 
         Args:
             pressure: Pressure p at the places, shape (num_places,), at most 0 in compression.
@@ -109,7 +111,7 @@ class SlipPlaces:
 
     @cached_property
     def rows(self) -> Floats:
-        """Return (w, jump) as rows of these unknowns, shape (num_places, gdim, 1 + k)."""
+        """Return the matrices from ``unknowns`` to (w, jump), shape (num_places, gdim, 1 + k)."""
         count, size, k = self.shares.shape
         found: Floats = np.zeros((count, 1 + size, 1 + k))
         found[:, 0, 0] = np.where(self.closing >= 0, -1.0, 0.0)
@@ -117,14 +119,14 @@ class SlipPlaces:
         return found
 
     def jumps(self, array: Floats) -> Floats:
-        """Return w and jumps for the entries of a local array, shape (num_places, gdim)."""
+        """Return w and the jumps, given a local array of unknowns, shape (num_places, gdim)."""
         if not self.index.size:
             return np.zeros((len(self.area), 1 + self.shares.shape[1]))
         values = np.where(self.unknowns >= 0, array[self.unknowns], 0.0)
         return (self.rows @ values[:, :, None])[:, :, 0]
 
     def add(self, forces: Floats, array: Floats) -> None:
-        """Add forces on w and jumps to the entries of a local array.
+        """Add the forces conjugate to w and the jumps to a local array of unknowns.
 
         This is the transpose of :meth:`jumps`.
         """
@@ -134,7 +136,7 @@ class SlipPlaces:
 
 
 class FrictionStrains:
-    """ε(v) at points and s/h at places of friction; see :class:`discretisation.Strains`."""
+    """ε(v) at points of bodies and s/h at places; see :class:`discretisation.Strains`."""
 
     def __init__(self, points: Strains, places: SlipPlaces) -> None:
         self._points, self._places = points, places
@@ -154,7 +156,7 @@ class FrictionStrains:
         self._points.destroy()
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Return trace and deviator, shapes (count,) and (count, m). Collective."""
+        """Return the trace and the deviator, shapes (count,) and (count, m). Collective."""
         trace, deviator = self._points.of(y)
         opens, *jumps = (self._places.jumps(y.array_r) / self.length[:, None]).T
         more = np.zeros((len(opens), self.size), order="F")
@@ -188,7 +190,7 @@ class FrictionStrains:
         self._places.add(share[:, None] * stress, out.array)
 
     def springs(self, moduli: Moduli) -> Springs:
-        """Return the unknowns of friction points, and the springs of their moduli."""
+        """Return the unknowns of friction points, and the springs that their moduli give."""
         of_places, rows = moduli.beyond(self._points.count).matrices(), self._places.rows
         of_places = of_places[:, : rows.shape[1], : rows.shape[1]]
         share = self.weights[self._points.count :] / self.length**2
@@ -205,7 +207,7 @@ class FrictionStiffness:
     """K with friction; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: SpringStiffness, strains: FrictionStrains, count: int) -> None:
-        """Take over K of the bodies, which have ``count`` points."""
+        """Take ownership of the bodies' K; the bodies have ``count`` points."""
         self._bodies, self._strains, self._count = bodies, strains, count
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
         self.factorise, self.solve = bodies.factorise, bodies.solve

@@ -1,4 +1,4 @@
-"""Define the result of a search for a limit load, and choose the method that suits a problem."""
+"""Define the result of a limit load search, and choose the method for a problem."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
 class LimitMethod(StrEnum):
-    """Method of the search: directly, or by a loading path that levels off."""
+    """Method of the search: interior points, or a loading path that levels off."""
 
     INTERIOR_POINT = "interior-point"
     PATH = "path"
@@ -35,42 +35,46 @@ class LimitLoad(NotebookResult):
     """The result of a search for the limit load ζ_lim of a mesh.
 
     Attributes:
-        method: The method that found it.
-        lower: Static side of the mesh, not a bound of the body: factor of a stress in equilibrium
-            on the mesh and within yield, or the largest ζ(α) reached. −∞ with permanent loads if
-            none is known.
-        estimate: Limit load of the mesh, between both sides: an estimate for the body. None without
-            a result, or without a kinematic side and a plateau.
+        method: The method that found the result.
+        lower: Static side of the mesh, not a bound of the body. It is the load factor of a stress
+            that is in equilibrium on the mesh and within yield, or the largest ζ(α) of the path.
+            With permanent loads, it is −∞ if no such stress is known.
+        estimate: Limit load of the mesh, between both sides, as an estimate for the body. None
+            without a result, or if there is neither a kinematic side nor a plateau.
         residual: Relative change of the estimate with the last level; None without two estimates.
         upper: Kinematic side of the mesh, not a bound of the body: (D(v) − L₀(v))/L₁(v) of a
             mechanism that is incompressible on the mesh; None without a mechanism.
-        alpha: Work reached by the path; None without a path.
+        alpha: Work at the end of the path; None without a path.
         levelled_off: Whether the estimate is known to the tolerance: both sides have met, or ζ(α)
             has levelled off.
         reason: Why the search ended, in words.
         iterations: Steps of the interior point method, or levels.
-        linear_solves: Linear systems solved, for both sides together.
+        linear_solves: Linear systems solved for both sides together.
         factorisations: Factorisations of the interior point method.
-        mechanism: Velocity v of the collapse, normalised to L₁(v) = 1.
-        levels: The loading path; after a restart only the later levels.
-        stress: σ at the static side, Mandel vectors at the quadrature points; None for a path,
-            whose levels have their stresses.
-        contact_forces: Contact forces with that stress, of the pairs hosted by this rank.
-        unbalanced: Largest unbalanced force there, relative to the largest load; ∞ without a
-            stress.
-        inadmissible: Volume change of the mechanism in plastic bodies, and strain in elastic ones,
-            relative to ‖ε(v)‖; None for a path.
+        mechanism: Collapse velocity v, normalised to L₁(v) = 1.
+        levels: The loading path; after a restart, only the levels since then.
+        stress: Stress σ of the static side, Mandel vectors at the quadrature points; None for a
+            path, where each level contains its stress.
+        contact_forces: Contact forces in equilibrium with this stress, at the pairs hosted by this
+            rank.
+        unbalanced: Largest unbalanced force of this stress, relative to the largest load; ∞ without
+            a stress.
+        inadmissible: Volume change of the mechanism in plastic bodies and strain rate in elastic
+            bodies, relative to ‖ε(v)‖; None for a path.
         verdict: Verdict of the interior point method; None for a path.
         steps: Steps of the interior point method; empty for a path.
         theorem: Whether limit theorems hold. With Coulomb's friction they do not
-            (:mod:`limit_search`). ``lower`` is then the largest load that levels of this path
-            carry, and ``estimate`` the same if the search has ended. ``upper`` is the least load
-            without equilibrium. Neither bounds anything else.
+            (:mod:`limit_search`). ``lower`` is then the largest load among the levels of this path,
+            and ``estimate`` is the same load if the search has ended. ``upper`` is the least load
+            at which no equilibrium was found. These numbers describe only this path and are no
+            bounds.
         drucker: Drucker's two bounds with Coulomb's friction; None if not sought.
-        locked: Bodies that keep the interior point method from a mechanism, if it found none.
+        locked: Bodies whose locking prevented a mechanism, if the interior point method found no
+            mechanism.
         question: The loads whose factor was sought. These are the permanent loads if no load grows,
-            or if no load factor is carried together with them; the mechanism then belongs to them.
-        standing: Multiple of the permanent loads that is carried, if sought.
+            or if the bodies cannot carry the permanent loads at any load factor. The mechanism then
+            belongs to the permanent loads.
+        standing: Multiple of the permanent loads that the bodies can carry, if it was sought.
     """
 
     method: LimitMethod
@@ -100,7 +104,7 @@ class LimitLoad(NotebookResult):
 
     @property
     def collapses(self) -> bool:
-        """Whether there is a mechanism, possibly just the final velocity of a path."""
+        """Whether the result contains a mechanism, possibly only the final velocity of a path."""
         known: tuple[float | None, ...] = (self.upper, self.estimate)
         if self.question is Question.STANDS and self.standing is not None:
             known = (self.standing.upper,)
@@ -123,7 +127,7 @@ class LimitLoad(NotebookResult):
         return [asdict(step) for step in self.steps]
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the load factor over work or steps, and both sides of the mesh."""
+        """Plot the load factor over the work or the steps, and both sides of the mesh."""
         if self.method is LimitMethod.PATH:
             LoadingPath(self.levels).draw_into(axes)
         else:
@@ -143,15 +147,15 @@ class LimitLoad(NotebookResult):
 
 
 MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
-"""Largest number of unknowns, by dimension, with which 20 factorisations are faster than a path."""
+"""Largest number of unknowns, by dimension, for which 20 factorisations are faster than a path."""
 
 
 TOLERANCE = 1e-3
-"""Default relative distance of the bounds of a limit load."""
+"""Default relative difference between the bounds of a limit load."""
 
 
 def method_for(problem: Problem) -> LimitMethod:
-    """Return the interior point method if it supports laws and loads of a small enough problem."""
+    """Return the interior point method for small problems that it supports, otherwise the path."""
     if not collapses_by_loads(problem):
         return LimitMethod.PATH
     small = problem.num_dofs <= MOST_UNKNOWNS[problem.bodies.gdim]
@@ -159,10 +163,10 @@ def method_for(problem: Problem) -> LimitMethod:
 
 
 def resisted(found: LimitLoad) -> LimitLoad:
-    """Return the result of the interior point method if something resists the loads.
+    """Return the result unchanged, provided that something resists the loads.
 
     Raises:
-        InputError: If no stress can carry them.
+        InputError: If no stress can balance the loads.
     """
     if found.verdict is Verdict.NO_RESISTANCE:
         raise InputError(f"{found.reason}; reverse the loads, or support the bodies there.")

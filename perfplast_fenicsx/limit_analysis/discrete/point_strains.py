@@ -1,25 +1,23 @@
-"""Evaluate strain rates at quadrature points in their cones' coordinates, and forces of stresses.
+"""Evaluate strain rates at points in the coordinates of their cones, and forces of stresses.
 
-Both are in the coordinates of the points' cones (:mod:`standard_cones`). If all cones are about the
-hydrostatic axis, these are trace and deviator of Mandel vectors. In plane strain they contain the
-in-plane components. The out-of-plane stress is in no equation, and takes its most favourable value.
+Strain rates and stresses are in the coordinates of the points' cones (:mod:`standard_cones`). If
+the axis of all cones is hydrostatic, the coordinates are the trace and the deviator of Mandel
+vectors. In plane strain, the coordinates describe the in-plane components. No equation contains the
+out-of-plane stress, which takes its most favourable value.
 
-Transform stresses and strain rates to the coordinates of the points' cones.
-See :mod:`standard_cones`.
+:class:`StressFrames` transforms stresses and strain rates to these coordinates.
 
-Provide coordinates of stresses and strain rates at a problem's points, and their cones.
-If all cones are about the hydrostatic axis, the coordinates are trace and deviator of Mandel
-vectors. In plane strain these are in-plane vectors, kept with four components. Otherwise each point
-has the coordinates of its cone.
+:class:`PointCoordinates` contains the coordinates and the cones of a problem's points. In plane
+strain, isotropic coordinates are in-plane vectors with four stored components.
 
-Evaluate strain rates of v = ru in axisymmetry by Bernstein coefficients, for dilating ground.
-For the strain rates ε of u, r²ε is quadratic in a cell of the section
-(:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The admissible rates of a yield set
-are a convex cone. Bernstein's polynomials are not negative. So r²ε lies in the cone everywhere in
-the cell if its six coefficients q_i do. The power D is convex and of degree one, and ∫ D(ε) r ≤ Σ
-D(q_i) ∫ B_i/r. So the points of a cell are its coefficients. The rate of a point is q_i/ρ_i with
-the coefficient ρ_i of r, and its weight is ρ_i ∫ B_i/r. On the axis ρ_i = 0, and q_i is zero; such
-a point is treated as elastic.
+:class:`RingCoefficients` evaluates strain rates of v = ru in axisymmetry by Bernstein coefficients,
+for dilating ground. For the strain rates ε of u, r²ε is quadratic in a cell of the section
+(:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The admissible strain rates of a
+yield set form a convex cone, and Bernstein polynomials are not negative. Therefore r²ε lies in the
+cone everywhere in the cell if its six coefficients q_i do. The dissipation D is convex and
+homogeneous of degree one, so ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r. Each coefficient is therefore a point of
+the cell. The strain rate of the point is q_i/ρ_i with the coefficient ρ_i of r, and its weight is
+ρ_i ∫ B_i/r. On the axis, ρ_i and q_i are zero; the program treats such a point as elastic.
 """
 
 import math
@@ -56,10 +54,10 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class StressFrames:
-    """The relation x = F (p, s) at points, grouped by cones.
+    """The transformation x = F (p, s) at points, grouped by cones.
 
     Attributes:
-        size: Number of components of s; missing components of a cone are zero.
+        size: Number of components of s; components that a cone does not have are zero.
     """
 
     def __init__(self, cones: BodyCones, of_points: Longs, size: int | None = None) -> None:
@@ -77,10 +75,10 @@ class StressFrames:
         self.groups = [np.flatnonzero(of_points == i) for i in range(len(frames))]
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:
-        """Return ε' of strain rates, shapes (count,) and (count, size).
+        """Return the coordinates ε' of strain rates, shapes (count,) and (count, size).
 
         Args:
-            e: Components in equations, shape (count, n).
+            e: Components of strain rates in the equations, shape (count, n).
         """
         found = np.zeros((self._count, self.size + 1))
         for here, F in zip(self.groups, self.frames, strict=True):
@@ -88,7 +86,7 @@ class StressFrames:
         return found[:, 0].copy(), found[:, 1:].copy(order="F")
 
     def stresses(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the components in equations, shape (count, n)."""
+        """Return the stress components in the equations, shape (count, n)."""
         both = np.column_stack([pressure, deviator])
         found = np.zeros((self._count, len(self.frames[0])))
         for here, F in zip(self.groups, self.frames, strict=True):
@@ -104,7 +102,7 @@ class StressFrames:
 
 
 class PointCoordinates:
-    """Coordinates (p, s) of stresses, and the conjugate rates; see :mod:`standard_cones`.
+    """Coordinates (p, s) of stresses and conjugate strain rates; see :mod:`standard_cones`.
 
     Attributes:
         numbers: Index of the cone of each point of this rank, shape (count,).
@@ -113,11 +111,11 @@ class PointCoordinates:
         profile: Factor by which γ varies in space, shape (count,); None if no strength varies.
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        sets: Sets of the points without a second-order cone.
-        isotropic: Whether the coordinates are trace and deviator at all points.
+        sets: Yield sets of the points without a second-order cone.
+        isotropic: Whether the coordinates are the trace and the deviator at all points.
         dilates: Whether any cone has a slope.
-        normal: Number of normal stresses in equations, two in plane strain.
-        among: Indices of the Mandel components in equations.
+        normal: Number of normal stresses in the equations, two in plane strain.
+        among: Indices of the Mandel components in the equations.
         frames: Frames of the cones.
     """
 
@@ -126,7 +124,7 @@ class PointCoordinates:
 
         Args:
             problem: The bodies and the points.
-            cones: Cones of the bodies; by default those of the stress components in equations.
+            cones: Cones of the bodies; by default those of the stress components in the equations.
 
         Raises:
             InputError: If the method does not support a body's yield set.
@@ -154,12 +152,12 @@ class PointCoordinates:
         self.frames = StressFrames(cones, numbers, self._size)
 
     def sets_of(self, copies: int) -> tuple[PointSets, ...]:
-        """Return the sets of the points, repeated ``copies`` times one after the other."""
+        """Return the sets of the points for ``copies`` copies of all points in sequence."""
         profile = None if self.profile is None else np.tile(self.profile, copies)
         return self._cones.sets_at(np.tile(self.numbers, copies), profile)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:
-        """Return ε' of strain rates, shapes (count,) and (count, m)."""
+        """Return the coordinates ε' of strain rates, shapes (count,) and (count, m)."""
         if not self.isotropic:
             return self.frames.rates(e[:, self.among])
         sums = e[:, :3].sum(axis=1)
@@ -167,7 +165,7 @@ class PointCoordinates:
         return sums, e
 
     def working(self, pressure: Floats, deviator: Floats, out: Floats) -> None:
-        """Set ``out``, shape (count, m), to Mandel vectors that do the work of σ on strain rates.
+        """Set ``out`` to Mandel vectors that do the work of σ on strain rates, shape (count, m).
 
         Out-of-plane components that do no work are zero.
         """
@@ -192,7 +190,7 @@ COUNT = 6
 """Number of coefficients of a quadratic function in a triangle."""
 
 PARTS = 8
-"""Number of parts of a cell's edge for the integrals of B_i/r."""
+"""Number of parts into which the integrals of B_i/r divide each edge of a cell."""
 
 
 def has_coefficients(problem: Problem) -> bool:
@@ -202,14 +200,15 @@ def has_coefficients(problem: Problem) -> bool:
 
 
 def nodes_of_cells(problem: Problem, count: int) -> tuple[Ints, Ints]:
-    """Return the nodes of cells: at the vertices, then on the edges opposite these vertices.
+    """Return the nodes of cells: first at the vertices, then on the opposite edges.
 
     Args:
         problem: A problem with quadratic elements on triangles.
-        count: Number of cells, counted from the first.
+        count: Number of cells; the function uses the first ``count`` cells.
 
     Returns:
-        Local numbers, shape (count, 6); their positions among the nodes of a cell, shape (6,).
+        Local node numbers, shape (count, 6); the positions of these nodes in a cell's node list,
+        shape (6,).
     """
     layout = problem.V.dofmap.dof_layout
     columns = [layout.entity_dofs(of, i)[0] for of in (0, 1) for i in range(3)]
@@ -217,11 +216,12 @@ def nodes_of_cells(problem: Problem, count: int) -> tuple[Ints, Ints]:
 
 
 class RingCoefficients:
-    """Rates q_i/ρ_i of velocities v = ru; see :class:`point_strains.Rates` for the methods.
+    """Strain rates q_i/ρ_i of velocities v = ru; see :class:`Rates` for the methods.
 
     Attributes:
-        weights: Weights, shape (count,); a point on the axis has a sixth of its cell.
-        on_axis: Flags of the points on the axis, whose rates are zero, shape (count,).
+        weights: Weights, shape (count,); the weight of a point on the axis is a sixth of its cell's
+            volume.
+        on_axis: Flags of the points on the axis, where strain rates are zero, shape (count,).
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -282,7 +282,7 @@ def _over_radius(x: Floats, areas: Floats) -> Floats:
         areas: Areas of the cells, shape (num_cells,).
     """
     parts = equal_parts(PARTS)
-    unit = np.eye(COUNT)[None]  # coefficients of each polynomial
+    unit = np.eye(COUNT)[None]  # coefficients of each Bernstein polynomial
     found = np.zeros((len(x), COUNT))
     for part in parts:
         weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))
@@ -295,18 +295,18 @@ class Rates(Protocol):
 
     Attributes:
         weights: Volume of each point of this rank, shape (count,).
-        on_axis: Flags of the points whose rates are zero for all velocities, shape (count,).
+        on_axis: Flags of the points where strain rates are zero for all velocities, shape (count,).
     """
 
     weights: Floats
     on_axis: PairFlags
 
     def of(self, v: fem.Function) -> Floats:
-        """Return ε of a velocity with updated ghosts as Mandel vectors, shape (count, m).
+        """Return ε(v) as Mandel vectors, shape (count, m); the ghosts of v must be up to date.
 
         Collective.
 
-        Each component is contiguous in memory.
+        The array stores each component contiguously.
         """
         ...
 
@@ -315,12 +315,12 @@ class Rates(Protocol):
 
         Args:
             stress: Mandel vectors, shape (count, m).
-            out: A vector of nodal unknowns.
+            out: Vector of nodal unknowns.
         """
         ...
 
     def of_unknowns(self) -> Floats:
-        """Return ε of the nodal unknowns of each cell that this rank owns. Collective.
+        """Return ε for unit nodal unknowns in each cell that this rank owns. Collective.
 
         Returns:
             Shape (num_cells, num_points, m, num_unknowns).
@@ -329,7 +329,7 @@ class Rates(Protocol):
 
 
 class RatesAtPoints:
-    """Rates at quadrature points; see :class:`Rates` for the methods."""
+    """Strain rates at quadrature points; see :class:`Rates` for the methods."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the expressions. Collective."""
@@ -366,11 +366,11 @@ class RatesAtPoints:
 
 
 class PointStrains:
-    """ε(v) of velocities in the contact basis; see :class:`discretisation.Strains`.
+    """Strain rates of velocities in the contact basis; see :class:`discretisation.Strains`.
 
     Attributes:
-        rates: Rates of nodal velocities.
-        coordinates: Coordinates of stresses and rates at the points.
+        rates: Strain rates of nodal velocities.
+        coordinates: Coordinates of stresses and strain rates at the points.
         profile: See :class:`point_strains.PointCoordinates`.
     """
 
@@ -400,7 +400,7 @@ class PointStrains:
         self._force.destroy()
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Return trace and deviator of ε(Ty). Collective.
+        """Return the trace and the deviator of ε(Ty). Collective.
 
         Returns:
             Shapes (count,) and (count, m).
@@ -410,16 +410,16 @@ class PointStrains:
         return self.of_function(self._u)
 
     def of_function(self, v: fem.Function) -> tuple[Floats, Floats]:
-        """Return trace and deviator of ε(v) for a function with updated ghosts. Collective."""
+        """Return trace and deviator of ε(v); the ghosts of v must be up to date. Collective."""
         return self.coordinates.rates(self.rates.of(v))
 
     def power_rates(self, v: fem.Function) -> Floats:
-        """Return the ε(v) that does the work of stresses, Mandel vectors, shape (count, m).
+        """Return ε(v) for computing power, as Mandel vectors, shape (count, m).
 
         Collective.
 
-        If the coordinates are trace and deviator, the volume change of volume-preserving bodies is
-        ignored, because it is rounding.
+        If the coordinates are the trace and the deviator, the result omits the volume change of
+        bodies that preserve their volume, because it is a rounding error.
 
         Args:
             v: Admissible velocity with updated ghosts.
@@ -431,11 +431,11 @@ class PointStrains:
         return e
 
     def nodal(self) -> Iterator[Floats]:
-        """Yield the rates of each nodal unknown of this rank's cells. Collective.
+        """Yield the strain rates for each unit nodal unknown in this rank's cells. Collective.
 
         Yields:
-            Trace and deviator, zero where the unknown is held, shape (num_cells, num_points, 1 +
-            m).
+            Trace and deviator, zero where the unknown is supported, shape (num_cells, num_points, 1
+            + m).
         """
         problem, e = self._problem, self.rates.of_unknowns()
         points, nodes = problem.Q.dofmap.list[: len(e)], problem.V.dofmap.list[: len(e)]
@@ -483,10 +483,10 @@ class PointStrains:
 def forces_of_pairs(
     problem: Problem, stress: fem.Function, zeta: float, times: float = 1.0
 ) -> Floats:
-    """Return the contact forces that balance a stress and the loads. Collective.
+    """Return the contact forces in equilibrium with a stress and the loads. Collective.
 
-    See :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces` for the forces in other
-    problems than those with coefficients as points.
+    Unless the points are Bernstein coefficients, the function returns the result of
+    :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`.
     """
     if not has_coefficients(problem):
         return contact_forces(problem, stress, zeta, times)

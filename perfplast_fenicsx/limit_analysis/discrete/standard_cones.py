@@ -1,20 +1,21 @@
-"""Represent yield sets that are one second-order cone, and transform them to standard coordinates.
+"""Represent yield sets of one second-order cone, and transform them to standard coordinates.
 
-A set {x : ‖Mx‖ ≤ c − q·x} of n stress components x (Mandel) with a matrix M of rank n − 1 or n is
+For n Mandel components x of stress and a matrix M of rank n − 1 or n, the set ‖Mx‖ ≤ c − q·x is
 
     x = F (p, s),    ‖s + γt‖ ≤ γ − αp,    α ≥ 0,  ‖t‖ < 1,  and t = 0 where α > 0,
 
-with strain rates ε' = Fᵀε, so that σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is along it.
-Then α > 0 if q·ν ≠ 0; if it is zero, nothing bounds p. A matrix of rank n bounds all stresses, and
-there is no p: F has a column of zeros for it. If q = Mᵀr with ‖r‖ < 1, the set is an ellipsoid (or
-a cylinder over one) whose centre is not at zero stress; t describes the shift.
+with the strain rates ε' = Fᵀε, so that σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is the
+component along ν. Then α > 0 if q·ν ≠ 0; otherwise nothing bounds p. If M has rank n, all stresses
+are bounded and the set has no p; the column of F for p is then zero. If q = Mᵀr with ‖r‖ < 1, the
+set is an ellipsoid (or a cylinder over one) whose centre is not at zero stress. The tilt t
+describes the shift.
 
-In plane strain the out-of-plane stress is in no equation. The set is then projected on the other
-components. With a = Me and b = q·e for the free component e, and β = b/‖a‖,
+In plane strain, no equation contains the out-of-plane stress, and the set is projected on the other
+components. Let e be the unit vector of this free component, a = Me, b = q·e and β = b/‖a‖. Then
 
     min_τ ‖M(x + τe)‖ − c + q·(x + τe) = √(1 − β²)‖Py‖ − c + q·x − β a·y/‖a‖,    y = Mx,
 
-where P projects off a. If |β| ≥ 1, all x are possible.
+where P projects on the complement of a. If |β| ≥ 1, the projection contains all x.
 """
 
 import math
@@ -25,17 +26,17 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 
 ROUNDING = 1e-12
-"""Difference of entries of matrices of about 1, or share of the largest singular value, that counts
-as zero.
+"""Largest difference between matrix entries of about 1, or largest share of the greatest singular
+value, that counts as zero.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class PlainCone:
-    """The cone ‖matrix·x‖ ≤ bound − slope·x, with numbers.
+    """The cone ‖matrix·x‖ ≤ bound − slope·x, as numbers.
 
     Attributes:
-        bound: Bound c ≥ 0 (stress); 0 only with a slope, without cohesion.
+        bound: Bound c ≥ 0 (stress); 0 without cohesion, for which the slope must not be zero.
         slope: Vector q, shape (n,).
         matrix: Matrix M of full row rank, shape (k, n).
     """
@@ -46,7 +47,7 @@ class PlainCone:
 
     @property
     def is_cone(self) -> bool:
-        """Whether shapes, signs and the rank of the matrix describe a cone that contains 0."""
+        """Whether the shapes, the signs and the rank describe a cone that contains zero stress."""
         numbers = (np.array([self.bound]), self.slope, self.matrix)
         if self.matrix.ndim != 2 or self.slope.shape != self.matrix.shape[1:]:
             return False
@@ -59,14 +60,14 @@ class PlainCone:
         return 0 < k <= n and bool(values[-1] > ROUNDING * values[0])
 
     def normalised(self) -> "PlainCone":
-        """Return the same set, with singular values of the matrix whose geometric mean is 1."""
+        """Return the same set, scaled to a geometric mean of the matrix's singular values of 1."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         size = float(np.exp(np.log(values).mean()))
         slope, matrix = (np.asarray(it / size, np.float64) for it in (self.slope, self.matrix))
         return PlainCone(self.bound / size, slope, matrix)
 
     def is_same(self, other: "PlainCone") -> bool:
-        """Return whether the numbers are the same to the last digit."""
+        """Return whether all numbers of both cones are exactly equal."""
         alike = np.array_equal(self.slope, other.slope)
         return alike and self.bound == other.bound and np.array_equal(self.matrix, other.matrix)
 
@@ -76,10 +77,10 @@ class Shadow:
     """The projection of a cone along a free component of the stress.
 
     Attributes:
-        cone: Cone of the other components; None if they are not bounded.
-        along: Coefficients of the free component that is farthest from yield:
-            along·x − share·‖matrix·x‖, with the matrix of ``cone``; shape (n − 1,).
-        share: Coefficient ``share`` in it.
+        cone: Cone of the other components; None if these components are not bounded.
+        along: Vector in along·x − share·‖Mx‖, the free component that is farthest from yield, shape
+            (n − 1,). M is the matrix of ``cone``, and x are the other components.
+        share: Coefficient ``share`` in the same formula.
     """
 
     cone: PlainCone | None
@@ -88,12 +89,13 @@ class Shadow:
 
 
 def shadow(cone: PlainCone, at: int, usual: Floats) -> Shadow:
-    """Return the projection of a cone on all components but a free one.
+    """Return the projection of a cone on all components except a free component.
 
     Args:
         cone: Cone of all components.
         at: Index of the free component.
-        usual: Coefficients of the free component if the cone does not determine it, shape (n − 1,).
+        usual: Value of ``along`` to use if the cone does not determine the free component, shape (n
+            − 1,).
     """
     a, b = cone.matrix[:, at], float(cone.slope[at])
     rest, q = np.delete(cone.matrix, at, axis=1), np.delete(cone.slope, at)
@@ -121,8 +123,8 @@ class StandardCone:
         slope: Slope α ≥ 0.
         tilt: Tilt t, shape (k,).
         frame: Frame F, shape (n, 1 + k).
-        isotropic: Whether p is the mean of normal stresses, and s the deviator in an orthonormal
-            basis.
+        isotropic: Whether p is the mean of the normal stresses, and s the deviator in an
+            orthonormal basis.
     """
 
     radius: float
@@ -133,7 +135,7 @@ class StandardCone:
 
 
 def never_yields(n: int, normal: int) -> StandardCone:
-    """Return the set of all stresses, in mean stress and deviator.
+    """Return the set of all stresses, with the mean stress and the deviator as coordinates.
 
     Args:
         n: Number of components.
@@ -147,12 +149,12 @@ def never_yields(n: int, normal: int) -> StandardCone:
 
 @dataclass(frozen=True)
 class PlainPrincipal:
-    """The set (1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, with numbers.
+    """The set (1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound and σ₁ ≤ tension, as numbers.
 
     Attributes:
-        bound: Bound b ≥ 0 (stress), 0 only with a sine.
+        bound: Bound b ≥ 0 (stress); if it is 0, the sine must be positive.
         sine: Sine s in [0, 1).
-        tension: Tensile strength f > 0 (stress), ∞ if there is no such limit.
+        tension: Tensile strength f > 0 (stress), ∞ without one.
     """
 
     bound: float
@@ -162,8 +164,8 @@ class PlainPrincipal:
     def in_plane(self) -> PlainCone:
         """Return the cone of the in-plane stresses, with the out-of-plane stress free.
 
-        The out-of-plane stress lies between the principal in-plane stresses if it is farthest from
-        yield.
+        An out-of-plane stress between the in-plane principal stresses is farthest from yield, so it
+        does not affect the bound.
         """
         half = 1 / math.sqrt(2)
         matrix = np.array([[half, -half, 0.0], [0.0, 0.0, 1.0]])
@@ -173,8 +175,8 @@ class PlainPrincipal:
     def around(self, n: int, normal: int) -> StandardCone:
         """Return a cone about the hydrostatic axis that contains the set.
 
-        With friction it is the narrowest cone of the same apex. A tensile strength without friction
-        has a cone of slope 1.
+        With friction, the result is the narrowest cone with the same apex. With a tensile strength
+        and no friction, the slope of the cone is 1.
 
         Args:
             n: Number of components.
@@ -188,9 +190,9 @@ class PlainPrincipal:
 
 
 def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
-    """Return the standard coordinates and numbers of a cone; None for sets that have none.
+    """Return a cone in standard coordinates; None for sets that have no such form.
 
-    Such sets are unbounded in more than one direction, or hyperboloids.
+    Sets without standard coordinates are hyperboloids, or are unbounded in several directions.
 
     Args:
         cone: Normalised cone (:meth:`PlainCone.normalised`).
@@ -228,7 +230,7 @@ def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
 
 
 def _is_isotropic(M: Floats, normal: int) -> bool:
-    """Return whether ‖Mx‖ is the norm of the deviator of normal stresses, and of the shears."""
+    """Return whether ‖Mx‖ is the norm of the stress deviator."""
     k, n = M.shape
     unit = np.zeros(n)
     unit[:normal] = 1 / math.sqrt(normal)

@@ -1,10 +1,11 @@
-"""Approximate strengths that vary in space by linear functions, and give advice on strengths.
+"""Approximate spatially varying strengths by linear functions, and give advice on strengths.
 
-The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. A lower bound takes
-a linear function that is nowhere above the profile in each cell. Then the left side is convex in
-the coordinates, and the right side linear. So a linear stress is within yield in the whole cell if
-it is at the vertices. An upper bound takes a linear function that is nowhere below the profile, so
-that no mechanism dissipates less. Both bounds are strict.
+The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. For a lower bound,
+each cell has a linear function that is nowhere above the profile. For a linear stress, the left
+side is then convex in position and the right side linear. So the stress is within yield in the
+whole cell if it is within yield at the vertices. For an upper bound, each cell has a linear
+function that is nowhere below the profile; the true dissipation of a mechanism is then not larger
+than the computed one. Both bounds are strict.
 
 A slope q that varies with the friction angle has one value for each cell
 (:mod:`varying_friction`).
@@ -32,7 +33,7 @@ Side = Literal["below", "above"]
 """Side of a profile on which a linear function lies."""
 
 PLACE = "the strength of a body"
-"""Name of a profile in messages."""
+"""Name that messages give to a profile."""
 
 
 def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
@@ -49,7 +50,7 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
         varies.
 
     Raises:
-        InputError: If no such function is known.
+        InputError: If no linear function on this side of a profile is known.
     """
 
     def of(profile: SpatialField, here: Longs) -> Floats:
@@ -59,19 +60,19 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
 
 
 def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
-    """Return factors of the slopes in simplices, the least or the most there. Not collective.
+    """Return the smallest or largest factors of the slopes in simplices. Not collective.
 
     Args:
         cones: Cones of the bodies.
         numbers: Number of the cone of each simplex, shape (n,).
-        simplices: Their vertices, shape (n, k, d).
+        simplices: Vertices of the simplices, shape (n, k, d).
         side: Whether the least or the largest is requested.
 
     Returns:
-        Shape (n,), 1 where the slope does not vary; None where no slope does.
+        Factors, shape (n,), 1 where the slope does not vary; None if no slope varies.
 
     Raises:
-        InputError: If no such number is known.
+        InputError: If no bound of a varying sine in a simplex is known.
     """
 
     def of(sine: SpatialField, here: Longs) -> Floats:
@@ -81,7 +82,7 @@ def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side
 
 
 def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
-    """Return the same in the cells that this rank owns, shape (num_cells,).
+    """Return the factors of :func:`steepness_in` in this rank's cells, shape (num_cells,).
 
     Args:
         problem: The bodies, on straight cells.
@@ -93,9 +94,9 @@ def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
 
 
 def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
-    """Return linear functions as :func:`profiles_in`, in this rank's cells.
+    """Return the linear functions of :func:`profiles_in` in this rank's cells.
 
-    Shape (num_cells, d + 1).
+    The result has the shape (num_cells, d + 1).
 
     Args:
         problem: The bodies, on straight cells.
@@ -109,9 +110,10 @@ def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
 def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     """Return the profiles at the points of this rank, shape (num_points,). Collective.
 
-    Points at the vertices of cells (:mod:`stress_cells`) get (c_v + Σ c_w)/(d + 2), where c is a
-    linear function that is nowhere below the profile. The mean over the vertices of this value
-    times a linear function f is then the mean of c f in the cell.
+    At points at the vertices v of a cell (:mod:`stress_cells`), the value is (c_v + Σ_w c_w)/(d +
+    2). Here c is a linear function that is nowhere below the profile, and the sum is over all
+    vertices of the cell. For any linear function f, the mean over the vertices of this value times
+    f is then the mean of c f in the cell.
 
     Args:
         problem: The bodies.
@@ -127,7 +129,8 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
 def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     """Return factors of the slopes at the points of this rank, shape (num_points,). Collective.
 
-    Points at the vertices of cells have the most of their cell, as an upper bound needs it.
+    Points at the vertices of a cell have the largest factor in the cell, because an upper bound
+    needs the largest.
 
     Args:
         problem: The bodies.
@@ -151,8 +154,10 @@ def _at_points(
         problem: The bodies.
         numbers: Index of the cone of each point.
         of_cells: Function that returns the quantity in cells, on one side.
-        at_vertices: Function of the quantity in cells, for points at the vertices of cells.
-        values: Method of the cones that evaluates the quantity by a function of their fields.
+        at_vertices: Function that converts the quantity in cells to values at the vertices of the
+            cells.
+        values: Method of the cones that evaluates the quantity, given a function that evaluates
+            fields.
     """
     cones = body_cones(problem)
     if not cones.varies:
@@ -167,7 +172,7 @@ def _at_points(
 
 
 def _are_at_vertices(problem: Problem) -> bool:
-    """Return whether the points are the vertices of the cells."""
+    """Return whether the points are the vertices of their cells."""
     reference = interpolation_points(problem.S.element)
     places = np.hstack([1 - reference.sum(axis=1, keepdims=True), reference])
     square = places.shape[0] == places.shape[1]
@@ -175,11 +180,11 @@ def _are_at_vertices(problem: Problem) -> bool:
 
 
 def check_profiles(problem: Problem) -> None:
-    """Refuse strengths whose variation strict bounds do not support. Collective.
+    """Check that strict bounds support the spatial variation of all strengths. Collective.
 
     Raises:
-        InputError: If bodies are of revolution, if no linear bounds of a profile are known in each
-            cell, or if the one below is not positive.
+        InputError: If strengths vary in axisymmetry, if no linear bounds of a profile are known in
+            a cell, or if the lower linear bound is not positive.
     """
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
         return
@@ -211,7 +216,7 @@ def check_profiles(problem: Problem) -> None:
 
 
 def profiles_in_words(problem: Problem) -> tuple[str, ...]:
-    """Return sentences on how bounds approximate strengths that are not linear. Collective."""
+    """Return sentences that explain how bounds approximate nonlinear strengths. Collective."""
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
         return ()
     low, high = profiles_of_cells(problem, "below"), profiles_of_cells(problem, "above")
@@ -242,23 +247,23 @@ def profiles_in_words(problem: Problem) -> tuple[str, ...]:
 
 
 def varying_of(problem: Problem) -> dict[str, dict[str, SpatialField]]:
-    """Return the fields of materials by volume and name, for the volumes that have any."""
+    """Return the spatial fields of materials, by volume and parameter."""
     given = problem.given.materials
     found = {name: varying(given[name]) for name in sorted(given)}
     return {name: fields for name, fields in found.items() if fields}
 
 
 NOTICED = 1e-3
-"""Share of an upper bound that may be rounding without advice."""
+"""Largest share of an upper bound that may come from rounding without advice being given."""
 
 RESOLVED = 1e5
-"""Ratio of strengths up to which weak bodies are balanced far below 1e-9 of their strength. The
-rounding of the strong ones (1e-15) limits this balance.
+"""Ratio of strengths up to which the unbalanced forces in weak bodies are far below 1e-9 of their
+strength. The rounding errors of strong bodies (1e-15) limit this accuracy.
 """
 
 
 def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
-    """Return advice if rounding has a large share of an upper bound; otherwise nothing.
+    """Return advice if a large share of an upper bound may come from rounding; otherwise nothing.
 
     Collective.
     """
@@ -275,9 +280,9 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
 
 
 def weak_bodies(problem: Problem) -> tuple[str, ...]:
-    """Return advice if rounding prevents a lower bound with weak bodies. Collective.
+    """Return advice if weak bodies prevent a lower bound because of rounding. Collective.
 
-    The result is empty without such bodies.
+    The result is empty if there are no such bodies.
     """
     radii = _radii(problem)
     largest = max(radii.values(), default=0.0)
@@ -292,10 +297,10 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
 
 
 def held_bodies(problem: Problem) -> tuple[str, ...]:
-    """Return advice for bodies that cannot deform, if supports hold them against their loads.
+    """Return advice on bodies that cannot deform and whose supports resist the loads on them.
 
-    Such a body carries any load, for example a stiff wall whose toe shares nodes with held ground.
-    Collective.
+    Such a body carries any load, for example a rigid wall whose toe shares nodes with supported
+    ground. Collective.
     """
     V, comm = problem.V, problem.comm
     gdim, owned = problem.bodies.gdim, V.dofmap.index_map.size_local
@@ -327,13 +332,13 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
 
 
 def _radii(problem: Problem, least: float = np.finfo(float).tiny) -> dict[str, float]:
-    """Return the least yield radius of each body that can yield. Collective.
+    """Return the smallest yield radius of each body that can yield. Collective.
 
     Cohesionless sand has a radius of 0, because its strength depends on the pressure.
 
     Args:
         problem: The bodies.
-        least: Smallest radius of a body that counts.
+        least: Smallest radius of a body that is included.
     """
     found, (of_cells, *_) = {}, body_cones(problem).at_cells()
     profile = profiles_of_cells(problem, "below")
@@ -349,7 +354,7 @@ def _radii(problem: Problem, least: float = np.finfo(float).tiny) -> dict[str, f
 
 
 def _told(ratios: dict[str, float]) -> str:
-    """Return a list of bodies in words, with their strength ratios."""
+    """Return the names of bodies with their strength ratios, as words."""
     return ", ".join(f"'{name}', {ratio:.0e} times" for name, ratio in ratios.items())
 
 
@@ -359,10 +364,10 @@ def _them(ratios: dict[str, float]) -> str:
 
 
 def check_cohesion(problem: Problem) -> None:
-    """Refuse ground without cohesion if no load determines its strength. Collective.
+    """Check that loads determine the strength of ground without cohesion. Collective.
 
     Raises:
-        InputError: Unless some loads are permanent and some grow.
+        InputError: If no body has cohesion, unless some loads are permanent and others grow.
     """
     grows, stays = problem.loads.grows(), problem.loads.has_dead()
     if body_cones(problem).all_loose and not (grows and stays):

@@ -1,4 +1,4 @@
-"""Divide strengths of bodies by a factor, and check which problems have such a factor."""
+"""Divide the strengths of bodies by a factor, and check whether a problem has such a factor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -22,9 +22,9 @@ Rubs = TypeVar("Rubs", bound=Contact | Obstacle)
 
 
 def weakened(problem: Problem, factor: float) -> Problem:
-    """Return the problem with strengths divided by a factor, also those of contacts. Collective.
+    """Return the problem with the strengths of bodies and contacts divided by a factor. Collective.
 
-    Strengths of materials, contacts and obstacles with ``reduced = false`` stay as they are.
+    Strengths of materials, contacts and obstacles with ``reduced = false`` do not change.
 
     Raises:
         InputError: If the strength of a body cannot be divided.
@@ -38,15 +38,15 @@ def weakened(problem: Problem, factor: float) -> Problem:
 
 
 class Weakening:
-    """A problem whose loads all grow, with strengths that are divided by a factor in place.
+    """A problem in which all loads grow and whose strengths can be divided by a factor in place.
 
     Attributes:
-        problem: The problem with the strengths of the last factor; at first with the given
+        problem: The problem with the strengths divided by the last factor; initially with the given
             strengths.
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Create the problem with laws and friction of its own. Collective.
+        """Create the problem with separate copies of laws and friction. Collective.
 
         Raises:
             InputError: If a load grows, if the strength of a body cannot be divided, if no body
@@ -78,7 +78,7 @@ class Weakening:
         self._divided = flags[problem.constraints.surface[friction.pair]]
 
     def divide(self, factor: float) -> None:
-        """Divide the given strengths by a factor. Collective.
+        """Set the strengths to the given strengths divided by a factor. Collective.
 
         Raises:
             InputError: If the law of a body changes.
@@ -105,7 +105,7 @@ class Weakening:
 
 
 def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]:
-    """Return materials of volumes with strengths divided by a factor, where it applies."""
+    """Return the materials with strengths divided by a factor, unless ``reduced = false``."""
     found = {}
     for name, material in materials.items():
         divided_by = getattr(material, "divided_by", None)
@@ -120,7 +120,7 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
 
 
 def _less(rubs: Rubs, factor: float) -> Rubs:
-    """Return a contact or an obstacle with friction divided by a factor, if the factor applies."""
+    """Return a contact or obstacle with its friction divided by a factor, if F divides it."""
     if not rubs.reduced:
         return rubs
     tresca, coulomb = (
@@ -137,7 +137,7 @@ def is_divided(one: object) -> bool:
 def divided_strengths(
     materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
 ) -> list[str]:
-    """Return the strengths that a factor of safety divides, in words.
+    """Return the names of the strengths that a factor of safety divides, as phrases.
 
     See :func:`kept_strengths` for the arguments.
     """
@@ -154,7 +154,7 @@ def _friction_on(it: Contact | Obstacle) -> str:
 def kept_strengths(
     materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
 ) -> list[str]:
-    """Return the strengths that keep their values by ``reduced = false``, in words.
+    """Return the names of the strengths that ``reduced = false`` leaves unchanged, as phrases.
 
     Args:
         materials: Materials of the bodies by name.
@@ -169,10 +169,10 @@ def check_all_divided(
     contacts: Sequence[Contact],
     obstacles: Sequence[Obstacle],
 ) -> None:
-    """Refuse ``reduced = false`` where no factor divides strengths.
+    """Check that no material or contact has ``reduced = false`` without a strength factor.
 
     Raises:
-        InputError: Naming the first body or contact that has it.
+        InputError: If one has; the message names the first such body or contact.
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(
@@ -186,7 +186,7 @@ def check_stands(
     materials: Mapping[str, object],
     rubbing: Sequence[Contact | Obstacle],
 ) -> None:
-    """Refuse loads that grow, and bodies without any strength that a factor divides.
+    """Check that all loads are constant, and that there is a strength to divide.
 
     Args:
         loads: Loads of the bodies.
@@ -194,7 +194,8 @@ def check_stands(
         rubbing: Contacts and obstacles.
 
     Raises:
-        InputError: Naming the first load that grows, or the reason why nothing is divided.
+        InputError: If a load grows, or if no strength is divided; the message names the first such
+            load or the reason.
     """
     rubs = any(it.rubs and is_divided(it) for it in rubbing)
     if all_elastic(materials.values()) and not rubs:
