@@ -1,4 +1,4 @@
-"""Define contact: surfaces, gaps, and the inequalities between them."""
+"""Define contact: surfaces, gaps, and the inequalities between surfaces."""
 
 import lazy_loader
 

@@ -1,1 +1,1 @@
-"""Define the controls of ``[loading]``: each checks its case and computes its answer."""
+"""Define the controls of ``[loading]``: each checks its case and computes the results."""

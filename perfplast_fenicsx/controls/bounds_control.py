@@ -1,4 +1,4 @@
-"""Compute bounds of the limit load that hold for the bodies."""
+"""Compute bounds of the limit load that hold for the bodies themselves, not only for the mesh."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -20,15 +20,17 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class BoundsControl(OfBody):
-    """No loading: bounds of the limit load that hold for the body, and not only for its mesh.
+    """No loading: bounds of the limit load that hold for the bodies, not only for their mesh.
 
     Args:
-        limit_tolerance: Relative distance of each bound to the best of its kind on this mesh,
-            between 0 and 1. On the meshes of a refinement, a twentieth of the last gap is enough.
-        design: Load factor of the design load, often 1.0; results report how many times the bodies
-            carry the design load.
-        direction: "up" for the largest load factor that the bodies carry, and also the least one if
-            permanent loads alone are not carried; "both" always computes both.
+        limit_tolerance: Relative distance of each bound from the best bound of its kind on this
+            mesh, between 0 and 1. On the meshes of a refinement, a twentieth of the previous gap is
+            sufficient.
+        design: Load factor of the design load, often 1.0; results report the ratio of the limit
+            load to the design load.
+        direction: "up" computes the largest load factor that the bodies carry, and also the
+            smallest load factor if the bodies do not carry the permanent loads alone; "both" always
+            computes both.
 
     Raises:
         InputError: For a tolerance or a load factor that is not valid.
@@ -43,7 +45,7 @@ class BoundsControl(OfBody):
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse bodies without loads, obstacles that move, and loads without a second bound."""
+        """Refuse cases without loads, obstacles that move, and loads without a second bound."""
         given.require_load()
         given.refuse_moves()
         if self.direction == "both":
@@ -63,14 +65,14 @@ class BoundsControl(OfBody):
             asked = (self.limit_tolerance, *told, self.design)
             found = adaptive_bounds(problem, run.adapt, *asked, record.so_far)
             body = found.body
-        with of_other_loads(found):  # with opposite signs
+        with of_other_loads(found):  # loads with opposite signs
             body = self._with_least(run, body)
         mesh = found.best.mesh if found else body.mesh
         record.limit(mesh, body, found)
         return mesh
 
     def _with_least(self, run: Run, body: BodyBounds) -> BodyBounds:
-        """Return the bounds with the least load factor, if the user asks for it or if it matters.
+        """Return the bounds, with the smallest load factor if the user requests it or it matters.
 
         Collective.
         """

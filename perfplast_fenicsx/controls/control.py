@@ -1,9 +1,9 @@
 """Define the interface of a control: keys of ``[loading]``, their checks, and the computation.
 
-A control is a frozen dataclass whose fields are the other keys of the table. A control follows
-levels, as ``control = "load"`` does, or computes a limit. It hands results to the :class:`Record`
-of the run, which writes and shows them. :class:`OfLevels` and :class:`OfBody` implement the common
-methods of each kind.
+A control is a frozen dataclass whose fields are the keys of the table other than ``control``. A
+control either solves load levels, as ``control = "load"`` does, or computes a limit. It passes its
+results to the :class:`Record` of the run, which writes and displays them. :class:`OfLevels` and
+:class:`OfBody` implement the methods that controls of each kind share.
 """
 
 import math
@@ -42,15 +42,16 @@ from perfplast_fenicsx.solvers.load_stepping import Reached, load_path, rests_fi
 
 @contextmanager
 def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
-    """An inner search uses other loads or strengths than the case.
+    """Discard the partial result of an inner search if a signal stops the search.
 
-    So its partial result is not an answer to the case.
+    An inner search uses loads or strengths that differ from those of the case, so its partial
+    result does not answer the case.
 
     Args:
-        known: The answer so far, which is reported instead.
+        known: The answer so far, which is reported instead of the partial result.
 
     Raises:
-        StopSearch: With the known answer.
+        StopSearch: With the known answer, if a signal stops the search.
     """
     try:
         yield
@@ -61,14 +62,14 @@ def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Given:
-    """Loads and motions of a case.
+    """The loads and motions of a case.
 
     Attributes:
         loads: The loads.
         supports: Supports that hold or move the bodies.
         obstacles: Rigid obstacles.
         contacts: Contacts, some of which may have a growing overlap.
-        strained: Whether bodies have initial strain or overlap.
+        strained: Whether the bodies have initial strains or an overlap.
         initial: Initial strains and stresses.
         materials: Materials of the bodies by name.
     """
@@ -83,7 +84,7 @@ class Given:
 
     @property
     def movers(self) -> tuple[Mover, ...]:
-        """Return all objects that may move."""
+        """Return all objects that may move or have a growing overlap."""
         return (*self.supports, *self.obstacles, *self.contacts)
 
     @property
@@ -102,13 +103,13 @@ class Given:
         return self.strained or self.settled or any(load.constant for load in self.loads)
 
     def require_load(self, enough: bool = False) -> None:
-        """Refuse bodies without loads.
+        """Refuse cases without loads.
 
         Args:
-            enough: Whether something other than a load is enough for the control.
+            enough: Whether the case has something other than a load that suffices for the control.
 
         Raises:
-            InputError: If there is no load.
+            InputError: If there is no load and ``enough`` is False.
         """
         if not self.loads and not enough:
             raise InputError(
@@ -133,37 +134,36 @@ class Given:
 
 
 Moved = Callable[[str, str], bool]
-"""Function of a name, which may be empty, and a surface: whether the loading moves it."""
+"""Function of a name (possibly empty) and a surface; it returns whether the loading moves it."""
 
 
 class Record(Protocol):
     """The receiver of the results of a control, which writes, shows and logs them.
 
-    All methods are collective.
-
-    Each except ``plan`` may end the run by an exception after a signal.
+    All methods are collective. Each method except ``plan`` may raise an exception after a signal,
+    to end the run.
     """
 
     def plan(self, levels: int) -> None:
-        """Announce the number of levels."""
+        """Announce the number of levels that the run will solve."""
 
     def iteration(self, record: Iteration) -> None:
-        """Record a step of an algorithm within a level."""
+        """Record one iteration of an algorithm within a level."""
 
     def level(self, level: Level, search: Search | None = None) -> None:
         """Record a level and the state of the search for a limit load."""
 
     def interior(self, step: InteriorStep) -> None:
-        """Record a step of the interior point method."""
+        """Record one step of the interior-point method."""
 
     def mesh(self, round_: Round) -> None:
-        """Record the bounds on one of several meshes."""
+        """Record the bounds on one mesh of an adaptive refinement."""
 
     def so_far(self, adaptive: AdaptiveBounds) -> None:
-        """The bounds on the meshes before another one is solved."""
+        """Record the bounds on the meshes so far, before the next mesh is solved."""
 
     def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
-        """Record bounds with strengths that are divided by a factor, and the number of cells."""
+        """Record the bounds for strengths divided by ``factor``, and the number of cells."""
 
     def limit(
         self,
@@ -171,7 +171,7 @@ class Record(Protocol):
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
     ) -> None:
-        """Record a limit load and what is proven of the body; with several meshes the best."""
+        """Record a limit load and the proven bounds of the body; with several meshes, the best."""
 
     def safety(self, found: FactorOfSafety) -> None:
         """Record a factor of safety."""
@@ -179,30 +179,30 @@ class Record(Protocol):
     def direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
     ) -> Proven:
-        """Return the bounds that are proven in a direction of an envelope."""
+        """Return the bounds that are proven in one direction of an envelope."""
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
-        """Record which multiples of the loads with these names are carried."""
+        """Record the set of multiples of the named loads that the bodies carry."""
 
     def shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
-        """Record a shakedown load, and those in directions between two varying loads."""
+        """Record a shakedown load, and the loads in directions between two varying loads."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """The objects that a control uses.
+    """The objects that a control uses in a run.
 
     Attributes:
         problem: The problem that is solved.
         solver: The algorithm of ``[solve]``; None for the interior point method.
-        record: Receives the results.
-        adapt: How the mesh is adapted; None without adaptation.
+        record: Receiver of the results.
+        adapt: Parameters of the mesh adaptation; None without adaptation.
         history: The loading history; None without stages.
         start: The state from which the run continues; None for a new run.
         before: The state of the level before ``start``, if there is one.
-        done: Levels that are already on file.
+        done: Number of levels that are already on file.
         search: State of the search for a limit load.
-        reached: Progress of a loading with chosen steps in these levels.
+        reached: Progress, within these levels, of a loading whose steps the program chooses.
         directions: Directions of an envelope that are already on file.
     """
 
@@ -224,10 +224,10 @@ class Control(Protocol):
 
     Attributes:
         prescribes: The quantity that levels prescribe, or that multiplies the loads.
-        element: Defaults of ``[element]``.
-        drives: Whether ζ multiplies motions of supports and obstacles instead of loads.
-        of_body: Whether the answer holds for the bodies, not only for their mesh.
-        divides: Whether a factor divides strengths, except those with ``reduced = false``.
+        element: Default values of ``[element]``.
+        drives: Whether ζ multiplies the motions of supports and obstacles instead of the loads.
+        of_body: Whether the result holds for the bodies, not only for their mesh.
+        divides: Whether a factor divides all strengths except those with ``reduced = false``.
         together: Whether one load factor ζ multiplies all loads that grow; otherwise each has its
             own factor.
     """
@@ -241,7 +241,7 @@ class Control(Protocol):
 
     @property
     def values(self) -> Sequence[float] | None:
-        """Return the values of the levels, if they are given."""
+        """Return the values of the levels; None if they are not given."""
 
     @property
     def limit_tolerance(self) -> float | None:
@@ -249,17 +249,17 @@ class Control(Protocol):
 
     @property
     def limit_method(self) -> str | None:
-        """Return the method for a limit load; None lets the problem decide."""
+        """Return the method for a limit load; None if the program chooses it for the problem."""
 
     @property
     def design(self) -> float | None:
-        """Return the load factor of the design load, if given."""
+        """Return the load factor of the design load; None if it is not given."""
 
     def in_turn(self) -> Sequence[Stage]:
-        """Return the stages of a loading history; empty for other controls."""
+        """Return the stages of a loading history in order; empty for other controls."""
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return which motions follow the loading."""
+        """Return a function that states which motions follow the loading."""
 
     def check(self, given: Given) -> None:
         """Refuse declarations that do not fit the control.
@@ -269,10 +269,10 @@ class Control(Protocol):
         """
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return remarks on a problem before the interior point method begins. Collective."""
+        """Return remarks on a problem before the interior-point method begins. Collective."""
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse problems that :meth:`find` would refuse, before it solves. Collective.
+        """Refuse problems that :meth:`find` would refuse, before anything is solved. Collective.
 
         Args:
             problem: The bodies, their loads, supports and contacts.
@@ -283,15 +283,15 @@ class Control(Protocol):
         """
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return the meaning of bounds of ζ in a sentence; empty if ζ is a load factor.
+        """Return a sentence with the meaning of bounds of ζ; empty if ζ is a load factor.
 
         Args:
-            lower: Strict lower bound; None without one.
-            upper: Strict upper bound; None without one.
+            lower: Strict lower bound; None if there is no lower bound.
+            upper: Strict upper bound; None if there is no upper bound.
         """
 
     def find(self, run: Run) -> LimitLoad | None:
-        """Compute the answer and pass it to the record. Collective.
+        """Compute the result and pass it to the record. Collective.
 
         Returns:
             The limit load; None for levels, each of which reports whether it is solved.
@@ -302,7 +302,7 @@ class Control(Protocol):
 
 
 class OfLevels:
-    """Base of controls that follow levels."""
+    """Base of controls that solve load levels."""
 
     element: ClassVar[Mapping[str, Any]] = {}
     of_body: ClassVar[bool] = False
@@ -321,15 +321,15 @@ class OfLevels:
         return ()
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Do nothing: the solver checks the requirements of levels."""
+        """Do nothing: the solver itself checks what levels require."""
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return no sentence: ζ is a load factor."""
+        """Return an empty text: ζ is a load factor."""
         return ""
 
 
 class OfBody:
-    """Base of controls that compute bounds of the bodies."""
+    """Base of controls that compute bounds for the bodies."""
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK  # scaled so that L(v) = 1
     element: ClassVar[Mapping[str, Any]] = {"degree": 2}  # linear elements lock
@@ -353,7 +353,7 @@ class OfBody:
         return [*ignored(problem), *idle_pores(problem)]
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return no sentence: ζ is a load factor."""
+        """Return an empty text: ζ is a load factor."""
         return ""
 
 
@@ -375,10 +375,10 @@ def check_values(
     Args:
         values: Values of the levels.
         what: Name of the values in messages.
-        falling: Condition under which they may decrease, in words.
+        falling: Condition, in words, under which the values may decrease.
 
     Raises:
-        InputError: Naming the first wrong value.
+        InputError: Naming the first invalid value.
     """
     if not values:
         raise InputError(f"values is empty; give at least one of the {what}.")
@@ -395,10 +395,10 @@ def check_values(
 
 
 def check_rising(values: Sequence[float], what: str) -> None:
-    """Refuse values that need constant loads or moving supports.
+    """Refuse values that would need constant loads or moving supports.
 
     Args:
-        values: As :func:`check_values` takes them.
+        values: Values of the levels, as for :func:`check_values`.
         what: Name of the values in messages.
 
     Raises:
@@ -417,7 +417,7 @@ def check_rising(values: Sequence[float], what: str) -> None:
 
 
 def follow(run: Run, values: Sequence[float]) -> None:
-    """Solve for each value that is not on file yet. Collective.
+    """Solve the levels whose results are not on file yet. Collective.
 
     Args:
         run: The run.

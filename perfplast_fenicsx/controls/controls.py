@@ -20,4 +20,4 @@ CONTROLS: dict[str, type[Control]] = {
     "envelope": EnvelopeControl,
     "shakedown": ShakedownControl,
 }
-"""Dataclasses whose fields are the keys of ``[loading]`` besides ``control``."""
+"""Control classes by the value of ``control``; their fields are the other keys of ``[loading]``."""

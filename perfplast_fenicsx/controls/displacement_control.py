@@ -1,4 +1,4 @@
-"""Apply a loading by given motions."""
+"""Apply a loading by prescribed motions."""
 
 import math
 from collections.abc import Sequence
@@ -23,16 +23,16 @@ from perfplast_fenicsx.solvers.load_stepping import stroke
 
 @dataclass(frozen=True)
 class DisplacementControl(OfLevels):
-    """Loading by given motions: ζ multiplies the motions of supports and obstacles.
+    """Loading by prescribed motions: ζ multiplies the motions of supports and obstacles.
 
     Args:
         values: Load factors, all increasing or all decreasing.
-        until: The last load factor, not 0; the program chooses those before it, from first yield
-            on.
+        until: The last load factor, not 0; the program chooses the load factors before it, starting
+            from first yield.
 
     Raises:
-        InputError: For not exactly one of ``values`` and ``until``, or for values out of their
-            range.
+        InputError: If both or neither of ``values`` and ``until`` are given, or if values are out
+            of their range.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
@@ -44,7 +44,7 @@ class DisplacementControl(OfLevels):
     def __post_init__(self) -> None:
         if (self.values is None) == (self.until is None):
             what = "neither values nor until" if self.values is None else "both values and until"
-            raise InputError(f"there is {what}; give either values = [...] or until = 1.0.")
+            raise InputError(f"[loading] has {what}; give either values = [...] or until = 1.0.")
         if self.values is not None:
             check_values(self.values, "load factors", "or all decrease")
         elif self.until == 0 or not math.isfinite(self.until or 0.0):
@@ -74,5 +74,5 @@ class DisplacementControl(OfLevels):
             )
 
     def find(self, run: Run) -> None:
-        """Solve for each load factor. Collective."""
+        """Solve a level for each load factor. Collective."""
         follow(run, self.values or stroke(run.solver, self.until or 0.0))

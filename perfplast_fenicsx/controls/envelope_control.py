@@ -18,19 +18,20 @@ class EnvelopeControl(OfBody):
     """No loading: bounds of the set of multiples of two or three loads that the bodies carry.
 
     Args:
-        first: Names of the loads that the first number multiplies, or their surfaces if they have
-            no names.
-        second: Names of the loads that the second number multiplies; constant loads act with any
+        first: Names of the loads that the first number multiplies; a load without a name has the
+            name of its surface.
+        second: Names of the loads that the second number multiplies. Constant loads always act,
+            whatever these numbers are.
+        third: Names of the loads that the third number multiplies; without this key there are two
             numbers.
-        third: Names of the loads that the third number multiplies; without it there are two
-            numbers.
-        until: Relative distance of the inner and outer polygons or polytopes at which the search
-            ends.
-        directions: Largest number of directions in which limit loads are bounded.
-        around: Whether the numbers may be negative, or the names of the loads whose number may be
-            negative; by default the numbers start from 0.
-        limit_tolerance: Relative distance of each bound to the best of its kind on its mesh,
-            between 0 and 1.
+        until: Relative distance between the inner and outer polygon (polytope for three numbers) at
+            which the search ends.
+        directions: Largest number of directions in which the program computes bounds of the limit
+            load.
+        around: True if all numbers may be negative, or the names of loads whose number may be
+            negative; by default all numbers are at least 0.
+        limit_tolerance: Relative distance of each bound from the best bound of its kind on its
+            mesh, between 0 and 1.
 
     Raises:
         InputError: For a tolerance, or a number of directions, that is not valid.
@@ -56,7 +57,7 @@ class EnvelopeControl(OfBody):
 
     @property
     def named(self) -> dict[str, list[str]]:
-        """Return the names of the loads of each number, by its key."""
+        """Return the names of the loads that each number multiplies, by the key of the number."""
         two = {"first": self.first, "second": self.second}
         return two if self.third is None else two | {"third": self.third}
 
@@ -68,7 +69,7 @@ class EnvelopeControl(OfBody):
         return tuple(bool({*names} & {*self.around}) for names in self.named.values())
 
     def check(self, given: Given) -> None:
-        """Refuse names without a load, loads in none or several lists, and moving obstacles."""
+        """Refuse unknown names, loads that are not in exactly one list, and moving obstacles."""
         given.require_load()
         given.refuse_moves()
         known = [called(load) for load in given.loads if not load.constant]
@@ -97,11 +98,11 @@ class EnvelopeControl(OfBody):
         check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Bound the limit load in one direction after another. Collective."""
+        """Compute bounds of the limit load in one direction after another. Collective."""
         growing = [load for load in run.problem.given.loads if not load.constant]
         named = self.named.values()
         groups = [[load for load in growing if called(load) in names] for names in named]
-        with of_other_loads():  # in each direction
+        with of_other_loads():  # each direction has loads of its own
             found = envelope(
                 run.problem,
                 groups,

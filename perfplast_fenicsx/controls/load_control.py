@@ -1,4 +1,4 @@
-"""Apply a loading by the load factor ζ."""
+"""Apply a loading by prescribed values of the load factor ζ."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,15 +21,15 @@ from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 
 @dataclass(frozen=True)
 class LoadControl(OfLevels):
-    """Loading by the load factor ζ.
+    """Loading by prescribed values of the load factor ζ.
 
     Args:
-        values: Load factors, increasing, not negative. With constant loads they may be negative or
-            decrease; the program then first solves ζ = 0.
+        values: Load factors, increasing and not negative. With constant loads they may be negative
+            or decrease; the program then solves ζ = 0 first.
 
     Raises:
-        InputError: For no values, or for values that are not finite, or that neither increase nor
-            decrease.
+        InputError: If there are no values, if a value is not finite, or if the values neither
+            increase nor decrease.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
@@ -45,12 +45,12 @@ class LoadControl(OfLevels):
         return none_moved
 
     def check(self, given: Given) -> None:
-        """Refuse bodies without loads, moving obstacles, and unloading without constant loads."""
+        """Refuse cases without loads, moving obstacles, and unloading without constant loads."""
         given.require_load(given.strained or given.settled)
         given.refuse_moves()
         if not given.stays:
             check_rising(self.values, "load factors")
 
     def find(self, run: Run) -> None:
-        """Solve for each load factor. Collective."""
+        """Solve a level for each load factor. Collective."""
         follow(run, self.values)

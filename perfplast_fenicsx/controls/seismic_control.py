@@ -15,12 +15,12 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 class SeismicControl(OfBody):
     """No loading: bounds of the critical seismic coefficient k_c.
 
-    The force of [earthquake] is k times the weight; k_c is the largest k that the ground carries.
-    All other loads are constant.
+    The force of ``[earthquake]`` is k times the weight; k_c is the largest k at which the ground
+    does not collapse. All other loads are constant.
 
     Args:
-        limit_tolerance: Relative distance of each bound to the best of its kind on this mesh,
-            between 0 and 1.
+        limit_tolerance: Relative distance of each bound from the best bound of its kind on this
+            mesh, between 0 and 1.
 
     Raises:
         InputError: For a tolerance that is not valid.
@@ -38,11 +38,11 @@ class SeismicControl(OfBody):
         return BoundsControl(self.limit_tolerance)
 
     def check(self, given: Given) -> None:
-        """Refuse cases that bounds of the load factor refuse."""
+        """Refuse cases that ``control = 'bounds'`` refuses."""
         self._bounds.check(given)
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse problems that bounds of the body do not support. Collective."""
+        """Refuse problems for which bounds of the body are not available. Collective."""
         self._bounds.admit(problem, solver)
 
     def find(self, run: Run) -> LimitLoad:
@@ -50,13 +50,13 @@ class SeismicControl(OfBody):
         return self._bounds.find(run)
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return the bounds of k_c in a sentence."""
+        """Return a sentence with the bounds of k_c."""
         if upper is not None and upper <= 0:
-            return "The bodies fall without an earthquake: there is no critical coefficient."
+            return "The bodies collapse without an earthquake, so no critical coefficient exists."
         sides = []
         if lower is not None and lower > 0:
-            sides.append(f"stand with k = {rounded_down(lower)} for certain")
+            sides.append(f"are stable at k = {rounded_down(lower)} for certain")
         if upper is not None:
-            sides.append(f"fall at k = {rounded_up(upper)} at the latest")
+            sides.append(f"collapse at k = {rounded_up(upper)} at the latest")
         force = "under a horizontal force of k times their weight"
         return f"The bodies {', and '.join(sides)}, {force}." if sides else ""

@@ -1,4 +1,4 @@
-"""Compute how far loads that vary repeatedly may grow before bodies no longer shake down."""
+"""Compute by how much repeated variable loads may be multiplied while the bodies shake down."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,22 +28,25 @@ from perfplast_fenicsx.problem.problem import Problem
 class ShakedownControl(OfBody):
     """No loading: loads and temperatures vary repeatedly and arbitrarily within ranges.
 
-    The control computes the largest multiple of these ranges to which the bodies shake down: after
-    some flow they respond elastically, by Melan's theorem. The result is an estimate, since elastic
-    stresses are those of the mesh. Bodies that touch must be tied; constant loads act all the time.
+    The control computes the largest multiple of these ranges for which the bodies shake down: by
+    Melan's theorem, they respond elastically after some plastic flow. The result is an estimate,
+    because the elastic stresses are those of the mesh. Bodies in contact must be tied. Constant
+    loads act all the time.
 
     Args:
-        ranges: Least and largest factor of each load and change of temperature, by their names, or
-            by their surfaces or volumes if they have no names. Each load varies independently.
-        corners: Alternative to ``ranges``: factors that occur together, one table for each corner.
-            A load that a table does not name is zero there. Everything between the corners occurs
-            too.
-        directions: With two names: the number of additional ratios of both loads, for a shakedown
-            diagram.
-        limit_tolerance: Relative difference of Melan's and Koiter's values, between 0 and 1.
+        ranges: Smallest and largest factor of each load and change of temperature, by its name. A
+            load without a name has the name of its surface, and a temperature that of its volume.
+            Each load varies independently.
+        corners: Alternative to ``ranges``: factors that act together, one table for each corner of
+            the load domain. A load that a table does not name is zero at that corner. All
+            combinations in the convex hull of the corners also occur.
+        directions: Number of additional ratios of the two loads, for a shakedown diagram; requires
+            exactly two names.
+        limit_tolerance: Relative difference between Melan's and Koiter's values, between 0 and 1.
 
     Raises:
-        InputError: For neither or both of ``ranges`` and ``corners``, or if nothing varies.
+        InputError: If both or neither of ``ranges`` and ``corners`` are given, or if nothing
+            varies.
     """
 
     design: ClassVar[None] = None
@@ -60,14 +63,14 @@ class ShakedownControl(OfBody):
         if (self.ranges is None) == (self.corners is None):
             what = "neither ranges nor" if self.ranges is None else "both ranges and"
             raise InputError(
-                f"there is {what} corners; give what varies as ranges = {{ pressure = [0, "
-                "1] }, or as corners."
+                f"[loading] has {what} corners; give the varying factors as ranges = {{ "
+                "pressure = [0, 1] }, or as corners."
             )
         check_directions(self.domain, self.directions)
 
     @property
     def domain(self) -> LoadDomain:
-        """Return the domain of the loads."""
+        """Return the domain in which the loads vary."""
         if self.ranges is not None:
             return LoadDomain.of_ranges(self.ranges)
         return LoadDomain.of_corners(self.corners or [])
@@ -81,7 +84,7 @@ class ShakedownControl(OfBody):
         check_elastic(given.materials)
         if given.contacts or given.obstacles:
             raise InputError(
-                "control = 'shakedown' adds up elastic stresses of single loads, so that "
+                "control = 'shakedown' superposes elastic stresses of single loads, so "
                 "bodies may neither separate nor slide; replace contacts that stay closed "
                 "by [[tie]] tables, and obstacles by supports."
             )
@@ -92,16 +95,16 @@ class ShakedownControl(OfBody):
             )
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return a remark on preloads, which have no effect; temperatures do."""
+        """Return a remark that preloads have no effect; temperatures have an effect."""
         if not problem.shanks.bolts:
             return ()
         return [
-            "preloads of bolts are residual stresses; they do not change the shakedown "
-            "load and are ignored"
+            "preloads of bolts are self-equilibrated stresses; they do not change the "
+            "shakedown load and are ignored"
         ]
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse laws without a cone, and contacts that may open. Collective."""
+        """Refuse laws without a conic yield set, and contacts that may open. Collective."""
         check_shakedown(problem, self.domain, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:

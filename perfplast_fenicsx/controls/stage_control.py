@@ -14,7 +14,7 @@ from perfplast_fenicsx.solvers.stage_stepping import stage_path
 
 @dataclass(frozen=True)
 class StageControl(OfLevels):
-    """Loading by stages, instead of [loading]."""
+    """Loading by ``[[stage]]`` tables instead of ``[loading]``."""
 
     prescribes: ClassVar[Prescribed] = Prescribed.LOAD_FACTOR
     drives: ClassVar[bool] = False
@@ -27,11 +27,10 @@ class StageControl(OfLevels):
         return self.stages
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a function of names that stages move.
+        """Return a function that states whether a stage moves an object, from its name and surface.
 
-        A load without a name has that of its surface.
-
-        The name of a surface does not count if a load or a temperature has the same name.
+        An object without a name has the name of its surface, unless a load, a temperature or a bolt
+        has that name.
         """
         named = {name for stage in self.stages for name in stage.factors}
         taken = {called(load) for load in loads}
@@ -40,7 +39,7 @@ class StageControl(OfLevels):
         return lambda name, on: name in named or (not name and on in named - taken)
 
     def check(self, given: Given) -> None:
-        """Refuse bodies without loads."""
+        """Refuse cases without loads, motions and initial strains."""
         given.require_load(given.strained or given.moving)
 
     def find(self, run: Run) -> None:

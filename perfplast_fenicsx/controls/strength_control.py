@@ -1,4 +1,4 @@
-"""Compute bounds of a factor of safety on strengths."""
+"""Compute bounds of the factor of safety on strengths."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -15,16 +15,17 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class StrengthControl(OfBody):
-    """No loading: bounds of the factor that strengths may be divided by before collapse.
+    """No loading: bounds of the factor by which strengths may be divided before collapse.
 
-    The factor divides yield stresses, cohesions and slopes of friction, including those of contacts
+    The factor divides yield stresses, cohesions and friction coefficients, also those of contacts
     and obstacles. Strengths with ``reduced = false`` do not change. All loads are constant.
 
     Args:
-        limit_tolerance: Relative distance of each factor to the root of its bound, between 0 and 1.
-        path: Whether to compute afterwards the curve of F over the work of the loads, by Newton's
-            method on the mesh of the upper factor. The plateau of this curve is an estimate, not a
-            bound.
+        limit_tolerance: Relative distance of each factor from the root of its bound, between 0 and
+            1.
+        path: Whether to compute afterwards the curve of the factor F over the work of the loads, by
+            Newton's method on the mesh of the upper bound. The plateau of this curve is an
+            estimate, not a bound.
 
     Raises:
         InputError: For a tolerance that is not valid.
@@ -40,7 +41,7 @@ class StrengthControl(OfBody):
         check_tolerance(self.limit_tolerance)
 
     def check(self, given: Given) -> None:
-        """Refuse missing or growing loads, obstacles that move, and bodies that F cannot weaken."""
+        """Refuse missing or growing loads, moving obstacles, and bodies that F cannot weaken."""
         given.require_load()
         given.refuse_moves()
         check_stands(given.loads, given.materials, [*given.contacts, *given.obstacles])
@@ -52,9 +53,9 @@ class StrengthControl(OfBody):
         check_bounds(weakened(problem, 1.0), self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Compute both factors, and then the curve if the user asks for it. Collective."""
+        """Compute both bounds, and then the curve if the user requests it. Collective."""
         told = (run.adapt, run.record.factor, run.record.interior)
-        with of_other_loads():  # and strengths
+        with of_other_loads():  # each factor has strengths of its own
             safety = factor_of_safety(run.problem, self.limit_tolerance, *told)
         run.record.safety(safety)
         if self.path:

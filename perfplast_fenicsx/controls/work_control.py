@@ -1,4 +1,4 @@
-"""Apply a loading by the work of the loads, or find the limit load."""
+"""Apply a loading by prescribed work of the loads, or compute the limit load."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,25 +28,26 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class WorkControl:
-    """Loading by the work of the loads α = L(u), with given values or until the limit load.
+    """Loading by the work of the loads α = L(u), at given values or up to the limit load.
 
     Args:
-        values: Values of the work, increasing, not negative. With constant loads and moving
-            supports, where α = α₀ at ζ = 0, they may be negative or decrease.
-        until: "limit" computes the limit load, or with Coulomb's friction the load at which the
-            path loses equilibrium.
-        limit_tolerance: Relative difference of the bounds of the limit load, or distance to the
-            limit of ζ(α), between 0 and 1; by default 1e-3. Only with ``until``.
+        values: Values of the work, increasing and not negative. With constant loads or moving
+            supports the work is α₀ at ζ = 0, and the values may be negative or decrease.
+        until: "limit" computes the limit load. With Coulomb's friction it computes the load at
+            which the path loses equilibrium.
+        limit_tolerance: Relative difference between the bounds of the limit load, or relative
+            distance from the limit of ζ(α), between 0 and 1; by default 1e-3. Only with ``until``.
         limit_method: "interior-point" computes only the limit load, in 5 to 30 factorisations;
-            "path" follows ζ(α), with steps of its own, to its plateau. The default is the former if
-            it supports the laws and a factorisation fits in memory, unless there is a [solve] table
-            for a path, or Coulomb's friction. Only with ``until``.
-        design: Load factor of the design load, often 1.0; results report how many times the bodies
-            carry the design load. Only with ``until``.
+            "path" follows ζ(α) to its plateau, and chooses its own steps. By default
+            "interior-point" if it supports the laws and a factorisation fits in memory; "path" if
+            not, if a ``[solve]`` table has keys for a path, or with Coulomb's friction. Only with
+            ``until``.
+        design: Load factor of the design load, often 1.0; results report the ratio of the limit
+            load to the design load. Only with ``until``.
 
     Raises:
-        InputError: For not exactly one of ``values`` and ``until``, or for values out of their
-            range.
+        InputError: If both or neither of ``values`` and ``until`` are given, or if values are out
+            of their range.
     """
 
     prescribes: ClassVar[Prescribed] = Prescribed.WORK
@@ -65,7 +66,9 @@ class WorkControl:
     def __post_init__(self) -> None:
         if (self.values is None) == (self.until is None):
             what = "neither values nor until" if self.values is None else "both values and until"
-            raise InputError(f"there is {what}; give either values = [...] or until = 'limit'.")
+            raise InputError(
+                f"[loading] has {what}; give either values = [...] or until = 'limit'."
+            )
         if self.values is not None:
             check_values(self.values, "works")
             for key in ("limit_tolerance", "limit_method", "design"):
@@ -90,7 +93,7 @@ class WorkControl:
         return ignored(problem)
 
     def check(self, given: Given) -> None:
-        """Refuse constant loads only, moving obstacles, and unloading without constant loads."""
+        """Refuse only constant loads, moving obstacles, and unloading without constant loads."""
         given.require_load()
         given.refuse_moves()
         if not given.stays:
@@ -99,7 +102,7 @@ class WorkControl:
             raise InputError(
                 "control = 'work' needs a load that grows, but all loads are constant; "
                 "remove constant = true from one of them, or give control = 'load', or "
-                "'bounds', which bounds how many times the bodies carry them."
+                "'bounds', which computes the ratio of the collapse load to these loads."
             )
 
     def admit(self, problem: Problem, solver: Any) -> None:
@@ -108,11 +111,11 @@ class WorkControl:
             check_limit_load(problem, self.limit_tolerance, solver)
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return no sentence: ζ is a load factor."""
+        """Return an empty text: ζ is a load factor."""
         return ""
 
     def find(self, run: Run) -> LimitLoad | None:
-        """Solve for each work, or compute the limit load of the mesh. Collective."""
+        """Solve a level for each work, or compute the limit load of the mesh. Collective."""
         record, rtol = run.record, self.limit_tolerance
         if rtol is None:
             follow(run, self.values or ())

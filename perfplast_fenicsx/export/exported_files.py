@@ -1,4 +1,4 @@
-"""Write files for other programs from a result folder. Single-process."""
+"""Write files for other programs from a result folder. Runs in a single process."""
 
 import json
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ TABLES: dict[str, Callable[[ResultReader], list[Row]]] = {
     "resultants.csv": resultant_rows,
     "bounds.csv": bound_rows,
 }
-"""Function for the rows of each table, by the file's name."""
+"""Function that returns the rows of each table, by the name of the file."""
 
 
 def export(
@@ -35,15 +35,15 @@ def export(
     csv: bool = True,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
-    """Write results of a run, which may still be running, for other programs. Not collective.
+    """Write the results of a run for other programs; the run may be active. Not collective.
 
     Args:
         folder: The result folder.
         output: The folder for the files; by default ``export`` in the result folder.
-        vtu: Whether to write each level, quadrature points and the mechanism, as far as they are on
-            file, as ``.vtu``, and ``fields.pvd`` with a list of the levels.
+        vtu: Whether to write ``.vtu`` files of each level, the quadrature points and the mechanism,
+            if they are on file, and ``fields.pvd`` with a list of the levels.
         csv: Whether to write the tables of :data:`TABLES` that have rows.
-        say: Called with each file.
+        say: Function that is called with the path of each file.
 
     Returns:
         The paths of the files.
@@ -81,7 +81,7 @@ def export(
                 write(name, csv_table(rows))
     if not written:
         raise InputError(
-            f"the folder '{folder}' has nothing to export yet: no fields, no level, no limit load."
+            f"the folder '{folder}' has nothing to export yet: no fields, no levels, no limit load."
         )
     return written
 
@@ -89,7 +89,7 @@ def export(
 def _write_series(
     reader: ResultReader, series: str, listed: str, write: Callable[[str, bytes], None]
 ) -> None:
-    """Write all files of a series, and the list of them that ParaView opens."""
+    """Write all files of a series, and the ``.pvd`` list of them for ParaView."""
     if not (reader.path / series).is_file():
         return
     entries = reader.read(series, lambda path: json.loads(path.read_text("utf-8"))["files"])

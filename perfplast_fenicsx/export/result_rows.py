@@ -1,4 +1,4 @@
-"""Make tables of a run: its levels, its forces and moments, its limit load and bounds.
+"""Make tables of a run: levels, forces and moments, the limit load and its bounds.
 
 Rows are dicts; all rows of a table have the same keys.
 """
@@ -17,9 +17,9 @@ def level_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows with the ``level`` (from 1) and the fields of :class:`~report.LevelReport`, without
-        reactions (:func:`resultant_rows`). With stages there is a column such as ``factor_push``
-        for each name.
+        Rows with the ``level`` (from 1) and the fields of :class:`~report.LevelReport`, except the
+        reactions, which :func:`resultant_rows` returns. With stages, each name in a stage has a
+        column such as ``factor_push``.
 
     Raises:
         InputError: If a file cannot be read.
@@ -34,7 +34,7 @@ def bound_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        Rows of :func:`~summary.limit_rows`.
+        The rows of :func:`~summary.limit_rows`.
 
     Raises:
         InputError: If a file cannot be read.
@@ -46,22 +46,22 @@ def bound_rows(reader: ResultReader) -> list[Row]:
 
 
 def resultant_rows(reader: ResultReader) -> list[Row]:
-    """Return a row for each force or moment on the bodies, as far as it is on file.
+    """Return a row for each force or moment on the bodies that is on file.
 
     Args:
         reader: The results.
 
     Returns:
-        The rows, with these columns.
+        The rows, with these columns:
 
-        - ``state``: "level", "given" at ζ = 1, "lower" and "upper" bound of the bodies, or "limit"
-          load of the mesh;
+        - ``state``: "level"; "given" at ζ = 1; "lower" or "upper" for a bound of the bodies;
+          "limit" for the limit load of the mesh;
         - ``level``: number of the level, otherwise empty;
         - ``zeta``: load factor, empty for a constant load;
         - ``quantity``: "force", or "moment" about the origin;
         - ``name``: for example "support bottom";
-        - one column for each axis, empty where a moment has no such component;
-        - ``unit``: empty if it is unknown.
+        - one column for each axis, empty if a moment has no such component;
+        - ``unit``: empty if the unit is unknown.
 
     Raises:
         InputError: If a file cannot be read.

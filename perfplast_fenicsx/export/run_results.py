@@ -1,4 +1,4 @@
-"""Show a run in a notebook: its tables are data frames, and a cell shows its report."""
+"""Show a run in a notebook: its tables as data frames, its report as the output of a cell."""
 
 from html import escape
 from pathlib import Path
@@ -14,9 +14,10 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row, data_frame
 
 
 class RunResults(NotebookResult):
-    """The results of a run on file, which may still be running. Single-process.
+    """The results of a run on file; the run may be active. Runs in a single process.
 
-    The last line of a notebook's cell shows the report, with bodies that can be rotated::
+    If it is the last line of a notebook cell, this call shows the report with bodies that can be
+    rotated::
 
         RunResults("results/blocks")
 
@@ -31,23 +32,25 @@ class RunResults(NotebookResult):
         """Check that the folder has results.
 
         Args:
-            folder: DIR of ``perfplast run``, or that of a :class:`~result_folder.ResultFolder`.
+            folder: DIR of ``perfplast run``, or the folder of a
+                :class:`~result_folder.ResultFolder`.
 
         Raises:
-            InputError: If it has none.
+            InputError: If the folder has no results.
         """
         self.folder = Path(folder)
-        self._reader  # noqa: B018 (raises where there are none)
+        self._reader  # noqa: B018 (raises an InputError if there are no results)
 
     def __repr__(self) -> str:
         return f"RunResults({str(self.folder)!r}: {self._reader.scene.title}; {self.verdict})"
 
     def _repr_html_(self) -> str:
-        """Return the report in its own frame, in which only its scripts may run."""
+        """Return the report in an ``iframe`` that allows only the scripts of the report."""
         reader = self._reader
         check_summary(reader)
         page = escape(page_of(reader, view_data(reader)))
-        # Height of the report in a notebook (pixels): the verdict, with the bodies below it.
+        # Height of the report in a notebook (pixels): enough for the verdict and the bodies below
+        # it.
         height = 760
         return (
             f'<iframe title="{escape(reader.scene.title or "A run")}" sandbox="allow-scripts"'
@@ -59,14 +62,14 @@ class RunResults(NotebookResult):
         return self.verdict
 
     def rows(self) -> list[Row]:
-        """Return the rows of ``levels``; without levels those of ``bounds``."""
+        """Return the rows of ``levels``; if there are no levels, the rows of ``bounds``."""
         return level_rows(self._reader) or bound_rows(self._reader)
 
     def draw_into(self, axes: Any) -> None:
         """Draw the load factor over the work of the loads, or the bounds over the cells.
 
         Raises:
-            InputError: If the run has neither.
+            InputError: If the run has neither levels nor bounds.
         """
         rows = self.rows()
         columns = set(rows[0]) if rows else set()
@@ -90,7 +93,7 @@ class RunResults(NotebookResult):
 
     @property
     def verdict(self) -> str:
-        """The outcome so far, in words."""
+        """The outcome of the run so far, in words."""
         summary = self._reader.summary
         if summary.limit and (found := summary.limit.get("verdict")):
             return str(found)
@@ -114,5 +117,5 @@ class RunResults(NotebookResult):
 
     @property
     def _reader(self) -> ResultReader:
-        """Return a new reader each time, since the run may still be running."""
+        """Return a new reader at each access, because the run may still write results."""
         return ResultReader(self.folder)

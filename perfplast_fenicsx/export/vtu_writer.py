@@ -1,4 +1,4 @@
-"""Write VTK's XML files of cells (``.vtu``) from the VTKHDF files of a run. NumPy and h5py only."""
+"""Write VTK's XML files of cells (``.vtu``) from the VTKHDF files of a run, with NumPy and h5py."""
 
 import base64
 from collections.abc import Iterator, Mapping
@@ -30,14 +30,14 @@ FOOTER = "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 
 def vtu_of(path: Path) -> bytes:
-    """Return a ``.vtu`` file of the fields in a file, with its mesh.
+    """Return the content of a ``.vtu`` file with the mesh and the fields of a VTKHDF file.
 
     Args:
         path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; its mesh file is in the same folder.
 
     Returns:
-        Content of the file, with numbers of the same type in base64, tensors with nine components,
-        texts in UTF-8.
+        The content of the file: numbers of unchanged type in base64, tensors with nine components,
+        text in UTF-8.
 
     Raises:
         OSError, KeyError, ValueError: If the file is damaged, or arrays are missing.
@@ -76,7 +76,7 @@ def _array(name: str, values: npt.NDArray[Any], field: bool) -> str:
         kind, width = "String", ""
     else:
         content = np.ascontiguousarray(values.astype(values.dtype.newbyteorder("<"))).tobytes()
-        # VTK's names of number types, by NumPy's letters.
+        # VTK's names of number types, by NumPy's letters for their kinds.
         kinds = {"f": "Float", "i": "Int", "u": "UInt"}
         kind = f"{kinds[values.dtype.kind]}{8 * values.dtype.itemsize}"
         width = f' NumberOfComponents="{int(np.prod(values.shape[1:]))}"'

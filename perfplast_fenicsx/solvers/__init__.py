@@ -1,4 +1,4 @@
-"""Solve load levels by four algorithms, and load the bodies level by level."""
+"""Solve load levels by four algorithms, and follow loading paths level by level."""
 
 import lazy_loader
 

@@ -1,15 +1,16 @@
-"""ALG2: the augmented Lagrangian method of Uzawa type, accelerated by Anderson's method.
+"""ALG2: the augmented Lagrangian method of Uzawa type with Anderson acceleration.
 
-Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with the misprint in (7) corrected:
+Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with a misprint in (7) corrected:
 
 1.  r⟨Cε(u), ε(v−u)⟩ ≥ ζL(v−u) − ⟨σ^k, ε(v−u)⟩ + r⟨Ce^k, ε(v−u)⟩ for all v in K_h,
 2.  ω = (C⁻¹σ^k + rê)/(1+r),  e = ((1+r)ω − C⁻¹Σ(ω))/r,
 3.  σ^{k+1} = Σ(e) = Σ(ω),
 
-with ê = ε(u), or θε(u) + (1−θ)e^k when over-relaxed by θ. With plastic strain p, where Σ(e) = P(C(e
-− p)), steps 2 and 3 use e − p. The operator is the elastic one for the whole run: its multigrid
-hierarchy or factorisation is reused until the active set changes, and r occurs only in the
-right-hand sides. Since σ^k = Σ(e^k), an iteration is a map of only e^k.
+with ê = ε(u), or ê = θε(u) + (1−θ)e^k with over-relaxation by θ. With plastic strain p, where Σ(e)
+= P(C(e − p)), steps 2 and 3 use e − p. The operator of step 1 is the elastic stiffness for the
+whole run, and r occurs only in the right-hand sides. The multigrid hierarchy or factorisation of
+this operator is therefore reused until the active set changes. Since σ^k = Σ(e^k), an iteration
+maps e^k to e^{k+1} and needs no other data.
 """
 
 from collections.abc import Sequence
@@ -42,11 +43,15 @@ Strains = Floats
 
 
 Weights = tuple[Floats, Floats]
-"""Weights of the spherical and the deviatoric part of the strains, at each owned point."""
+"""Weights of the spherical and the deviatoric part of the strains, at each owned quadrature
+point."""
 
 
 def elastic_weights(problem: Problem) -> Weights:
-    """Return square roots of 3κ and of 2μ, each times the volume of a point. Collective."""
+    """Return √(3κ) and √(2μ) at each point, each times the square root of the point's volume.
+
+    Collective.
+    """
     Q = problem.Q
     owned = Q.dofmap.index_map.size_local
     volume = fem.assemble_vector(fem.form(ufl.TestFunction(Q) * problem.dx)).array[:owned]
@@ -63,15 +68,15 @@ class Anderson:
     """Extrapolates e ← g(e) from the last iterations, with residuals measured in ‖·‖_C.
 
     D. G. Anderson, J. ACM 12 (1965); type II, undamped. If an extrapolated strain increases the
-    residual, the plain iterate is taken and the memory cleared.
+    residual, the method takes the plain iterate and clears its memory.
     """
 
     def __init__(self, comm: MPI.Intracomm, weights: Weights) -> None:
-        """Store the norm.
+        """Store the weights of the norm.
 
         Args:
             comm: Ranks that share the strains.
-            weights: Of ‖·‖_C (:func:`elastic_weights`).
+            weights: Weights of ‖·‖_C, see :func:`elastic_weights`.
         """
         self._comm = comm
         self._spherical, self._deviatoric = (values[:, None] for values in weights)
@@ -80,7 +85,7 @@ class Anderson:
         self._smallest = np.inf
 
     def restart(self) -> None:
-        """Forget all iterations."""
+        """Clear the stored iterations."""
         self._images.clear()
         self._residuals.clear()
         self._smallest = np.inf
@@ -90,8 +95,8 @@ class Anderson:
         before, after = self._values(current), self._values(image)
         residual = self._weigh(after - before)
         size = self._comm.allreduce(float(np.vdot(residual, residual))) ** 0.5
-        # Factor by which a residual may exceed the smallest one before the extrapolation counts as
-        # failed.
+        # Factor by which a residual may exceed the smallest residual before the extrapolation
+        # counts as failed.
         growth = 1.5
         if size > growth * self._smallest:
             self.restart()
@@ -116,7 +121,7 @@ class Anderson:
         return strain.x.array[: len(self._spherical) * width].reshape(-1, width)
 
     def _weigh(self, strains: Strains) -> Strains:
-        """Return coordinates in which ‖·‖_C is the Euclidean norm."""
+        """Return the strains in coordinates in which ‖·‖_C is the Euclidean norm."""
         mean = strains[:, :3].sum(axis=1, keepdims=True) / 3
         weighed = self._deviatoric * strains
         weighed[:, :3] += (self._spherical - self._deviatoric) * mean
@@ -124,7 +129,7 @@ class Anderson:
 
 
 CHECK_EVERY = 10
-"""Number of iterations between checks for a collapse mechanism or an unbalanced penalty."""
+"""Number of iterations between checks for a collapse mechanism and for an unbalanced penalty."""
 
 
 @dataclass(frozen=True)
@@ -132,15 +137,15 @@ class AugmentedLagrangianOptions:
     """Options of ALG2.
 
     Args:
-        penalty: r > 0, relative to the elastic moduli, or "adaptive": doubled or halved so that the
-            primal and the dual residual stay comparable.
-        relaxation: Over-relaxation θ in (0, 2); 1 is the paper's method.
+        penalty: r > 0, relative to the elastic moduli, or "adaptive". An adaptive penalty is
+            doubled or halved to keep the primal and the dual residual comparable.
+        relaxation: Over-relaxation θ in (0, 2); θ = 1 gives the method of the paper.
         acceleration: "anderson" extrapolates e^k from the last iterations, and returns to the plain
-            iteration if that does not reduce the residual; "none" does not extrapolate, and is
-            always used with friction.
-        tolerance: Tolerance of both relative residuals, ‖ε(u) − e‖_C/‖ε(u)‖_C (primal) and
-            r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual); between 0 and 1.
-        max_iterations: Largest number of iterations of a level, at least 1.
+            iteration if the extrapolation does not reduce the residual. "none" does not
+            extrapolate; problems with friction always use "none".
+        tolerance: Tolerance, between 0 and 1, of both relative residuals: ‖ε(u) − e‖_C/‖ε(u)‖_C
+            (primal) and r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual).
+        max_iterations: Largest number of iterations in a level, at least 1.
 
     Raises:
         InputError: If a value is out of its range.
@@ -167,7 +172,7 @@ class AugmentedLagrangianOptions:
 
 
 class AugmentedLagrangian(LevelSolver):
-    """ALG2, which prescribes ζ. An initial state is used with e = ε(u)."""
+    """ALG2, which prescribes ζ. A level starts from a state with e = ε(u)."""
 
     method = "augmented-lagrangian"
     prescribes = Prescribed.LOAD_FACTOR
@@ -177,12 +182,12 @@ class AugmentedLagrangian(LevelSolver):
         """Compile the forms and create the solvers. Collective.
 
         Raises:
-            InputError: If a law is not a projection on a yield set.
+            InputError: If a law is not a projection onto a yield set.
         """
         for on in problem.laws:
             if not on.law.projects:
                 raise InputError(
-                    f"{type(on.law).__name__} is not a projection on a yield set, as ALG2 "
+                    f"{type(on.law).__name__} is not a projection onto a yield set, which ALG2 "
                     f'(method = "{self.method}") requires; give method = "newton".'
                 )
         self.options = options or AugmentedLagrangianOptions()
@@ -230,11 +235,14 @@ class AugmentedLagrangian(LevelSolver):
         self._anderson = Anderson(problem.comm, elastic_weights(problem))
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Start at the state, in K_h, with e = ε(u), σ = Σ(e) and the first penalty. Collective."""
+        """Start from the state, with u in K_h, e = ε(u), σ = Σ(e) and the first penalty.
+
+        Collective.
+        """
         options, active = self.options, self.iterate.begin(start)
-        # Initial adaptive penalty. Tangents relative to the elastic one lie in [0, 1]. The best r
-        # is about the square root of the product of their bounds and so below 1: the more flow, the
-        # smaller.
+        # Initial adaptive penalty. The tangent moduli, relative to the elastic ones, lie in [0,
+        # 1]. The best r is about the square root of the product of their bounds, so it is below 1,
+        # and smaller for more plastic flow.
         first_penalty = 0.3
         self._r.value = first_penalty if options.penalty == "adaptive" else options.penalty
         self._q.x.array[:] = self.iterate.fields.e.x.array
@@ -251,12 +259,12 @@ class AugmentedLagrangian(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Do the steps 1 to 3, with an extrapolation of e. Collective."""
+        """Perform steps 1 to 3, and extrapolate e. Collective."""
         options, iterate = self.options, self.iterate
         if history and len(history) % CHECK_EVERY == 0:
             self._balance(history[-1].extra["primal"], history[-1].extra["dual"])
         gradient = self._step_1_gradient(zeta)
-        # Relative tolerance of each linear solve, whose right-hand side is the remaining residual.
+        # Relative tolerance of each linear solve; its right-hand side is the remaining residual.
         linear_tolerance = 1e-3
         found = self.program.solve(gradient, iterate.room(), active, linear_tolerance)
         iterate.aim(found.delta)
@@ -286,14 +294,14 @@ class AugmentedLagrangian(LevelSolver):
         )
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return whether J_ζ is unbounded below. Collective."""
+        """Return a message if J_ζ is unbounded below, else None. Collective."""
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None
         return above_limit(zeta, history, self.problem.loads.grows())
 
     def _step_1_gradient(self, zeta: float) -> PETSc.Vec:
-        """⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − L₀ − ζL₁ over r, in jump unknowns."""
+        """Return (⟨σ^k + rC(ε(u) − e^k), ε(·)⟩ − L₀ − ζL₁)/r in jump unknowns."""
         self._augmented.interpolate(self._trial)
         assemble_force(self._force, self._force_form, self.problem.bcs)
         self.problem.loads.subtract_from(self._force, zeta)
@@ -307,7 +315,7 @@ class AugmentedLagrangian(LevelSolver):
     def _balance(self, primal: float, dual: float) -> None:
         if self.options.penalty != "adaptive":
             return
-        # An adaptive penalty changes if one residual is this many times the other.
+        # An adaptive penalty changes if one residual exceeds the other by this factor.
         unbalanced = 3.0
         if primal > unbalanced * dual:
             self._r.value = self._r.value * 2
@@ -319,5 +327,5 @@ class AugmentedLagrangian(LevelSolver):
 
 
 def _ratio(change2: float, size2: float) -> float:
-    """Return the quotient of two norms given by their squares; 0 if the second is zero."""
+    """Return the quotient of two norms from their squares; 0 if the second norm is zero."""
     return float(np.sqrt(max(change2, 0) / size2)) if size2 > 0 else 0.0

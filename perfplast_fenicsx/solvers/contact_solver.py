@@ -1,4 +1,4 @@
-"""Define the solver of the contact quadratic program of a Newton step: SNES-VI, or Total FETI."""
+"""Create the solver of the contact quadratic program of a Newton step: SNES-VI or Total FETI."""
 
 from typing import Any, Protocol
 
@@ -17,10 +17,10 @@ from perfplast_fenicsx.solvers.tfeti.tfeti_program import TfetiProgram
 
 
 class ContactSolver(Protocol):
-    """The protocol of contact solvers, with the methods of :class:`contact_qp.ContactProgram`."""
+    """The interface of contact solvers; :class:`contact_qp.ContactProgram` implements it."""
 
     def set_operator(self, A: Any) -> None:
-        """Take the operator of the iterate's tangent. Collective."""
+        """Set the operator, which is the tangent at the iterate. Collective."""
         ...
 
     def solve(
@@ -40,16 +40,16 @@ class ContactSolver(Protocol):
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
     ) -> PETSc.Vec:
-        """Return δ under a load, where these pairs keep their jumps. Collective."""
+        """Return δ under a load, while the pairs ``held`` keep their jumps. Collective."""
         ...
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the counts of contact QPs, of those solved by SNES-VI, and of its iterations."""
+        """Return the numbers of contact QPs, of QPs solved by SNES-VI, and of its iterations."""
         ...
 
 
 def counts(linear: LinearSolver, program: ContactSolver) -> dict[str, Any]:
-    """Return the counts so far, integers by names of :class:`report.LevelReport`."""
+    """Return the counts so far, as integers by their names in :class:`report.LevelReport`."""
     names = ("linear_solves", "setups", "linear_iterations")
     more = ("contact_programs", "snes_vi_programs", "snes_vi_iterations")
     return dict(zip((*names, *more), (*linear.counts(), *program.counts()), strict=True))
@@ -58,12 +58,12 @@ def counts(linear: LinearSolver, program: ContactSolver) -> dict[str, Any]:
 def make_tfeti(
     problem: Problem, linear: LinearSolver, subdivision: Subdivision
 ) -> tuple[Iterate, ContactSolver]:
-    """Return an iterate whose contact programs are solved by Total FETI. Collective.
+    """Return an iterate, and a Total FETI solver of its contact programs. Collective.
 
     Args:
         problem: The problem that is solved.
-        linear: The linear solver, which counts the solves.
-        subdivision: Number of subdomains.
+        linear: The linear solver, which counts the linear solves.
+        subdivision: The requested number of subdomains.
 
     Raises:
         InputError: If Total FETI does not support the problem.

@@ -1,9 +1,10 @@
 """Solve Coulomb's friction as a fixed point of Tresca's: c ← c₀ + μ λ, with contact forces λ.
 
-Each iteration is a convex problem with the bounds of the previous one, and its certificate is that
-of this problem. The fixed point is not a minimiser: it may not exist or not be unique, and neither
-a duality gap nor limit theorems exist for it. A level is one step of the path: slip and friction
-force are opposite at its end, whatever happened during the step.
+Each iteration is a convex problem whose friction bounds c come from the previous iteration, and the
+certificate of the level is the certificate of this problem. The fixed point is not a minimiser: it
+may not exist or may not be unique, and it has neither a duality gap nor limit theorems. A level is
+one step of the path: at its end, slip and friction force are opposite, whatever happened during the
+step.
 """
 
 from collections.abc import Callable
@@ -20,10 +21,10 @@ from perfplast_fenicsx.problem.judged.state import Level, State
 from perfplast_fenicsx.problem.problem import Problem
 
 Solve = Callable[[State | None], Level]
-"""Solves a level with Tresca's friction from a state."""
+"""Function that solves a level with Tresca's friction from a state."""
 
 Largest = Callable[[], float]
-"""The largest nodal force of the stress at the end of the last level; collective."""
+"""Function that returns the largest nodal force of the stress after the last level; collective."""
 
 
 def solve_coulomb(
@@ -32,13 +33,14 @@ def solve_coulomb(
     """Solve a level with Coulomb's friction. Collective.
 
     Args:
-        problem: Problem whose friction is updated.
-        solve: Function that solves the level with the present bounds.
-        largest_force: Function that returns the force that scales rounding errors of contact
-            forces.
-        start: Initial state; None for none.
-        pushes: Contact forces at the initial state, shape (num_pairs,). If they are missing, or too
-            small for the increased loads, nothing slips in the first iteration.
+        problem: Problem whose friction bounds are updated.
+        solve: Function that solves the level with the current friction bounds.
+        largest_force: Function that returns the force to which rounding errors of contact forces
+            are compared.
+        start: Initial state; None for the unloaded bodies.
+        pushes: Contact forces in the initial state, shape (num_pairs,). If they are all zero, or if
+            the level fails with friction bounds from these forces, the first iteration allows no
+            slip.
     """
     first = _bounds(problem, pushes)
     if start is not None and problem.comm.allreduce(float(first.sum())) > 0:
@@ -57,15 +59,15 @@ def _rounds(
     bounds: Floats,
     most: float,
 ) -> Level:
-    """Iterate from initial bounds until the bounds converge. Collective.
+    """Repeat the level, from the initial bounds until the bounds converge. Collective.
 
     Args:
-        problem: Problem whose friction is updated.
+        problem: Problem whose friction bounds are updated.
         solve: See :func:`solve_coulomb`.
         largest_force: See :func:`solve_coulomb`.
-        start: Initial state; None for none.
-        bounds: Initial bounds.
-        most: Largest earlier bounds of surfaces on this rank.
+        start: Initial state; None for the unloaded bodies.
+        bounds: Initial friction bounds.
+        most: Largest friction bound on this rank before the iteration.
     """
     friction, comm = problem.friction, problem.comm
     follows = friction.coulomb > 0
@@ -73,19 +75,20 @@ def _rounds(
     most = comm.allreduce(float(bounds[np.isfinite(bounds)].max(initial=most)), MPI.MAX)
     rounds: list[Level] = []
     most_rounds = 100
-    reason = f"the limits of friction have not converged in {most_rounds} rounds"
+    reason = f"the bounds of Coulomb's friction have not converged in {most_rounds} iterations"
     # Relative change of the bounds at which the iteration ends.
     settled = 1e-8
-    # Contact and friction forces below this share of the largest force on bodies, or of the largest
-    # contact force of a level, are rounding errors of unloaded surfaces.
+    # Contact and friction forces below this fraction of the largest nodal force, or of the largest
+    # contact force in a level, are rounding errors of unloaded surfaces.
     rounding = 1e-10
     for _ in range(most_rounds):
         level = solve(start)
         rounds.append(level)
         if not level.report.converged:
-            bounds_of = "with the last round's forces of contact" if len(rounds) > 1 else "at first"
+            bounds_of = "previous contact forces" if len(rounds) > 1 else "initial bounds"
             reason = (
-                f"round {len(rounds)} of Coulomb's friction, {bounds_of}: {level.report.reason}"
+                f"iteration {len(rounds)} of Coulomb's friction, with the {bounds_of}: "
+                f"{level.report.reason}"
             )
             return _together(rounds, False, reason)
         start = level.state
@@ -106,7 +109,7 @@ def _rounds(
 
 
 def _bounds(problem: Problem, forces: Floats) -> Floats:
-    """Return c₀ + μ λ where friction is Coulomb's, with the adhesion c₀."""
+    """Return c₀ + μ λ at the points with Coulomb's friction, with the adhesion c₀."""
     friction = problem.friction
     follows = friction.coulomb > 0
     bounds: Floats = friction.coulomb[follows] * np.maximum(forces[friction.pair[follows]], 0.0)
@@ -115,7 +118,7 @@ def _bounds(problem: Problem, forces: Floats) -> Floats:
 
 
 def _together(rounds: list[Level], converged: bool, reason: str) -> Level:
-    """Return the last level with the counts of all iterations."""
+    """Return the last level, with counts summed over all iterations."""
     last, reports = rounds[-1], [level.report for level in rounds]
     sums = {
         name: sum(getattr(report, name) for report in reports)

@@ -1,14 +1,15 @@
 """Define the iterate of a Newton-like method: gradient, tangent, line search, increments.
 
-ALG1 and the work-controlled methods share this module; they differ in their steps.
+All algorithms share this module; they differ in their steps.
 
-Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Those in nodal
-unknowns have names of u: displacements, their change δu (:attr:`quadrature_fields.Direction.du`),
-forces. Those in jump unknowns, of the jump basis, have names of y: y = M u, and ``delta_y`` with
-δu = T δy. Forces in jump unknowns are Tᵀ times the nodal ones.
+Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Vectors in
+nodal unknowns have names of u: displacements, their change δu
+(:attr:`quadrature_fields.Direction.du`), forces. Vectors in the jump unknowns of the jump basis
+have names of y: y = M u, and ``delta_y`` with δu = T δy. Forces in jump unknowns are Tᵀ times the
+forces in nodal unknowns.
 
-Find the length of a Newton step, at which the derivative of the energy along it vanishes.
-The energy is convex, so that its derivative φ'(β) is nondecreasing and bisection finds the zero.
+The line search finds the length of a Newton step at which the derivative φ'(β) of the energy along
+the step vanishes. The energy is convex, so φ' is nondecreasing, and bisection finds its zero.
 """
 
 from collections.abc import Callable
@@ -32,10 +33,10 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 
 class Tangent(Protocol):
-    """The tangent Σ^{o,ρ}(ε(u)) of some fields."""
+    """The tangent Σ^{o,ρ}(ε(u)) of the fields."""
 
     def at(self, rho: float) -> Any:
-        """Return an operator for this ρ and the present strains, valid until the next call.
+        """Return an operator for ρ and the current strains, which is valid until the next call.
 
         Collective.
         """
@@ -43,7 +44,7 @@ class Tangent(Protocol):
 
 
 MakeTangent: TypeAlias = Callable[[QuadratureFields], Tangent]
-"""Function that creates the tangent of fields; collective."""
+"""Function that creates the tangent of given fields; collective."""
 
 
 class JumpTangent:
@@ -55,25 +56,25 @@ class JumpTangent:
         self._operator = ContactOperator(fields.problem, self._stiffness.matrix)
 
     def at(self, rho: float) -> ContactOperator:
-        """Return the operator, see :meth:`Tangent.at`."""
+        """Return the operator; see :meth:`Tangent.at`."""
         self._stiffness.assemble(rho)
         self._operator.add_springs(None)
         return self._operator
 
 
 Slope = Callable[[float], float]
-"""The derivative φ'(β); collective."""
+"""Function that returns the derivative φ'(β); collective."""
 
 SLOPE_REDUCTION = 1e-3
-"""A shortened step ends where |φ'(β)| is at most this share of |φ'(0)|."""
+"""A shortened step ends where |φ'(β)| is at most this fraction of |φ'(0)|."""
 
 
 LONGEST = 1.5
-"""Largest length of a stretched step; twice the length is too far where bodies bend."""
+"""Largest length of a stretched step; a step of length 2 is too long where bodies bend."""
 
 STRETCHABLE = 0.1
-"""A step is stretched if at least this share of φ'(0) is left at its end, and until less is left.
-The yielded zone grows from step to step, so that each step is too short."""
+"""A step is stretched if |φ'(1)| is at least this fraction of |φ'(0)|, until less is left. The
+yielded zone grows from step to step, so steps of length 1 are too short."""
 
 
 def step_length(
@@ -82,18 +83,18 @@ def step_length(
     longest: Callable[[], float] | None = None,
     kinked: bool = False,
 ) -> float:
-    """Return β = argmin of the energy over (0, 1], or to ``longest`` if it still falls much at 1.
+    """Return the β that minimises the energy over (0, 1], or up to ``longest`` if φ'(1) is steep.
 
-    β = 1 is accepted if φ' is not positive there, or so small relative to φ'(0) or its terms that a
-    shorter step gains nothing. Collective.
+    β = 1 is accepted if φ'(1) is not positive, or if it is so small, relative to φ'(0) or to its
+    terms, that a shorter step gains nothing. Collective.
 
     Args:
-        slope: φ'.
-        noise: Rounding errors of φ' as a sum, and including those of its terms; called only if they
-            decide.
-        longest: Largest step length; None for 1.
-        kinked: Whether the energy has kinks that the step may not account for. If it rises from the
-            start, β = 0, and the next step has better information.
+        slope: Function that returns φ'.
+        noise: Function that returns the rounding error of φ' as a sum, and the rounding error that
+            includes those of its terms; called only if the errors decide.
+        longest: Function that returns the largest step length; None for a largest length of 1.
+        kinked: Whether the energy has kinks that the step may not account for. If the energy then
+            rises from the start, β is 0, and the next step has better information.
     """
     at_zero, at_one = slope(0.0), slope(1.0)
     if -STRETCHABLE * abs(at_zero) <= at_one <= SLOPE_REDUCTION * abs(at_zero):
@@ -107,8 +108,9 @@ def step_length(
     if longest is None or at_zero >= -of_all or at_one >= -STRETCHABLE * abs(at_zero):
         return 1.0
     if kinked:
-        # A step with at least this share of φ'(0) left at its end moves bodies as if rigid, against
-        # friction only, whose forces are constant: it continues until a surface resists.
+        # If φ' at the end of the step is at least this fraction of φ'(0), the bodies move almost
+        # rigidly, against friction alone, whose forces are constant. The step then continues until
+        # a surface resists.
         nothing_resists = 0.9
         slides = at_one <= nothing_resists * at_zero
         return _slid(slope, enough, longest()) if slides else 1.0
@@ -116,22 +118,22 @@ def step_length(
 
 
 def longest_slide(last_turn: float, strain2: float, change2: float) -> float:
-    """Return the largest length of a step on which bodies slide.
+    """Return the largest length of a step in which bodies slide.
 
     Args:
-        last_turn: β at which the last place reverses its slip.
+        last_turn: Largest β at which a point of friction reverses its slip.
         strain2: ‖ε(u)‖².
         change2: ‖ε(δu)‖² of the step.
     """
-    # It may also be so long that it changes strains by less than this share.
+    # The step may also be long enough to change the strains by this fraction.
     share = 1e-2
     strainless = share * (strain2 / change2) ** 0.5 if change2 > 0 else 0.0
-    past = 1.01  # factor beyond the β at which the last place reverses its slip
+    past = 1.01  # factor beyond the β of the last reversal of slip
     return max(past * last_turn, strainless)
 
 
 def _slid(slope: Slope, enough: float, longest: float) -> float:
-    """Return a β ≥ 1 at which another surface resists, or the largest allowed one. Collective."""
+    """Return a β ≥ 1 at which another surface resists, or the largest allowed β. Collective."""
     low = 1.0
     while low < longest:
         high = min(2 * low, longest)
@@ -142,12 +144,12 @@ def _slid(slope: Slope, enough: float, longest: float) -> float:
 
 
 def _stretched(slope: Slope, enough: float, longest: float) -> float:
-    """Return the β ≥ 1 up to which the energy still falls much, for φ'(1) < -``enough``.
+    """Return the β ≥ 1 up to which the energy still falls steeply, for φ'(1) < -``enough``.
 
     Collective.
 
     Args:
-        slope: φ'.
+        slope: Function that returns φ'.
         enough: |φ'| at which the step may end.
         longest: Largest step length.
     """
@@ -157,7 +159,7 @@ def _stretched(slope: Slope, enough: float, longest: float) -> float:
 
 
 def _bisected(slope: Slope, low: float, high: float, enough: float) -> float:
-    """Return the β of the zero between two, at which φ' is negative and positive."""
+    """Return β where φ' vanishes, between ``low`` with φ' < 0 and ``high`` with φ' > 0."""
     most_bisections = 40
     for _ in range(most_bisections):
         middle = (low + high) / 2
@@ -169,7 +171,7 @@ def _bisected(slope: Slope, low: float, high: float, enough: float) -> float:
 
 
 ROUNDING = 1e-13
-"""Slopes below this share of the terms of which they are the difference are rounding errors."""
+"""Slopes below this fraction of the terms whose difference they are count as rounding errors."""
 
 
 class Iterate:
@@ -178,16 +180,17 @@ class Iterate:
     All methods except :meth:`room` are collective.
 
     Attributes:
-        fields: u (nodal) with its strain, stress, integrals.
+        fields: u (nodal) with its strain, stress and integrals.
         direction: δu (nodal) and the integrals along it.
         y: u in jump unknowns.
-        lifted: Whether the start does not yet satisfy supports, interference and initial strain.
-        first_force: Largest unbalanced force at the beginning of the level.
-        slip: Linearisation of friction in the next step.
+        lifted: Whether the initial u did not satisfy the supports, interferences and initial
+            strains.
+        first_force: Largest unbalanced force at the start of the level.
+        slip: Linearisation of friction for the next step.
     """
 
     def __init__(self, problem: Problem, tangent: MakeTangent = JumpTangent) -> None:
-        """Compile the forms; ``tangent`` creates the tangent. Collective."""
+        """Compile the forms, and create the tangent with ``tangent``. Collective."""
         self.problem = problem
         self.fields = QuadratureFields(problem)
         self.direction = Direction(self.fields)
@@ -201,13 +204,13 @@ class Iterate:
         self.slip: Slip = stuck(problem.friction.index.shape)
 
     def begin(self, start: State | None) -> PairFlags:
-        """Start from a state or from zero displacement, and remove penetrations so that u ∈ K_h.
+        """Start from a state or from zero displacement, and remove penetrations to get u ∈ K_h.
 
-        Supported unknowns get their u_D, which no direction changes, and the laws get the state's
-        history.
+        Supported unknowns get their values u_D, which no direction changes, and the laws get the
+        history of the state.
 
         Returns:
-            The initial active set, which is that of the state or the problem's first one.
+            The initial active set: that of the state, or the first active set of the problem.
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})
@@ -229,12 +232,12 @@ class Iterate:
             self.lifted |= start is None or problem.motion.driven
         self._stick(start)
         self.fields.update()
-        if self.lifted:  # otherwise the first step would start from cells that yield artificially
+        if self.lifted:  # otherwise cells would yield artificially in the first step
             self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
 
     def _stick(self, start: State | None) -> None:
-        """Let places continue to slip if they slip at the start by more than rounding.
+        """Set which points of friction slip: those whose slip at the start exceeds rounding errors.
 
         Collective.
         """
@@ -251,11 +254,11 @@ class Iterate:
         self.slip = slipping(then, friction.bound, slips)
 
     def jumps(self) -> Floats:
-        """Return the slip (length) of the places of friction on this rank."""
+        """Return the slip (length) at the points of friction on this rank."""
         return self.problem.friction.slip(self.y)
 
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
-        """Return strain and stress of a state after plastic flow, if it must be moved first."""
+        """Return strain and stress of a state after plastic flow, if supports or gaps then move."""
         problem = self.problem
         moves = problem.motion.moves_supports or problem.motion.driven
         if start is None or not (problem.history and moves):
@@ -264,7 +267,7 @@ class Iterate:
         return self.fields.e.x.array.copy(), self.fields.stress.x.array.copy()
 
     def room(self) -> Floats:
-        """Return the room g − s ≥ 0 of each pair on this rank, shape (num_pairs,)."""
+        """Return the current gap g − s ≥ 0 of each pair on this rank, shape (num_pairs,)."""
         basis = self.problem.basis
         return np.maximum(basis.gap - self.y.array_r[basis.index], 0)
 
@@ -281,7 +284,7 @@ class Iterate:
         return self.fields.potential() - self.total_work(zeta) + self.rubbed()
 
     def rubbed(self) -> float:
-        """Return Σ c‖slip‖, the dissipation of friction. Collective."""
+        """Return Σ c‖slip‖, the dissipation by friction. Collective."""
         return self.problem.comm.allreduce(self.problem.friction.energy(self.jumps()))
 
     def _rubbing(self, beta: float) -> float:
@@ -293,9 +296,9 @@ class Iterate:
         return self.problem.comm.allreduce(friction.slope(self.jumps(), change, beta))
 
     def gradient(self, zeta: float) -> PETSc.Vec:
-        """Return ⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns without friction.
+        """Return ⟨Σ(ε(u)), ε(·)⟩ − L₀ − ζL₁ in jump unknowns, without friction.
 
-        Valid until the next call.
+        The vector is valid until the next call.
         """
         self.fields.assemble_force().copy(self._gradient_u)
         self.problem.loads.subtract_from(self._gradient_u, zeta)
@@ -303,7 +306,7 @@ class Iterate:
         return self._gradient_y
 
     def operator(self, rho: float) -> Any:
-        """Return the tangent Σ^{o,ρ}(ε(u)); valid until the next call."""
+        """Return the tangent Σ^{o,ρ}(ε(u)), which is valid until the next call."""
         return self._tangent.at(rho)
 
     def aim(self, delta_y: PETSc.Vec) -> None:
@@ -317,14 +320,14 @@ class Iterate:
 
     @phase("line search")
     def line_search(self, zeta: float, stretch: bool = False, halted: bool = False) -> float:
-        """Return β along δu from the derivative of J_ζ(u + β δu).
+        """Return the step length β along δu, from the derivative of J_ζ(u + β δu).
 
         See :func:`step_length`.
 
         Args:
             zeta: Load factor.
-            stretch: Whether β may exceed 1 if J_ζ still falls much there.
-            halted: Whether the last step had β = 0, so that another one would change nothing.
+            stretch: Whether β may exceed 1 if J_ζ still falls steeply at β = 1.
+            halted: Whether the last step had β = 0; a second one would change nothing.
         """
         direction = self.direction
         load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
@@ -338,7 +341,7 @@ class Iterate:
         return step_length(slope, self._noise, may, kinked=rubs)
 
     def _noise(self) -> tuple[float, float]:
-        """Return rounding errors of slopes: of the terms of their sum, and of the strains."""
+        """Return the rounding errors of slopes: from their terms, and including the strains."""
         stress, change = self.fields.stress_norm2(), self.direction.du_norm2()
         friction = self.problem.friction
         rubbing = friction.energy(friction.jumps(self._delta_y))
@@ -349,7 +352,7 @@ class Iterate:
         return ROUNDING * terms, ROUNDING * max(terms, strains)
 
     def _longest(self) -> float:
-        """Return the largest step with u + β δu in K_h."""
+        """Return the largest β with u + β δu in K_h."""
         friction, comm, most = self.problem.friction, self.problem.comm, LONGEST
         if friction.count:
             turn = friction.last_turn(self.jumps(), friction.jumps(self._delta_y), comm)
@@ -360,10 +363,11 @@ class Iterate:
         return float(comm.allreduce(shares.min(initial=most), MPI.MIN))
 
     def descends_until(self, work: float, zeta: float) -> bool:
-        """Return whether J_ζ still falls along δu where L₀ + ζL₁ has grown to ``work``.
+        """Return whether J_ζ still falls along δu at the point where L₀ + ζL₁ reaches ``work``.
 
-        The function considers at least ten times the work on u. J_ζ is convex, so it then falls all
-        the way. The ray must stay in K_h: pairs that δu would close keep their distance instead.
+        The function considers at least ten times the work at u. J_ζ is convex, so J_ζ then falls
+        along the whole segment. The ray must stay in K_h, so pairs that δu would close keep their
+        gaps.
         """
         direction, basis = self.direction, self.problem.basis
         jump = self._delta_y.array_r[basis.index]
@@ -378,10 +382,11 @@ class Iterate:
         return direction.slope() + self._rubbing(float(direction.beta.value)) < along
 
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
-        """Advance by β δu, and return the size of the step by a criterion of Remark 1.
+        """Advance by β δu, and return the size of the step in the criterion ``stopping``.
 
-        "energy" is the change of J_ζ, with ζ = 0 (as for prescribed work) of Ψ − L₀, relative to
-        the same quantity or, with constant loads, to |Ψ| + ½‖σ‖².
+        The criteria are those of Remark 1. The criterion "energy" is the relative change of J_ζ;
+        with prescribed work ζ = 0, and J_ζ is Ψ − L₀. With constant loads the change is relative to
+        at least |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)
@@ -396,7 +401,10 @@ class Iterate:
         return abs(after - before) / total if total > 0 else 0.0
 
     def increment(self, stopping: str) -> float:
-        """Return ‖δu‖ or ‖δσ‖_E relative to the states before and after the step (Remark 1)."""
+        """Return ‖δu‖ or ‖δσ‖_E relative to the sum of the norms before and after the step.
+
+        The criterion is in Remark 1.
+        """
         fields, direction = self.fields, self.direction
         if stopping == "stress":
             change, before, after = (
@@ -411,7 +419,7 @@ class Iterate:
         return float(np.sqrt(max(change, 0)) / total) if total > 0 else 0.0
 
     def least_norm2(self) -> float:
-        """Return the ‖·‖² below which strain and stress at u are mainly rounding errors.
+        """Return the ‖·‖² below which the strain and stress of u are mainly rounding errors.
 
         Collective.
         """
@@ -420,8 +428,8 @@ class Iterate:
     def load_change(self, change: float, zeta: float) -> float:
         """Return a change of ζ relative to ζ, or to the other forces. Collective.
 
-        ζ may be exactly 0 if moving supports and constant loads balance, or if bodies move as if
-        rigid.
+        ζ may be exactly 0 if moving supports and constant loads are in balance, or if bodies move
+        almost rigidly.
         """
         fields, loads = self.fields, self.problem.loads
         forces = abs(zeta) * loads.live.norm()
@@ -432,23 +440,23 @@ class Iterate:
         return abs(change) * loads.live.norm() / forces if forces > 0 else 0.0
 
     def first_work(self, zeta: float) -> float:
-        """Return the reference of later works after the first step. Collective.
+        """Return the reference value for works in later steps, after the first step. Collective.
 
-        It is L₀(u) + ζL₁(u), which may vanish, or |Ψ| + ½‖σ‖², which does not.
+        It is |L₀(u) + ζL₁(u)|, which may vanish, or |Ψ| + ½‖σ‖² if that is larger.
         """
         return max(abs(self.total_work(zeta)), self.fields.size())
 
     def advance(self, beta: float) -> None:
-        """Take the step: u ← u + β δu."""
+        """Advance the iterate: u ← u + β δu."""
         u = self.fields.u
         u.x.array[:] += beta * self.direction.du.x.array
         self.y.axpy(beta, self._delta_y)
-        if beta > 1:  # places may have reversed their slip
+        if beta > 1:  # points of friction may have reversed their slip
             self.slip = slipping(self.jumps(), self.problem.friction.bound, ~self.slip.sticks)
         self.fields.update()
 
     def state(self, zeta: float, active: PairFlags) -> State:
-        """Return a copy of u with the history after it, which later steps do not change."""
+        """Return a copy of u with the updated history; later steps do not change the copy."""
         u = fem.Function(self.problem.V, name="displacement")
         u.x.array[:] = self.fields.u.x.array
         return State(u, zeta, self.work(), active.copy(), self.fields.updated_history())

@@ -1,7 +1,7 @@
-"""Run the loop of a load level, the same for every algorithm, and their common parts.
+"""Run the loop of a load level, which all algorithms share, and define their common parts.
 
-An algorithm is a :class:`LevelSolver` that defines the beginning of a level, a step, and the
-evidence that there is no solution. This module handles failures, ends and verdicts.
+An algorithm is a :class:`LevelSolver`. It defines the start of a level, a step, and the test that
+shows that no solution exists. This module handles failures, the end of the loop, and verdicts.
 """
 
 from abc import ABC, abstractmethod
@@ -32,20 +32,21 @@ from perfplast_fenicsx.solvers.tightening import tighten
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
-"""Number of times that a level continues after small steps at a state that is not a solution."""
+"""Number of times that a level continues if its steps become small at a state that is no
+solution."""
 
 
 class Stepper(Protocol):
-    """The interface of an algorithm to the loop.
+    """The interface of an algorithm for the loop.
 
     Attributes:
-        iterate: u, which steps advance.
-        linear: The linear solver, for its counts.
-        program: Solver of the contact quadratic programs, for its counts.
-        max_iterations: Largest number of steps of a level.
+        iterate: The displacement u, which steps advance.
+        linear: The linear solver, which counts its solves.
+        program: Solver of the contact quadratic programs, which counts them.
+        max_iterations: Largest number of steps in a level.
         tolerance: Value of the stopping criterion at which the steps end.
         steps_called: Name of the steps in messages.
-        criterion: Description in messages of the satisfied criterion.
+        criterion: Description of the satisfied criterion in messages.
     """
 
     iterate: Iterate
@@ -58,7 +59,7 @@ class Stepper(Protocol):
 
     @abstractmethod
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Set the start of the level, and return ζ and the initial active set. Collective."""
+        """Prepare the start of the level, and return ζ and the initial active set. Collective."""
         ...
 
     @abstractmethod
@@ -84,20 +85,20 @@ class Stepper(Protocol):
 
     @abstractmethod
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return why there is no solution, if the steps so far show it, else None. Collective."""
+        """Return why no solution exists, if the steps so far show it, else None. Collective."""
         ...
 
 
 def solve_level(
     stepper: Stepper, value: float, start: State | None = None, monitor: Monitor | None = None
 ) -> Level:
-    """Take steps until the level is solved or provably has no solution. Collective.
+    """Take steps until the level is solved or is shown to have no solution. Collective.
 
     Args:
         stepper: The algorithm.
         value: Prescribed ζ or α.
-        start: Initial state; None for none.
-        monitor: Called on every rank after each step.
+        start: Initial state; None for the unloaded bodies.
+        monitor: Function that is called on every rank after each step.
 
     Returns:
         The level. If it did not converge, its report gives the reason, and its state is the last
@@ -136,7 +137,7 @@ def solve_level(
 
 
 def _pushed_away(problem: Problem, zeta: float) -> str | None:
-    """Return why a level failed, if the loads push a body away, else None. Collective."""
+    """Return a message if the loads at ``zeta`` push a body away, else None. Collective."""
     force = problem.loads.total(zeta, problem.create_vector())
     told = problem.free.leaving.pushed_away(force)
     force.destroy()
@@ -147,13 +148,13 @@ class LevelSolver(Stepper, ABC):
     """An algorithm for one problem, which reuses forms, matrices and solver set-ups between levels.
 
     Attributes:
-        method: Its name in case files.
+        method: Name of the algorithm in case files.
         prescribes: The prescribed quantity, ζ or α.
         problem: The problem that is solved.
         linear: The linear solver and its counts.
         iterate: u and its fields.
         program: Solver of the contact quadratic programs.
-        friction: Solver of the programs with friction; None without friction.
+        friction: Solver of the contact programs with friction; None without friction.
     """
 
     method: ClassVar[str]
@@ -174,14 +175,14 @@ class LevelSolver(Stepper, ABC):
 
         Args:
             problem: The problem that is solved.
-            end: Tolerance of the steps, and their largest number.
-            criterion: Description in messages of the satisfied stopping criterion.
-            lender: Algorithm whose solvers are shared.
-            subdivision: Subdivision of Total FETI.
+            end: Tolerance of the steps, and the largest number of steps in a level.
+            criterion: Description of the satisfied stopping criterion in messages.
+            lender: Algorithm whose solvers this one shares; None to create new solvers.
+            subdivision: Subdivision of Total FETI; None for SNES-VI.
 
         Raises:
             InputError: If Total FETI is selected but does not support the problem, if friction is
-                associated, or if bodies are rigid or of a kind that only bounds support.
+                associated, or if a body is rigid or has a material that only bounds support.
         """
         check_deforms(problem.given.materials)
         if problem.has_rigid and problem.rigid_bodies is None:
@@ -214,13 +215,13 @@ class LevelSolver(Stepper, ABC):
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
-        """Solve a level, after tightening bolts that are not tightened yet. Collective.
+        """Solve a level. Bolts that are not tightened yet are tightened first. Collective.
 
         Args:
             value: Load factor ζ or work α (energy), whichever the algorithm prescribes.
-            start: Initial state, such as that of a smaller load or an extrapolation; penetrations
-                are removed. None for u = 0 with all pairs of zero gap closed.
-            monitor: Called on every rank after each step.
+            start: Initial state, such as that of a smaller load, or an extrapolation; the solver
+                removes penetrations. None starts from u = 0 with all pairs of zero gap closed.
+            monitor: Function that is called on every rank after each step.
 
         Returns:
             The level. If it did not converge, its report gives the reason, and its state is the
@@ -259,5 +260,5 @@ class LevelSolver(Stepper, ABC):
         return forces
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
-        """Return the level ζ = 0, under constant loads and moving supports. Collective."""
+        """Return the level at ζ = 0, under constant loads and moving supports. Collective."""
         return self.solve(0.0, None, monitor)

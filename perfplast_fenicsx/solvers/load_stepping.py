@@ -1,17 +1,14 @@
-"""Load the bodies by a sequence of levels, and choose the next step in α or in a given motion.
+"""Solve a sequence of levels, and choose the next step in α or in a prescribed motion.
 
-:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses its own steps in α, from
-the elastic slope to the plateau of ζ(α).
+:func:`load_path` follows given values of ζ or α; :func:`work_path` chooses the steps in α itself,
+from the elastic slope to the plateau of ζ(α).
 
-Detect gaps that close on a loading path, at which steps in α end.
-If a body has reached a limit load of its own, ζ(α) is constant until a gap closes and another body
-supports it. The line through the last two levels predicts the closing; beyond it there is another
-curve.
+Steps in α end where gaps close. If a body has reached a limit load of its own, ζ(α) is constant
+until a gap closes and another body supports it. The line through the last two levels predicts where
+the gap closes; beyond that point the curve ζ(α) is a different one.
 
-Choose the next step in α of a loading by chosen steps.
-α grows by a factor that decreases where ζ(α) bends or a level needs many steps, and increases on
-the plateau, where a collapse mechanism may allow a longer step. Closing gaps end a step: a body
-that has reached its own limit load has a plateau too, until another body supports it.
+In :func:`work_path`, α grows by a factor that decreases where ζ(α) bends or a level needs many
+steps. The factor increases on the plateau, where a collapse mechanism may allow a longer step.
 """
 
 import dataclasses
@@ -40,18 +37,18 @@ log = logging.getLogger(__name__)
 
 
 def closing_work(problem: Problem, before: State, last: State, alpha: float) -> float:
-    """Return the work at which half of the pairs that close before α have closed, or α itself.
+    """Return the work at which half of the gaps that close before α have closed, or α itself.
 
     Collective.
 
-    The result is α if no more pairs close than are already closed: contact then grows gradually, as
-    that of round bodies.
+    The result is α if the number of pairs that close does not exceed the number of closed pairs.
+    Contact then grows gradually, as between round bodies.
 
     Args:
         problem: Problem of the states.
         before: State of the level before ``last``.
         last: State of the last level.
-        alpha: The work of the next level, larger than that of the last one.
+        alpha: Work of the next level, larger than the work of the last level.
     """
     if not problem.has_gaps or last.alpha <= before.alpha:
         return alpha
@@ -63,7 +60,7 @@ def closing_work(problem: Problem, before: State, last: State, alpha: float) -> 
     if counts[0] <= counts[1]:
         return alpha
     low, high = 0.0, alpha - last.alpha
-    # Number of binary digits of the step to which the closing work is found.
+    # Number of bisections that locate the closing work.
     bisections = 20
     for _ in range(bisections):
         middle = (low + high) / 2
@@ -82,9 +79,9 @@ def has_closed(problem: Problem, before: State, last: State) -> bool:
 
 
 def _room(problem: Problem, state: State) -> tuple[Floats, PairFlags]:
-    """Return the room g − s of the pairs on this rank, shape (num_pairs,), and which have none.
+    """Return the current gap g − s of the pairs on this rank, and whether each pair is closed.
 
-    Collective.
+    Collective. Both arrays have shape (num_pairs,).
     """
     basis, jumps = problem.basis, problem.create_vector()
     basis.M.mult(state.u.x.petsc_vec, jumps)
@@ -92,7 +89,7 @@ def _room(problem: Problem, state: State) -> tuple[Floats, PairFlags]:
     jumps.destroy()
     size = np.abs(state.u.x.array).max(initial=0)
     largest = float(problem.comm.allreduce(size, MPI.MAX))
-    closed = 1e-9  # room below this share of the largest displacement is zero
+    closed = 1e-9  # a gap below this fraction of the largest displacement is zero
     return room, room <= closed * largest
 
 
@@ -106,13 +103,13 @@ SMALLEST_FACTOR = 1.2
 
 @dataclass(frozen=True)
 class Reached:
-    """Progress of a loading whose steps the program chooses: all data for the next step.
+    """Progress of a loading whose steps the program chooses; it determines the next step.
 
     Attributes:
         last: State of the last level.
-        before: State of the level before it; None after the first one.
-        newton_iterations: Number of steps of the last level.
-        rest: α at ζ = 0, if other loads than ζ act on the bodies.
+        before: State of the level before ``last``; None if there is none.
+        newton_iterations: Number of steps in the last level.
+        rest: α at ζ = 0, which is not 0 if the bodies are loaded at ζ = 0.
     """
 
     last: State
@@ -123,11 +120,11 @@ class Reached:
 
 @dataclass(frozen=True)
 class Leap:
-    """A step of any length along a velocity at constant load.
+    """A step of any length along a collapse mechanism at constant load.
 
     Attributes:
         alpha: The target work.
-        velocity: v with L(v) = 1.
+        velocity: Velocity v of the mechanism, with L(v) = 1.
     """
 
     alpha: float
@@ -137,16 +134,16 @@ class Leap:
 def next_work(
     problem: Problem, reached: Reached, leap: Leap | None
 ) -> tuple[float, State | None, Leap | None]:
-    """Return the work of the next level, and its start. Collective.
+    """Return the work of the next level, and the data for its start. Collective.
 
     Args:
         problem: The problem that is loaded.
         reached: Progress of the loading.
-        leap: The suggestion of a mechanism, if there is one.
+        leap: Leap along a mechanism, if one is known; else None.
 
     Returns:
-        α; the earlier of two states that define the line to the start, or the last state for no
-        line; and the leap, if it is taken.
+        The work α. The earlier of the two states whose line gives the start, or the last state to
+        start from it. The leap, or None if a gap closes first.
     """
     last, before, rest = reached.last, reached.before, reached.rest
     if before is not None and has_closed(problem, before, last):
@@ -158,7 +155,8 @@ def next_work(
     if before is None:
         return alpha, before, leap
     event = closing_work(problem, before, last, alpha)
-    # Least growth of α to a closing gap, so that nearly closed pairs do not stop the path.
+    # Smallest factor by which α grows up to a closing gap, so that nearly closed pairs do not stop
+    # the path.
     least_factor = 1.02
     event = max(event, min(alpha, rest + (last.alpha - rest) * least_factor))
     return event, before, leap if event >= alpha else None
@@ -174,7 +172,8 @@ def _next_factor(reached: Reached) -> float:
     many_iterations = 20  # levels with more Newton steps reduce the next growth
     if reached.newton_iterations > many_iterations:
         return max(math.sqrt(factor), SMALLEST_FACTOR)
-    # Growth of ζ in a level above which steps in α decrease, and below which they increase.
+    # Relative growth of ζ in a level above which steps in α decrease, and below which they
+    # increase.
     bent, straight = 0.08, 0.02
     if bend > bent:
         return max(min(factor, first_factor), SMALLEST_FACTOR)
@@ -186,9 +185,11 @@ MOST_HALVINGS = 6
 
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
-    """Return whether a path begins with ζ = 0 although its values do not. Collective.
+    """Return whether a path first solves ζ = 0 although its values do not begin with it.
 
-    This is the case with constant loads or with bolts.
+    Collective.
+
+    This is the case with constant loads or bolts.
     """
     told = solver.prescribes is Prescribed.LOAD_FACTOR and len(values) > 0 and values[0] == 0
     problem = solver.problem
@@ -196,7 +197,7 @@ def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
 
 
 Ahead = Callable[[Reached], Leap | None]
-"""Function that returns a leap if a collapse mechanism is known; collective."""
+"""Function that returns a leap if it knows a collapse mechanism, else None; collective."""
 
 
 def load_path(
@@ -206,23 +207,24 @@ def load_path(
     start: State | None = None,
     before: State | None = None,
 ) -> Iterator[Level]:
-    """Solve for each prescribed value in turn, starting on the line through the previous two.
+    """Solve a level for each prescribed value, from the line through the previous two levels.
 
     Collective.
 
-    The first level is ζ = 0 if loads are constant or bolts are tightened; it shows whether the
-    bodies carry them. The unloaded state is on this line as well, if only ζ loads the bodies and
-    there are no gaps. Elastic levels are then multiples of each other.
+    With constant loads or bolts, the first level is ζ = 0; it shows whether the bodies carry these
+    loads. If only ζ loads the bodies and no gaps exist, the line for the second level passes
+    through the unloaded state. Elastic levels are then multiples of each other.
 
     Args:
         solver: One of the four algorithms.
-        values: Load parameters ζ or works α, increasing or decreasing, as the solver prescribes.
-        monitor: Called on every rank after each iteration.
-        start: Initial state; None for the unloaded one.
+        values: Load factors ζ or works α, whichever the solver prescribes, increasing or
+            decreasing.
+        monitor: Function that is called on every rank after each iteration.
+        start: Initial state; None for the unloaded bodies.
         before: State of the level before ``start``, if there is one.
 
     Yields:
-        The levels. A level that has not converged is the last one; the level before it has the last
+        The levels. If a level does not converge, it is the last; the level before it has the last
         valid state.
     """
     if start is None and rests_first(solver, values):
@@ -245,23 +247,23 @@ def work_path(
     reached: Reached | None = None,
     ahead: Ahead | None = None,
 ) -> Iterator[Level]:
-    """Load by work without end, from first yield on; the caller ends the iteration. Collective.
+    """Solve levels of growing work without end, from first yield; the caller stops. Collective.
 
-    With moving supports or constant loads the first level is ζ = 0, and the steps are in α − α₀.
+    With moving supports or constant loads, the first level is ζ = 0, and α − α₀ grows instead of α.
 
     α grows by a factor that decreases where ζ(α) bends or a level needs many steps, and increases
-    on the plateau. Each level starts from the extrapolation of the previous two, or follows a
-    mechanism. A failed level is tried again with half the step.
+    on the plateau. Each level starts from the extrapolation of the previous two levels, or follows
+    a mechanism. If a level fails, it is tried again with half the step.
 
     Args:
         solver: ALG3 or ALG4.
-        monitor: Called on every rank after each iteration.
-        reached: Progress to continue from; None to start at first yield.
-        ahead: Function that may return a leap before each step but the first.
+        monitor: Function that is called on every rank after each iteration.
+        reached: Progress from which to continue; None to start at first yield.
+        ahead: Function that may return a leap before each step except the first.
 
     Yields:
-        The levels; one that has not converged is the last, after the step was halved
-        ``MOST_HALVINGS`` times.
+        The levels. If a level does not converge after ``MOST_HALVINGS`` halvings of its step, it is
+        the last.
     """
     before: State | None = None
     last: State | None = None
@@ -293,7 +295,8 @@ def work_path(
             level = solver.solve(target, start, monitor)
             if level.report.converged or halving == MOST_HALVINGS:
                 break
-            log.info("alpha = %.6g failed (%s): half the step", target, level.report.reason)
+            reason = level.report.reason
+            log.info("alpha = %.6g failed (%s); retrying with half the step", target, reason)
             target = _nearer(target, last.alpha if last else rest, rest)
             start = _start(problem, before, last, leap, target)
         level = _with_all(level, solver, time.perf_counter() - began, before_all)
@@ -306,7 +309,7 @@ def work_path(
 def _with_all(
     level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, Any]
 ) -> Level:
-    """Return a level with its history: the state near first yield, and too long steps."""
+    """Return the level, with the time and counts of the first-yield state and of failed steps."""
     now = counts(solver.linear, solver.program)
     counted = {name: count - before[name] for name, count in now.items()}
     report = dataclasses.replace(level.report, seconds=seconds, **counted)
@@ -314,7 +317,7 @@ def _with_all(
 
 
 def _nearer(target: float, alpha: float, rest: float) -> float:
-    """Return a target with half the step; for a leap half the powers of ten."""
+    """Return a target with half the step in α, or with half its decades if the step is a leap."""
     a, b = alpha - rest, target - rest
     leaping = 0 < LARGEST_FACTOR * a < b
     return rest + (math.sqrt(a * b) if leaping else (a + b) / 2)
@@ -333,12 +336,13 @@ def _start(
 def _along(
     solver: LevelSolver, before: State | None, last: State | None, value: float
 ) -> State | None:
-    """Return the start of a level on the line through the previous two."""
+    """Return the start of a level, on the line through the previous two levels."""
     problem, prescribes = solver.problem, solver.prescribes
     if before is None and (problem.has_gaps or not problem.is_elastic_at_first()):
         return last
-    # Largest distance of a start on a given path from the last level, in distances of the last two,
-    # and from the unloaded state: where bodies yield, the line soon leaves the path.
+    # Largest distance of the start from the last level: relative to the distance between the last
+    # two levels, and relative to the distance from the unloaded state. Where bodies yield, the line
+    # soon leaves the path.
     longest_line, longest_ray = 1.0, 4.0
     longest = longest_line if before else longest_ray
     return extrapolate(problem, before, last, value, prescribes, longest)
@@ -354,23 +358,23 @@ def extrapolate(
 ) -> State | None:
     """Return the state at a prescribed value on the line through two states.
 
-    Its active set and history are those of the last level.
+    Its active set and history are those of the later state.
 
     Args:
         problem: Problem of the states.
-        before: The earlier state; None for the unloaded one.
-        last: The later state.
-        value: ζ or α.
+        before: The earlier state; None for the unloaded state.
+        last: The later state; None returns None.
+        value: Prescribed ζ or α.
         prescribes: The prescribed quantity.
-        longest: Largest distance from the last state, in distances of the two states.
+        longest: Largest distance from the later state, relative to the distance between the states.
 
     Returns:
-        The state; the last one itself if the two coincide.
+        The state; ``last`` itself if the two states have the same load.
     """
     if last is None:
         return None
     earlier, here = prescribes.of(before) if before else 0.0, prescribes.of(last)
-    no_line = 1e-12  # two states whose loads differ by less, relative, coincide
+    no_line = 1e-12  # loads whose relative difference is smaller count as equal
     if abs(here - earlier) <= no_line * max(abs(here), abs(earlier)):
         return last
     stretch = float(np.clip((value - here) / (here - earlier), -longest, longest))
@@ -383,13 +387,13 @@ def extrapolate(
 
 
 GROWTH = 1.5
-"""Growth from one load factor to the next."""
+"""Ratio of each load factor to the one before it."""
 
 
 def stroke(solver: LevelSolver, until: float) -> list[float]:
-    """Return load factors from first yield to the last one. Collective.
+    """Return load factors from first yield to ``until``. Collective.
 
-    First yield is an estimate if there are gaps or constant loads.
+    First yield is only an estimate if there are gaps or constant loads.
 
     Args:
         solver: Solver of a problem in which ζ moves something; the function changes its iterate.

@@ -13,7 +13,7 @@ from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 
 @dataclass(frozen=True)
 class SolveMethod:
-    """An algorithm of ``[solve]``: the dataclass of its options and its solver's constructor."""
+    """An algorithm of ``[solve]``: the dataclass of its options, and the class of its solver."""
 
     options: type[Any]
     solver: type[Any]
@@ -25,4 +25,4 @@ METHODS = {
     "work-newton": SolveMethod(NewtonOptions, WorkNewton),
     "bordered-newton": SolveMethod(NewtonOptions, BorderedNewton),
 }
-"""Algorithms by the name of ``method`` in case files."""
+"""Algorithms by the value of ``method`` in case files."""

@@ -1,26 +1,26 @@
-"""ALG1, ALG3 and ALG4: damped semismooth Newton methods with contact, for given loads or work.
+"""ALG1, ALG3 and ALG4: damped semismooth Newton methods with contact, for prescribed ζ or work.
 
-Section 3.1 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013): δu minimises
+In ALG1 (Section 3.1 of Čermák, Haslinger, Sysala, COMPLAS XII, 2013), δu minimises
 
     ½⟨Σ^{o,ρ}(ε(u)) ε(δv), ε(δv)⟩ + ⟨Σ(ε(u)), ε(δv)⟩ − ζL(δv)   over u + δv ∈ K_h,
 
-then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu). Beyond the paper, β may grow to 1.5
-if J_ζ still falls much at 1 and u + β δu stays in K_h.
+then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu). This module extends the paper: β may
+grow to 1.5 if J_ζ still falls steeply at 1 and u + β δu stays in K_h.
 
-ALG3 and ALG4: Newton methods for a prescribed work of the loads, α = L(u), with contact.
-Both linearise (S)^α: find (ζ, u), u ∈ K_h, L(u) = α, with u minimising J_ζ over K_h (Section 4 of
-Čermák, Haslinger, Sysala, COMPLAS XII, 2013).
+ALG3 and ALG4 are Newton methods for a prescribed work of the loads, α = L(u), with contact. Both
+linearise problem (S)^α: find (ζ, u) with u ∈ K_h and L(u) = α such that u minimises J_ζ over K_h
+(Section 4 of the same paper).
 
-ALG3 takes δu from the quadratic program of ALG1 without −ζL and with the equality L(δv) = α −
-L(u^k). ζ is its multiplier, and from the second step on, where L(δu) = 0, the line search minimises
-Ψ along δu. ALG4 is Newton's method for ζ and u together,
+ALG3 takes δu from the quadratic program of ALG1, without −ζL and with the equality L(δv) = α −
+L(u^k); ζ is the multiplier of this equality. From the second step on, where L(δu) = 0, the line
+search minimises Ψ along δu. ALG4 is Newton's method for ζ and u together,
 
     K v = ζ^k L − F(u^k),   K w = L,   δζ = (α − L(u^k + v))/L(w),   δu = v + δζ w,
 
-which the paper restricts to problems without contact. On a given active set both solves use the
-free unknowns, and they solve ALG3's quadratic program; the active set is updated until it is that
-of the solution. So both are one method in this module. ALG3 is damped, and ALG4 is damped only
-where it would diverge.
+which the paper restricts to problems without contact. For a given active set, both solves act on
+the free unknowns and solve the quadratic program of ALG3. The active set is updated until it is the
+active set of the solution. So this module implements both as one method. ALG3 is always damped;
+ALG4 is damped only after its steps have diverged.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ class Newton(LevelSolver):
         options: NewtonOptions | None = None,
         lender: LevelSolver | None = None,
     ) -> None:
-        """Compile the forms and create the solvers, or share those of another algorithm.
+        """Compile the forms and create the solvers, or share the solvers of another algorithm.
 
         Collective.
         """
@@ -74,7 +74,7 @@ class Newton(LevelSolver):
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Start at the state, in K_h. Collective."""
+        """Start from the state, with u in K_h. Collective."""
         return value, self.iterate.begin(start)
 
     def step(
@@ -84,7 +84,7 @@ class Newton(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model, and advance along δu as far as the energy falls.
+        """Minimise the quadratic model, and advance along δu as long as the energy falls.
 
         Collective.
         """
@@ -101,13 +101,13 @@ class Newton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return whether J_ζ is unbounded below. Collective."""
+        """Return a message if J_ζ is unbounded below, else None. Collective."""
         if len(history) < 3:
             return None
         far = BEYOND * self._first_work
         descends = self.iterate.descends_until(far, zeta)
-        # Interval in steps at which the whole displacement is tested as a collapse mechanism, in
-        # addition to the last step, which may involve only a few pairs.
+        # Every this many steps the whole displacement is tested as a collapse mechanism too,
+        # because the last step may involve only a few pairs.
         look_around = 5
         if not descends and len(history) % look_around == 0:
             self.iterate.aim(self.iterate.y)
@@ -133,9 +133,9 @@ def newton_direction(
         options: Options of the Newton method.
         zeta: Load factor.
         active: Initial active set.
-        history: The steps so far, which determine the accuracy of this one.
+        history: The steps so far, which determine the accuracy of this step.
         rho: Regularisation of the tangent.
-        work: L₁(δu), if it is prescribed.
+        work: Required L₁(δu); None if it is not prescribed.
 
     Raises:
         LinearFailure: If a linear system cannot be solved.
@@ -154,7 +154,7 @@ def newton_direction(
         return solver.program.solve(gradient, room, active, rtol, sets, work, first=first)
     solver.friction.set_operator(operator)
     jumps, slip = iterate.jumps(), iterate.slip
-    sets = sets if sets == 1 else None  # linearisations are searched to the end, or not at all
+    sets = sets if sets == 1 else None  # linearisations are iterated to the end or not at all
     model = FrictionModel(gradient, room, jumps, rtol, work, first)
     found = solver.friction.solve(model, active, slip, sets)
     iterate.slip = found.slip
@@ -162,12 +162,12 @@ def newton_direction(
 
 
 def criterion_met(options: NewtonOptions) -> str:
-    """Return the message of a level that has met its stopping criterion."""
-    return f"{options.stopping} criterion met"
+    """Return the message for a level that satisfies its stopping criterion."""
+    return f"{options.stopping} criterion satisfied"
 
 
 class WorkNewton(LevelSolver):
-    """ALG3, which prescribes α: damped except in its first step."""
+    """ALG3, which prescribes α; all its steps except the first are damped."""
 
     method = "work-newton"
     prescribes = Prescribed.WORK
@@ -177,17 +177,18 @@ class WorkNewton(LevelSolver):
         """Compile the forms and create the solvers. Collective.
 
         Raises:
-            InputError: If all loads are constant, or if ζ moves something.
+            InputError: If all loads are constant, or if ζ drives a support, an obstacle or an
+                overlap.
         """
         if not problem.loads.grows():
             raise InputError(
-                "all loads are constant, so no work can be prescribed, and no load can grow to a "
-                "limit; let a load grow, or prescribe load factors."
+                "all loads are constant, so the work of growing loads cannot be prescribed, and "
+                "no limit load exists; let a load grow, or prescribe load factors."
             )
         if problem.motion.driven:
             raise InputError(
-                "ζ moves supports, obstacles or overlaps, so it cannot follow from a work of the "
-                "loads; give them constant = true, or prescribe load factors."
+                "ζ moves supports, obstacles or overlaps, so a work of the loads does not "
+                "determine it; give them constant = true, or prescribe load factors."
             )
         self.options = options or NewtonOptions()
         super().__init__(
@@ -200,20 +201,20 @@ class WorkNewton(LevelSolver):
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None
     ) -> Level:
-        """Return the level with ζ, the multiplier of the work equality, and u with L₁(u) = α.
+        """Return the level with L₁(u) = α, and with ζ, the multiplier of this equality.
 
         Collective.
 
         Raises:
-            InputError: If α is not finite, or if it is negative although only ζ loads the bodies,
-                which have no history.
+            InputError: If α is not finite, or if α is negative although only ζ loads the bodies and
+                they have no history.
         """
         if value < 0 and not self.problem.loaded_at_zero() and not self.problem.history:
-            raise InputError(f"the work alpha = {value} is negative; give zero or more.")
+            raise InputError(f"the work alpha = {value} is negative; give a value >= 0.")
         return super().solve(value, start, monitor)
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Start at the state, in K_h. Collective."""
+        """Start from the state, with u in K_h. Collective."""
         return start.zeta if start else 0.0, self.iterate.begin(start)
 
     def step(
@@ -223,7 +224,7 @@ class WorkNewton(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Minimise the quadratic model with the work equality, whose multiplier changes ζ.
+        """Minimise the quadratic model under the work equality, whose multiplier changes ζ.
 
         Collective.
         """
@@ -248,15 +249,15 @@ class WorkNewton(LevelSolver):
         return None
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
-        """Return the level ζ = 0, where the work is α₀. Collective."""
+        """Return the level at ζ = 0, where the work is α₀. Collective."""
         return Newton(self.problem, self.options, lender=self).solve(0.0, None, monitor)
 
     def first_step(self, rest: State) -> float:
-        """Return how far beyond α₀ the first work may be: where live loads alone would cause yield.
+        """Return the first increment of work beyond α₀: the live loads alone would yield there.
 
         Collective.
 
-        It is an estimate, with elastic bodies and tied closed pairs.
+        The value is an estimate for elastic bodies whose closed pairs are tied.
 
         Args:
             rest: The state at ζ = 0.
@@ -276,33 +277,34 @@ class WorkNewton(LevelSolver):
         return loads.alpha(unit.x.petsc_vec) / (overstress if overstress > 0 else 1.0)
 
     def first_yield(self) -> State:
-        """Return the state at which the first point yields, if all gaps were closed. Collective.
+        """Return the state of first yield with all gaps closed. Collective.
 
         Elastic bodies in contact without gaps respond in proportion to the load, so one elastic
-        contact problem is enough. If no body is plastic, it is the state at ζ = 1.
+        contact problem suffices. If no body can yield, the function returns the state at ζ = 1.
 
         Raises:
-            InputError: If something other than ζ loads the bodies.
+            InputError: If the bodies are loaded by anything other than ζ.
             LinearFailure: If the elastic problem cannot be solved.
         """
         if not self.problem.is_elastic_at_first():
             raise InputError(
-                "friction, moving supports, constant loads or initial strains are present, so "
-                "first yield is not a multiple of an elastic state; remove everything that does "
-                "not grow with the load factor."
+                "with friction, moving supports, constant loads or initial strains, first yield "
+                "is not a multiple of an elastic state; remove everything that does not grow with "
+                "the load factor."
             )
         return self._yielding(rtol=1e-8, rounds=None)
 
     def near_yield(self) -> State:
         """Return a state near :meth:`first_yield`, computed cheaply. Collective.
 
-        Its work is rounded to two digits, so that it does not depend on solver errors.
+        The work of the state is rounded to two digits, so that the state does not depend on solver
+        errors.
 
         Raises:
             LinearFailure: If the elastic problem cannot be solved.
         """
-        # Tolerance of the linear solves for a state near first yield, and largest number of active
-        # set changes.
+        # Tolerance of the linear solves near first yield, and largest number of changes of the
+        # active set.
         near, few = 1e-4, 3
         state = self._yielding(rtol=near, rounds=few)
         alpha = float(f"{state.alpha:.1e}")
@@ -311,7 +313,7 @@ class WorkNewton(LevelSolver):
         return State(state.u, scale * state.zeta, scale * state.alpha, state.active)
 
     def _yielding(self, rtol: float, rounds: int | None) -> State:
-        """Return the multiple of an elastic state that yields first."""
+        """Return the multiple of an elastic state at which the first point yields."""
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
         iterate.begin(None)
@@ -332,10 +334,10 @@ class WorkNewton(LevelSolver):
 
 
 class BorderedNewton(WorkNewton):
-    """ALG4, which prescribes α: undamped Newton for ζ and u together, with contact.
+    """ALG4, which prescribes α: undamped Newton's method for ζ and u together, with contact.
 
-    Undamped steps need not converge from a distant start, with or without constant loads: once they
-    have grown, a level continues with ALG3's damping.
+    Undamped steps may diverge from a distant start, with or without constant loads. If the
+    increments grow, the level continues with the damping of ALG3.
     """
 
     method = "bordered-newton"
@@ -343,7 +345,7 @@ class BorderedNewton(WorkNewton):
 
 
 def diverges(history: Sequence[Iteration]) -> bool:
-    """Return whether an increment has ever grown after the second one."""
+    """Return whether an increment after the second step was larger than the one before it."""
     sizes = [record.increment for record in history[1:]]
     return any(a < b for a, b in pairwise(sizes))
 

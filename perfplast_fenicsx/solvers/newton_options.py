@@ -1,4 +1,4 @@
-"""Declare options of the Newton methods ALG1, ALG3 and ALG4, and their effect on each step."""
+"""Declare the options of ALG1, ALG3 and ALG4, and derive the parameters of each step from them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ Monitor = Callable[[Iteration], None]
 
 
 CONTACT_SOLVERS = ("snes-vi", "tfeti")
-"""Solvers of the contact quadratic program of a step."""
+"""Solvers of the contact quadratic program in a step."""
 
 
 @dataclass(frozen=True)
@@ -20,14 +20,14 @@ class Subdivision:
     """Number of subdomains of Total FETI.
 
     Args:
-        asked: Number that the user gives, on all ranks; None for an automatic number.
+        asked: Number of subdomains on all ranks that the user gives; None for an automatic number.
     """
 
     asked: int | None
 
     def wanted(self, num_dofs: int, gdim: int) -> int:
         """Return the number of subdomains for a problem."""
-        # Default number of displacement unknowns of a subdomain, by dimension.
+        # Default number of displacement unknowns in a subdomain, by dimension.
         unknowns_each = {2: 4000, 3: 6000}
         return self.asked or max(1, num_dofs // unknowns_each[gdim])
 
@@ -37,24 +37,26 @@ class NewtonOptions:
     """Options of the Newton methods.
 
     Args:
-        regularisation: ρ in [0, 1], or "adaptive": increased after damped steps, decreased after
-            full ones.
+        regularisation: ρ in [0, 1], or "adaptive". An adaptive ρ increases after damped steps and
+            decreases after full steps.
         damping: Whether to use an exact line search on the energy; otherwise β = 1.
-        stopping: Which of the paper's relative criteria ends the iteration (Remark 1):
-            "displacement" ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
-            or "energy" |δJ| / (|J + δJ| + |J|).
-        tolerance: Tolerance of this criterion, between 0 and 1; a damped step does not end the
+        stopping: The relative criterion of the paper that ends the iteration (Remark 1):
+            "displacement" is ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" is ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
+            and "energy" is |δJ| / (|J + δJ| + |J|).
+        tolerance: Tolerance of this criterion, between 0 and 1. A damped step does not end the
             iteration.
         active_set: "exact" solves each contact quadratic program completely; "once" updates the
-            active set once per Newton step; "adaptive" does so too, but updates it up to four times
-            after a damped step (with friction completely), and completely after the tenth step.
-        max_iterations: Largest number of Newton steps of a level, at least 1.
+            active set once per Newton step. "adaptive" also updates it once, but up to four times
+            after a damped step (with friction until it converges), and until it converges after the
+            tenth step.
+        max_iterations: Largest number of Newton steps in a level, at least 1.
         contact_solver: "snes-vi" finds the closed pairs by PETSc's SNES-VI, with one linear system
-            for each active set; "tfeti" divides the bodies into subdomains and solves for the
-            forces between them (Total FETI), where contact is a bound and is solved completely in
-            every step.
-        subdomains: Number of subdomains of "tfeti" on all ranks; each rank makes at least one of
-            each of its bodies. The default gives subdomains that factorise quickly.
+            for each active set. "tfeti" divides the bodies into subdomains and solves for the
+            forces between them (Total FETI); contact then only bounds some of these forces, and
+            each step solves it completely.
+        subdomains: Number of subdomains on all ranks for "tfeti"; each rank makes at least one
+            subdomain of each of its bodies. By default subdomains have a size that factorises
+            quickly.
 
     Raises:
         InputError: If a value is out of its range.
@@ -73,8 +75,8 @@ class NewtonOptions:
         rho = self.regularisation
         if rho != "adaptive" and not (isinstance(rho, int | float) and 0 <= rho <= 1):
             raise InputError(
-                f'regularisation = {rho!r} is neither a number in [0, 1] nor "adaptive"; 1e-3 is'
-                " a good value."
+                f"regularisation = {rho!r} is neither a number in [0, 1] nor "
+                '"adaptive"; 1e-3 is a good value.'
             )
         check_choice("stopping", self.stopping, ("displacement", "stress", "energy"))
         check_choice("active_set", self.active_set, ("adaptive", "exact", "once"))
@@ -85,32 +87,33 @@ class NewtonOptions:
         if self.contact_solver != "tfeti":
             raise InputError(
                 f"subdomains = {self.subdomains} needs contact_solver = 'tfeti'; remove "
-                "it, or choose that solver."
+                "subdomains, or give contact_solver = 'tfeti'."
             )
         if self.subdomains < 1:
             raise InputError(
-                f"subdomains = {self.subdomains} is less than 1; give at least 1, or remove it."
+                f"subdomains = {self.subdomains} is less than 1; give 1 or more, or remove it."
             )
 
     @property
     def subdivision(self) -> Subdivision | None:
-        """Return the subdivision of Total FETI; None for other solvers."""
+        """Return the subdivision of Total FETI; None for SNES-VI."""
         return Subdivision(self.subdomains) if self.contact_solver == "tfeti" else None
 
 
 def regularisation(
     options: NewtonOptions, history: Sequence[Iteration], lifted: bool = False
 ) -> float:
-    """Return ρ of the next step: fixed, or larger after damped steps and smaller after full ones.
+    """Return ρ of the next step: fixed, or larger after damped steps and smaller after full steps.
 
-    It starts at its largest value and vanishes near the solution, where steps are not damped, so
-    that convergence is quadratic. Values above 1e-3 only slow down convergence near collapse.
+    An adaptive ρ starts at its largest value and tends to zero near the solution, where steps are
+    not damped, so convergence is quadratic. Values above 1e-3 only slow down convergence near
+    collapse.
 
     Args:
         options: Options of the Newton method.
         history: The steps so far.
-        lifted: Whether only supports were moved: cells at them are then strained excessively, and
-            the first step is elastic.
+        lifted: Whether the start did not satisfy supports, interferences or initial strains. Cells
+            near them are then strained excessively, so the first step is elastic.
     """
     if options.regularisation != "adaptive":
         return float(options.regularisation)
@@ -124,28 +127,32 @@ def regularisation(
 
 
 def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | None:
-    """Return how often the next step may update its active set; None for no limit.
+    """Return how many times the next step may update its active set; None for no limit.
 
-    One update per step costs one linear system, and near the solution it is sufficient. After a
-    damped step the model was inaccurate; the last few of thousands of pairs can wait for the next
-    step. Many steps indicate that the sets may cycle.
+    Each update solves one linear system, and near the solution one update per step is sufficient.
+    After a damped step, the quadratic model was inaccurate; the last few of thousands of pairs can
+    change in the next step. After many steps the active sets may cycle, so there is no limit.
     """
     if options.active_set != "adaptive":
         return None if options.active_set == "exact" else 1
-    # Number of steps of a level after which an adaptive active set is solved exactly.
+    # Number of steps in a level after which the adaptive strategy solves contact programs
+    # completely.
     patience = 10
     if len(history) >= patience:
         return None
-    few_sets = 4  # largest number of active sets in the step after a damped one
+    few_sets = 4  # largest number of active sets in the step after a damped step
     return few_sets if any(record.beta < 1 for record in history[-1:]) else 1
 
 
 def forcing(history: Sequence[Iteration], tolerance: float) -> float:
-    """Return the relative tolerance of the next step's linear solves: loose far from the solution.
+    """Return the relative tolerance for the linear solves of the next step.
 
-    Near it the tolerance follows the last increment, so that steps stay quadratic. The error of a
-    solve is its tolerance times the increment, and need not be below a hundredth of the required
-    accuracy. The function assumes that increments decrease as they did in the last step.
+    The tolerance is loose far from the solution.
+
+    Near the solution it follows the last increment, so that convergence stays quadratic. The error
+    of a solve is its tolerance times the increment, and need not be below a hundredth of the
+    required accuracy. The function assumes that increments continue to decrease as in the last
+    step.
     """
     before, last = ([1.0, 1.0] + [record.increment for record in history])[-2:]
     expected = last * min(1.0, last / before) if before > 0 else last

@@ -1,4 +1,4 @@
-"""Record a load level during its solution, in the same way for every algorithm."""
+"""Record the solution of a load level, in the same way for every algorithm."""
 
 import time
 from collections.abc import Mapping
@@ -22,17 +22,17 @@ from perfplast_fenicsx.solvers.verdicts import CREDIBLE, SLIDES, not_credible, s
 
 @dataclass(frozen=True)
 class Step:
-    """The result of one step of an algorithm.
+    """The result of one step in an algorithm.
 
     Attributes:
         zeta: Load factor after the step.
         increment: Value of the stopping criterion.
         active: Closed pairs hosted by this rank, shape (num_pairs,).
-        active_set_iterations: Linear solves of the contact quadratic program.
+        active_set_iterations: Number of linear solves in the contact quadratic program.
         beta: Step length.
         rho: Regularisation of the tangent.
         finished: Whether the stopping criterion is satisfied.
-        extra: Values for :attr:`report.Iteration.extra`.
+        extra: Additional values for :attr:`report.Iteration.extra`.
     """
 
     zeta: float
@@ -46,7 +46,7 @@ class Step:
 
 
 class Progress:
-    """Collects the iterations of a level and assesses its end.
+    """Collects the iterations of a level and assesses the final state.
 
     Attributes:
         history: The iterations so far.
@@ -60,7 +60,7 @@ class Progress:
         monitor: Monitor | None,
         tolerance: float,
     ) -> None:
-        """Start the clock, and store the solvers' counts and the tolerance of the steps."""
+        """Start the clock, and store the initial counts of the solvers and the step tolerance."""
         self._slides = max(SLIDES, 10 * tolerance)
         self.history: list[Iteration] = []
         self._iterate, self._linear, self._monitor = iterate, linear, monitor
@@ -69,7 +69,7 @@ class Progress:
         self._krylov = linear.iterations
 
     def add(self, step: Step) -> None:
-        """Record the present iterate after a step, and call the monitor. Collective."""
+        """Record the current iterate after a step, and call the monitor. Collective."""
         iterate, linear = self._iterate, self._linear
         record = Iteration(
             number=len(self.history) + 1,
@@ -105,8 +105,8 @@ class Progress:
             zeta: Load factor.
             active: Closed pairs hosted by this rank.
             converged: Whether the steps converged.
-            reason: Why they ended.
-            refuted: Whether the reason is a verdict that there is no solution.
+            reason: Reason for the end of the steps.
+            refuted: Whether the reason is a verdict that no solution exists.
         """
         iterate, history = self._iterate, self.history
         problem, fields, comm = iterate.problem, iterate.fields, iterate.problem.comm

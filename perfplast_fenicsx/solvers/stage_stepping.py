@@ -1,4 +1,4 @@
-"""Load by stages: bodies that remember plastic flow are loaded, unloaded and reloaded."""
+"""Load by stages: bodies with plastic history are loaded, unloaded and reloaded."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,27 +19,27 @@ def stage_path(
     monitor: Monitor | None = None,
     start: State | None = None,
 ) -> Iterator[Level]:
-    """Solve the levels of all stages in order, each starting from the previous one. Collective.
+    """Solve the levels of all stages in order; each level starts from the previous one. Collective.
 
-    If something loads the bodies before the first stage, the first level is ζ = 0.
+    If the bodies are loaded before the first stage, the first level is ζ = 0.
 
     Args:
-        solver: Solver of the history's problem that prescribes load factors.
+        solver: Solver of the history's problem; it must prescribe load factors.
         history: The stages.
-        monitor: Called on every rank after each iteration.
-        start: A state of these stages to continue from; None for the virgin bodies.
+        monitor: Function that is called on every rank after each iteration.
+        start: State in these stages from which to continue; None for the virgin bodies.
 
     Yields:
-        The levels. One that has not converged is the last: the state of the level before is the
-        last valid one.
+        The levels. If a level does not converge, it is the last; the level before it has the last
+        valid state.
 
     Raises:
-        InputError: If the solver prescribes works, or if bolts were tightened again before the
-            start.
+        InputError: If the solver prescribes works, or if a stage before the start has tightened
+            bolts again.
     """
     if solver.prescribes is not Prescribed.LOAD_FACTOR:
         raise InputError(
-            f"stages prescribe loads, but the method '{solver.method}' prescribes works; "
+            f"stages prescribe load factors, but the method '{solver.method}' prescribes works; "
             "give method = 'newton'."
         )
     if start is not None:
@@ -62,7 +62,10 @@ def _solved(
     start: State | None,
     monitor: Monitor | None,
 ) -> Level:
-    """Return the level at a time, after tightening bolts if its stage requires it. Collective."""
+    """Return the level at a time. Bolts are tightened first if its stage requires it.
+
+    Collective.
+    """
 
     def solve() -> Level:
         history.go_to(time)
@@ -73,7 +76,10 @@ def _solved(
 
 
 def _told(history: LoadingHistory, level: Level) -> Level:
-    """Return the level with names of stages in its report. Collective."""
+    """Return the level with the stage, factors and works of the history in its report.
+
+    Collective.
+    """
     report, stage = level.report, history.label(level.state.zeta)
     factors, reason = history.factors(level.state.zeta), report.reason
     if not report.converged and stage:

@@ -1,4 +1,4 @@
-"""Tighten bolts: shorten their shanks until each has the required force."""
+"""Tighten bolts: shorten their shanks until each bolt has the required force."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -13,19 +13,19 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def tighten(problem: Problem, at_rest: Callable[[], Level]) -> Level | None:
-    """Shorten the shanks until each has its preload, without loads. Collective.
+    """Shorten the shanks until each bolt has its preload, without loads. Collective.
 
-    All bolts are tightened together. Moving supports, overlaps and initial strains act already.
+    All bolts are tightened together. Moving supports, overlaps and initial strains already act.
 
     Args:
-        problem: Problem with loose bolts.
-        at_rest: Function that solves ζ = 0.
+        problem: Problem whose bolts are loose.
+        at_rest: Function that solves the level at ζ = 0.
 
     Returns:
-        None; or a level that reports why they cannot be tightened, with the bolts loose again.
+        None; or a level that reports why the bolts cannot be tightened, with the bolts loose again.
     """
     shanks, declared, e0 = problem.shanks, problem.loads, problem.initial_strain
-    assert e0 is not None  # of a problem with bolts
+    assert e0 is not None  # a problem with bolts has initial strains
     others: Floats = e0.x.array.copy()
     nothing = problem.create_vector()
     problem.loads = LoadCase(nothing, nothing)
@@ -51,18 +51,18 @@ def tighten(problem: Problem, at_rest: Callable[[], Level]) -> Level | None:
 
 
 def tighten_anew(shanks: Shanks, wanted: Mapping[str, float], solve: Callable[[], Level]) -> Level:
-    """Tighten or loosen some of the bolts under the present loads; others keep their length.
+    """Tighten or loosen some bolts under the current loads; the others keep their shortening.
 
     Collective.
 
     Args:
-        shanks: Shanks of the problem, which are already tightened.
-        wanted: Required forces by name.
-        solve: Function that solves a level with the present shortenings.
+        shanks: Shanks of the problem; their bolts are already tightened.
+        wanted: Required forces by the names of the bolts.
+        solve: Function that solves a level with the current shortenings.
 
     Returns:
-        The level with these forces; or one that reports why there is none, with the previous
-        lengths.
+        The level with these forces; or, with the previous shortenings, a level that reports why the
+        forces cannot be reached.
     """
     level = solve()
     if not level.report.converged:
@@ -79,18 +79,18 @@ def tighten_anew(shanks: Shanks, wanted: Mapping[str, float], solve: Callable[[]
 def _shorten(
     shanks: Shanks, wanted: Mapping[str, float], before: Floats, solve: Callable[[], Level]
 ) -> Level:
-    """Shorten some shanks until they have the required forces. Collective.
+    """Shorten some shanks until their bolts have the required forces. Collective.
 
-    The function uses Broyden's method, which takes two levels for a linear response and one bolt.
+    The function uses Broyden's method; with a linear response and one bolt it solves two levels.
 
     Args:
-        shanks: Tightened shanks of the problem.
-        wanted: Required forces by name.
-        before: Forces at these shortenings.
-        solve: Function that solves a level with the present shortenings.
+        shanks: Shanks of the problem; their bolts are tightened.
+        wanted: Required forces by the names of the bolts.
+        before: Forces at the current shortenings.
+        solve: Function that solves a level with the current shortenings.
     """
-    # Relative to the preload. As accurate as the default level tolerance, with this largest number
-    # of levels.
+    # Tolerance relative to the preload, as accurate as the default level tolerance, and largest
+    # number of levels.
     tolerance, most = 1e-6, 12
     which = [shanks.names.index(name) for name in wanted]
     scale, targets = shanks.preloads[which], np.array(list(wanted.values()))
@@ -111,7 +111,7 @@ def _shorten(
         if np.abs(missing / scale).max() <= tolerance:
             return level
         change = forces - before
-        if number == 0:  # a change of at least this size closes gaps and shows the stiffness
+        if number == 0:  # a larger force change has closed gaps and shows the stiffness
             told = change * np.sign(step) > tolerance * scale
             own = np.divide(change, step, out=slope.diagonal().copy(), where=told)
             slope = np.diag(own)
@@ -123,7 +123,7 @@ def _shorten(
     name = list(wanted)[worst]
     to = "its preload of" if targets[worst] == scale[worst] else "the force"
     reason = (
-        f"the bolt '{name}' could not be tightened to {to} {targets[worst]:.6g}, but to "
-        f"{forces[worst]:.6g}: {why}"
+        f"the bolt '{name}' could not be tightened to {to} {targets[worst]:.6g}; it reached "
+        f"only {forces[worst]:.6g}: {why}"
     )
     return replace(level, report=replace(level.report, converged=False, reason=reason))

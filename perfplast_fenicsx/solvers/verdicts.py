@@ -1,19 +1,20 @@
-"""Explain in words why a level ends without a solution. Neither MPI nor DOLFINx is imported."""
+"""Explain in words why a level ends without a solution. Imports neither MPI nor DOLFINx."""
 
 from collections.abc import Sequence
 
 from perfplast_fenicsx.problem.judged.report import Iteration
 
 BEYOND = 1e3
-"""J_ζ counts as unbounded below if it still falls at this many times the first step's work."""
+"""J_ζ counts as unbounded below if it still falls at this multiple of the work in the first
+step."""
 
 CREDIBLE = 1e-2
-"""A state with a larger duality gap is not a solution, whatever the last steps were."""
+"""A state with a larger duality gap is not a solution, whatever the size of the last steps."""
 
 SLIDES = 1e-6
-"""With friction, a larger duality gap, or a larger excess of friction, is not due to inaccurate
-steps. Bodies continue to slide, and steps that are nearly rigid motions appear small. Levels with a
-coarser tolerance may have ten times this tolerance."""
+"""With friction, a larger duality gap or a larger imbalance of friction is not due to inaccurate
+steps: bodies continue to slide, with small steps that are nearly rigid motions. For levels with a
+coarse tolerance, the limit is ten times this tolerance if that is larger."""
 
 
 def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -> str:
@@ -27,33 +28,33 @@ def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -
     first, last = history[0], history[-1]
     if zeta == 0 or not grows:
         return (
-            f"the constant loads alone exceed what the bodies carry: at ζ = {zeta:.9g} J "
-            f"fell from {first.energy:.4g} to {last.energy:.4g}, and falls further along a "
+            f"the bodies cannot carry the constant loads alone: at ζ = {zeta:.9g}, J "
+            f"fell from {first.energy:.4g} to {last.energy:.4g}, and it falls further along a "
             f"collapse mechanism beyond {BEYOND:g} times the work of the first step"
         )
     side = "above the limit load" if zeta > 0 else "below the lower limit load"
     return (
-        f"no equilibrium exists at ζ = {zeta:.9g}, it is {side}: J_ζ fell from "
+        f"no equilibrium exists at ζ = {zeta:.9g}, which is {side}: J_ζ fell from "
         f"{first.energy:.4g} to {last.energy:.4g} while the work of the loads grew from "
-        f"{first.alpha:.4g} to {last.alpha:.4g}, and falls further along a collapse "
-        f"mechanism beyond {BEYOND:g} times the first"
+        f"{first.alpha:.4g} to {last.alpha:.4g}, and J_ζ falls further along a collapse "
+        f"mechanism beyond {BEYOND:g} times the work of the first step"
     )
 
 
 def not_credible(duality_gap: float) -> str:
-    """Return the verdict on steps that end at a state that is not a solution."""
+    """Return the verdict on steps that became small at a state that is not a solution."""
     return (
-        f"the steps have become small at a state that is no solution (duality gap"
-        f" {duality_gap:.2g}), as where bodies lose all contact"
+        f"the steps became small at a state that is not a solution (duality gap"
+        f" {duality_gap:.2g}); bodies may have lost all contact"
     )
 
 
 def slides_on(unbalanced: float, duality_gap: float) -> str:
-    """Return the verdict on steps that end while surfaces still slide."""
+    """Return the verdict on steps that became small while surfaces still slide."""
     return (
-        "the steps have become small while bodies slide on: friction is out of balance by"
-        f" {unbalanced:.2g} of the largest force between surfaces (duality gap {duality_gap:.2g}),"
-        " as where it is overcome and a body slides as a whole"
+        "the steps became small while bodies continue to slide: friction is out of balance by"
+        f" {unbalanced:.2g} of the largest force between surfaces (duality gap {duality_gap:.2g});"
+        " a body may slide as a whole because its friction is overcome"
     )
 
 
@@ -62,14 +63,14 @@ def no_convergence(max_iterations: int, called: str, history: Sequence[Iteration
 
     Args:
         max_iterations: Largest number of iterations.
-        called: Name of the iterations.
-        history: The steps.
+        called: Name of the iterations in messages.
+        history: The steps of the level.
     """
     told = f"no convergence in {max_iterations} {called}"
     first, last = abs(history[0].alpha), abs(history[-1].alpha)
     if not last > BEYOND * first > 0:
         return told
     return (
-        f"{told}, in which the work of the loads grew from {first:.4g} to {last:.4g}, as "
-        "it does above the limit load; but no collapse mechanism proves that"
+        f"{told}, while the work of the loads grew from {first:.4g} to {last:.4g}; this "
+        "suggests a load above the limit load, but no collapse mechanism proves it"
     )

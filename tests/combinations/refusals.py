@@ -7,7 +7,7 @@ TO_COME = "not available yet"
 
 REFUSALS: Mapping[str, str] = {
     "so that bodies carry any load": f"{STAYS}: such bodies have no limit load",
-    "is not a projection on a yield set": f"{STAYS}: the algorithm consists of this projection",
+    "is not a projection onto a yield set": f"{STAYS}: the algorithm consists of this projection",
     "does not support friction": f"{STAYS}: with T-FETI contact is a simple bound without friction",
     "is a formula": (
         f"{STAYS}: stresses are linear in cells and balance only linear tractions. If a body"
@@ -20,7 +20,7 @@ REFUSALS: Mapping[str, str] = {
     ),
     "is associated": f"{STAYS}: real slip is not normal to the friction cone",
     "normals are averaged": f"{TO_COME}: obstacles that consist of planes",
-    "adds up elastic stresses": (
+    "superposes elastic stresses": (
         f"{STAYS}: superposition of elastic stresses is not valid for bodies in contact"
     ),
     "a rigid surface moves": f"{TO_COME}: prescribed motions that vary",

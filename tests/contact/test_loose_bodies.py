@@ -63,7 +63,7 @@ def test_all_that_is_loose_is_one_sentence() -> None:
     ]
     words = in_words(motions, ["'nut_2'", "'bolt'", "'nut_1'"])
     assert "'nut_1' and 'nut_2' (rotation about z); 'bolt' (translation in z)." in words
-    assert "where loads rotate them like this or push them in this direction" in words
+    assert "if loads cause such a rotation or push bodies in such a direction" in words
     assert "push" not in in_words(motions[:1], ["'nut_2'"])
 
 

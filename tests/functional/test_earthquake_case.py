@@ -40,7 +40,7 @@ def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
         comm, shared_tmp_path, slope(loading=SEISMIC, earthquake=LEFT), capsys, "--report"
     )
     assert found.status == 0, found.err
-    printed = re.search(r"stand with k = ([\d.]+) .* fall at k = ([\d.]+) at", found.out)
+    printed = re.search(r"stable at k = ([\d.]+) .* collapse at k = ([\d.]+) at", found.out)
     assert printed is not None
     lower, upper = (float(text) for text in printed.groups())
     assert 0.3 < lower < 0.432 < upper < 0.5

@@ -128,7 +128,7 @@ REFUSED = {
         + CONTACT
         + LOADING
         + '[solve]\nmethod = "augmented-lagrangian"\n',
-        "is not a projection on a yield set",
+        "is not a projection onto a yield set",
     ),
     "subdomains and friction": (
         BLOCKS + CONTACT + "tresca = 1.0\n" + LOADING + '[solve]\ncontact_solver = "tfeti"\n',

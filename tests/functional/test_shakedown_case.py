@@ -101,8 +101,8 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
 @pytest.mark.parametrize(
     ("old", "new", "part"),
     [
-        (RANGES, "limit_tolerance = 1e-4", "there is neither ranges nor corners"),
-        (RANGES, RANGES + ", corners = [{ pull = 1 }]", "there is both ranges and corners"),
+        (RANGES, "limit_tolerance = 1e-4", "has neither ranges nor corners"),
+        (RANGES, RANGES + ", corners = [{ pull = 1 }]", "has both ranges and corners"),
         (RANGES, "ranges = {}", "ranges is empty"),
         (RANGES, "ranges = { pull = [1, 1] }", "[1, 1] is not a valid range for 'pull'"),
         (RANGES, "ranges = { pull = [1, 0] }", "[1, 0] is not a valid range for 'pull'"),

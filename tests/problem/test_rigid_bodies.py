@@ -242,7 +242,9 @@ def test_refusals() -> None:
     refused(["contact 1", "supports or ties hold"], supports=held)
     even = blocks_apart(COMM, (3, 2), (3, 2), moved_by=0.0)
     pressed = {"supports": held, "contacts": [contact], "loads": [Pressure("top", 1.0)]}
-    assert_refused(lambda: problem_of(even, Rigid(), **pressed), ["contact 1", "'rigid' touches"])
+    assert_refused(
+        lambda: problem_of(even, Rigid(), **pressed), ["contact 1", "law = 'rigid' at nodes"]
+    )
     both = {"lower": Rigid(), "upper": Rigid()}
     problem = Problem(mesh, both, [Support("bottom")], [Pressure("top", 1.0)], [contact])
     assert_refused(lambda: Newton(problem), ["rigid", "no levels", "control = 'bounds'"])

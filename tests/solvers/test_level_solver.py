@@ -189,7 +189,7 @@ def test_a_level_ends_where_steps_have_become_small_at_a_solution() -> None:
         ({"ends": 2}, 2, "it falls for ever"),
         ({"finished": [2], "ends": 4, "size": 2.0}, 4, "it falls for ever"),
         ({"finished": [2], "size": 2.0}, 5, "no convergence in 5 Newton steps"),
-        ({"finished": [5], "size": 2.0}, 5, "a state that is no solution"),
+        ({"finished": [5], "size": 2.0}, 5, "a state that is not a solution"),
     ],
 )
 def test_a_level_without_solution_tells_why(
@@ -208,4 +208,4 @@ def test_small_steps_at_no_solution_are_not_looked_at_for_ever() -> None:
     solver = Scripted(plate(), most, finished=range(most), size=2.0)
     level = solver.solve(1.0, solved().state)
     assert len(level.iterations) == MOST_DOUBTS
-    assert "a state that is no solution" in level.report.reason
+    assert "a state that is not a solution" in level.report.reason

@@ -18,10 +18,10 @@ STEPS = [
 @pytest.mark.parametrize(
     ("zeta", "grows", "words"),
     [
-        (2.0, True, "ζ = 2, it is above"),
-        (-2.0, True, "ζ = -2, it is below"),
-        (0.0, True, "what the bodies carry: at ζ = 0"),
-        (2.0, False, "what the bodies carry: at ζ = 2"),
+        (2.0, True, "ζ = 2, which is above"),
+        (-2.0, True, "ζ = -2, which is below"),
+        (0.0, True, "the constant loads alone: at ζ = 0"),
+        (2.0, False, "the constant loads alone: at ζ = 2"),
     ],
 )
 def test_which_limit(zeta: float, grows: bool, words: str) -> None:
@@ -31,4 +31,4 @@ def test_which_limit(zeta: float, grows: bool, words: str) -> None:
 def test_work_that_has_grown_without_an_end_is_told() -> None:
     assert no_convergence(60, "Newton steps", STEPS) == "no convergence in 60 Newton steps"
     grown = [STEPS[0], replace(STEPS[1], alpha=5000.0)]
-    assert "grew from 1 to 5000, as it does above" in no_convergence(60, "steps", grown)
+    assert "grew from 1 to 5000; this suggests" in no_convergence(60, "steps", grown)

@@ -1,1 +1,1 @@
-"""Declare contact: pairs, ties, obstacles, friction."""
+"""Declare contacts, ties, obstacles and friction."""

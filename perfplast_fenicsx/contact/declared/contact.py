@@ -1,4 +1,4 @@
-"""Declare interactions of two named surfaces: contact with its friction, and ties."""
+"""Declare interactions of two named surfaces: contacts with their friction, and ties."""
 
 import math
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ class FrictionTerms:
     """The friction of a contact or an obstacle.
 
     Attributes:
-        tresca: Shear stress at which slip begins, whatever the pressure.
-        coulomb: Coefficient of friction, multiplied by the pressure.
+        tresca: Shear stress at which slip begins, independent of the pressure.
+        coulomb: Coefficient of friction, which multiplies the pressure.
         associated: Whether slip follows the normal of the friction cone, so that surfaces separate
             by ``coulomb`` times the slip.
-        reduced: Whether a factor of safety divides it.
+        reduced: Whether a factor of safety divides the friction.
     """
 
     tresca: float | None
@@ -27,13 +27,13 @@ class FrictionTerms:
         """Refuse invalid friction.
 
         Raises:
-            InputError: If friction is negative or not finite. If friction is associated but does
-                not depend on the pressure. If ``reduced = false`` is given without friction.
+            InputError: If friction is negative or not finite, if friction is associated but does
+                not depend on the pressure, or if ``reduced = false`` is given without friction.
         """
         if self.associated and not self.coulomb:
             raise InputError(
                 "associated = true needs friction that grows with the pressure; give "
-                "coulomb, a number above zero, or remove associated."
+                "coulomb a number above zero, or remove associated."
             )
         if not (self.reduced or self.rubs):
             raise InputError(
@@ -43,48 +43,51 @@ class FrictionTerms:
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(
-                    f"{key} = {value} is not a valid friction; give zero or more, or remove it."
+                    f"{key} = {value} is not a valid friction; give a number >= 0, or remove it."
                 )
 
     @property
     def rubs(self) -> bool:
-        """Return whether there is friction."""
+        """Return whether the contact or obstacle has friction."""
         return bool(self.tresca or self.coulomb)
 
 
 @dataclass(frozen=True)
 class Contact(FrictionTerms):
-    """Contact of two surfaces, without friction by default.
+    """Contact of two surfaces; by default without friction.
 
-    The surfaces may touch or be apart. They may be flat, curved or have edges, and their nodes need
-    not match.
+    The surfaces may touch or be apart. They may be flat or curved, and may have edges. Their nodes
+    need not match.
 
     Args:
         primary: Physical name of the first surface; the normal points out of its body.
         secondary: Physical name of the second surface.
-        gap: Initial gap g (length): a number or a formula in x, y, z of the primary surface. By
-            default it is measured along the normal.
-        interference: Whether a negative gap is intended, as in a press fit: the bodies are too
-            large by this amount and push each other apart.
-        constant: Whether the overlap is the same at any load factor. Otherwise control =
-            "displacement", or the factor of stages that name it, multiplies the overlap; positive
-            gaps do not change.
-        formulation: "nodes" for pairs of opposite nodes, where the order of the surfaces does not
-            affect the result; "mortar" for weighted means of the jump, which needs no opposite
-            nodes. The default is "nodes" where nodes match and "mortar" elsewhere.
-        hosts: The surface, "primary" or "secondary", whose nodes carry mortar contact. The default
-            is the surface that the other one covers, or the one with smaller facets.
+        gap: Initial gap g (length): a number, or a formula in x, y, z at the primary surface. By
+            default the gap is measured along the normal.
+        interference: Whether a negative gap is intended, as in a press fit: the bodies initially
+            overlap by this amount and push each other apart.
+        constant: Whether the overlap is the same at any load factor. If not, ``control =
+            "displacement"``, or the factor of the stages that name it, multiplies the overlap;
+            positive gaps do not change.
+        formulation: "nodes" uses pairs of opposite nodes, and the order of the surfaces does not
+            affect the result. "mortar" uses weighted means of the jump, and needs no opposite
+            nodes. By default "nodes" if the nodes match, and "mortar" if not.
+        hosts: The surface, "primary" or "secondary", whose nodes have the multipliers of mortar
+            contact. By default the surface that the other surface covers, or the surface with
+            smaller facets.
         tresca: Tresca's friction: the shear stress, not negative, at which slip begins. It does not
-            depend on the pressure and also acts where the surfaces are apart.
-        coulomb: Coulomb's coefficient of friction μ, not negative. In addition, ``tresca`` is an
-            adhesion, the shear stress at which slip begins without pressure.
+            depend on the pressure, and it also acts where the surfaces are apart.
+        coulomb: Coulomb's coefficient of friction μ, not negative. Together with it, ``tresca`` is
+            an adhesion: the shear stress at which slip begins without pressure.
         associated: Whether slip follows the normal of the friction cone, as in a dilating joint:
             the surfaces separate by μ times the slip. Only bounds of the body support it.
-        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
-        name: Name of a growing overlap in stages; by default the name of the primary surface.
+        reduced: Whether the factor F of ``control = "strength"`` divides the friction of the
+            contact; by default it does.
+        name: Name by which stages refer to a growing overlap; by default the name of the primary
+            surface.
 
     Raises:
-        InputError: If friction is negative, or if an overlap is to grow that does not exist.
+        InputError: If friction is negative, or if an overlap should grow that does not exist.
     """
 
     primary: str
@@ -122,8 +125,8 @@ class Tie:
     Args:
         primary: Physical name of the first surface.
         secondary: Physical name of the second surface.
-        hosts: The surface, "primary" or "secondary", whose nodes follow the other. The default is
-            the surface that the other one covers, or the one with smaller facets.
+        hosts: The surface, "primary" or "secondary", whose nodes follow the other surface. By
+            default the surface that the other surface covers, or the surface with smaller facets.
     """
 
     primary: str
@@ -132,9 +135,9 @@ class Tie:
 
 
 INTERFACES: dict[str, type[Contact]] = {"friction": Contact}
-"""Dataclasses whose fields are the keys of ``[[contact]]`` besides ``interface``.
+"""Dataclasses for the values of ``interface``; their fields are the other keys of ``[[contact]]``.
 
-Each is a :class:`Contact`. It provides the strength of
-the interface as ``tresca`` (stress) and ``coulomb``, which levels, limit loads, strict bounds,
-proofs and reports read. A class with other parameters computes these two from its own numbers.
+Each dataclass is a :class:`Contact`. It provides the strength of the interface as ``tresca``
+(stress) and ``coulomb``. Levels, limit loads, strict bounds, proofs and reports use only these two.
+A class with other parameters computes them from its own numbers.
 """

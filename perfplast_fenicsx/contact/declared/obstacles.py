@@ -1,4 +1,4 @@
-"""Declare rigid obstacles, which rest or translate: planes, spheres and cylinders."""
+"""Declare rigid obstacles, which are fixed or translate: planes, spheres and cylinders."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,27 +18,28 @@ class _NamedFriction(FrictionTerms):
         super().__post_init__()
         if self.rubs and not self.name:
             raise InputError(
-                f"the obstacle at '{self.on}' has friction but no name, which results need "
-                "for its force; give name = ..., or remove the friction."
+                f"the obstacle at '{self.on}' has friction but no name, and results list "
+                "its force by name; give name = ..., or remove the friction."
             )
 
 
 @dataclass(frozen=True)
 class Plane(_NamedFriction):
-    """A half space.
+    """A rigid half space.
 
     Args:
-        on: Physical surface that cannot penetrate it.
-        point: A point of the plane (length; 2 or 3 numbers).
-        normal: Points out of the obstacle, towards the body; any nonzero length.
-        move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
+        on: Physical name of the surface that cannot penetrate the obstacle.
+        point: A point on the plane (length; 2 or 3 numbers).
+        normal: Direction out of the obstacle, towards the body; of any nonzero length.
+        move: Translation at ζ = 1 (length; 2 or 3 numbers); by default none.
         tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
-            ``tresca`` is an adhesion.
-        name: Name of its force in results; by default the name of its surface.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Together with
+            it, ``tresca`` is an adhesion.
+        name: Name for the force of the obstacle in results; by default the name of its surface.
         associated: Whether slip separates body and obstacle by μ times the slip, as in a dilating
             joint. Only bounds of the body support it.
-        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
+        reduced: Whether the factor F of ``control = "strength"`` divides the friction of the
+            obstacle; by default it does.
     """
 
     on: str
@@ -52,13 +53,13 @@ class Plane(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return the distance of points to the obstacle and the unit direction into it.
+        """Return the distances of points from the obstacle, and the unit directions into it.
 
         Args:
             x: Points, shape (n, gdim).
 
         Returns:
-            Distances, negative inside, shape (n,); directions, shape (n, gdim).
+            Distances, negative inside the obstacle, shape (n,); directions, shape (n, gdim).
         """
         normal = _vector(self, "normal", x.shape[1])
         length = np.linalg.norm(normal)
@@ -70,19 +71,20 @@ class Plane(_NamedFriction):
 
 @dataclass(frozen=True)
 class Sphere(_NamedFriction):
-    """A ball, or a ball-shaped cavity. In the plane it is a disc.
+    """A rigid ball, or a ball-shaped cavity; a disc in plane meshes.
 
     Args:
-        on: Physical surface that cannot penetrate it.
-        centre: Its centre (length).
-        radius: Its radius > 0 (length).
+        on: Physical name of the surface that cannot penetrate the obstacle.
+        centre: Centre of the ball (length).
+        radius: Radius > 0 of the ball (length).
         hollow: Whether the obstacle is the outside of the ball, with the body inside.
-        move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
+        move: Translation at ζ = 1 (length; 2 or 3 numbers); by default none.
         tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
-            ``tresca`` is an adhesion.
-        name: Name of its force in results; by default the name of its surface.
-        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Together with
+            it, ``tresca`` is an adhesion.
+        name: Name for the force of the obstacle in results; by default the name of its surface.
+        reduced: Whether the factor F of ``control = "strength"`` divides the friction of the
+            obstacle; by default it does.
     """
 
     on: str
@@ -96,26 +98,27 @@ class Sphere(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return distances and directions as :meth:`Plane.towards` does."""
+        """Return distances and directions; see :meth:`Plane.towards`."""
         return _round(self, x - _vector(self, "centre", x.shape[1]))
 
 
 @dataclass(frozen=True)
 class Cylinder(_NamedFriction):
-    """An infinite circular cylinder, or a cylindrical cavity. It exists only in 3D.
+    """A rigid infinite circular cylinder, or a cylindrical cavity; only in 3D.
 
     Args:
-        on: Physical surface that cannot penetrate it.
-        point: A point of its axis (length).
-        axis: Direction of its axis, of any nonzero length.
-        radius: Its radius > 0 (length).
+        on: Physical name of the surface that cannot penetrate the obstacle.
+        point: A point on the axis of the cylinder (length).
+        axis: Direction of the axis, of any nonzero length.
+        radius: Radius > 0 of the cylinder (length).
         hollow: Whether the obstacle is the outside of the cylinder, with the body inside.
-        move: Motion for ζ = 1 (length; 2 or 3 numbers); the default is no motion.
+        move: Translation at ζ = 1 (length; 2 or 3 numbers); by default none.
         tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
-        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. In addition,
-            ``tresca`` is an adhesion.
-        name: Name of its force in results; by default the name of its surface.
-        reduced: Whether F of ``control = "strength"`` divides its friction, as by default.
+        coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Together with
+            it, ``tresca`` is an adhesion.
+        name: Name for the force of the obstacle in results; by default the name of its surface.
+        reduced: Whether the factor F of ``control = "strength"`` divides the friction of the
+            obstacle; by default it does.
     """
 
     on: str
@@ -130,7 +133,7 @@ class Cylinder(_NamedFriction):
     reduced: bool = True
 
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return distances and directions as :meth:`Plane.towards` does."""
+        """Return distances and directions; see :meth:`Plane.towards`."""
         if x.shape[1] == 2:
             raise InputError(f"the cylinder at '{self.on}' is in a plane mesh; give a sphere.")
         axis = _vector(self, "axis", 3)
@@ -145,20 +148,20 @@ Obstacle = Plane | Sphere | Cylinder
 """All classes of obstacles."""
 
 OBSTACLES = {"plane": Plane, "sphere": Sphere, "cylinder": Cylinder}
-"""Obstacles by their ``shape`` in case files."""
+"""Obstacle classes by the value of ``shape`` in case files."""
 
 
 def move_of(obstacle: Obstacle, gdim: int) -> Floats:
-    """Return the motion of an obstacle for ζ = 1 (length), shape (gdim,).
+    """Return the translation of an obstacle at ζ = 1 (length), shape (gdim,).
 
     Raises:
-        InputError: If the motion does not fit the mesh.
+        InputError: If the translation does not fit the dimension of the mesh.
     """
     return _vector(obstacle, "move", gdim) if len(obstacle.move) else np.zeros(gdim)
 
 
 def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
-    """Return distance and direction for vectors r from the centre, or the axis, to the points."""
+    """Return distances and directions for vectors r from the centre, or the axis, to points."""
     shape = type(obstacle).__name__.lower()
     if not (obstacle.radius > 0 and np.isfinite(obstacle.radius)):
         raise InputError(
@@ -168,7 +171,7 @@ def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
     distance = np.linalg.norm(r, axis=1)
     if (distance <= 1e-12 * obstacle.radius).any():
         raise InputError(
-            f"a node of '{obstacle.on}' lies in the middle of the {shape}, where the "
+            f"a node of '{obstacle.on}' lies at the centre of the {shape}, where the "
             "direction out of it is undefined; name only the surface that may touch it."
         )
     sign = 1.0 if obstacle.hollow else -1.0

@@ -1,1 +1,1 @@
-"""Implement formulations of contact, one per module."""
+"""Implement contact formulations, one in each module."""

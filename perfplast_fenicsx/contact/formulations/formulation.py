@@ -1,4 +1,4 @@
-"""Choose the formulation that makes the rows of each contact."""
+"""Choose the formulation for each contact, and form the rows of all contacts and obstacles."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -27,10 +27,10 @@ class NodesOrMortar:
 
     Attributes:
         contact: The two surfaces.
-        place: Place in the input, which messages name.
-        number: Number of the contact.
-        taken: Directions already taken at each local node, see
-            :func:`surface_facets.surface_node_type`; None for no directions.
+        place: Location in the case file, for messages.
+        number: Number of the contact among the contacts and obstacles.
+        taken: Directions at each local node that other rows have taken, see
+            :func:`surface_facets.surface_node_type`; None if there are none.
     """
 
     contact: Contact
@@ -41,7 +41,7 @@ class NodesOrMortar:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """Return the rows, see :meth:`constraints.Formulation.constraints`."""
+        """Return the rows; see :meth:`constraints.Formulation.constraints`."""
         named = (self.contact, self.place, self.number)
         try:
             return NodeToNode(*named, self.taken).constraints(V, tagged_mesh, fixed)
@@ -54,7 +54,7 @@ FORMULATIONS: dict[str | None, Callable[[Contact, str, int], Formulation]] = {
     "nodes": NodeToNode,
     "mortar": Mortar,
 }
-"""Formulations by their names in a contact."""
+"""Formulations by the value of ``formulation`` in a contact."""
 
 
 def find_constraints(
@@ -65,18 +65,19 @@ def find_constraints(
     fixed: npt.NDArray[np.bool_],
     solid: npt.NDArray[np.bool_] | None = None,
 ) -> Constraints:
-    """Return the rows of all contacts followed by those of all obstacles. Collective.
+    """Return the rows of all contacts, followed by the rows of all obstacles. Collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         contacts: The contacts.
         obstacles: The obstacles.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
-        solid: Nodes of rigid bodies, which cannot be hosts but move, shape (num_nodes,).
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
+        solid: Nodes of rigid bodies, which cannot be hosts although they can move, shape
+            (num_nodes,); None if there are none.
 
     Raises:
-        errors.InputError: If surfaces do not fit each other or an obstacle.
+        errors.InputError: If two surfaces, or a surface and an obstacle, do not fit each other.
     """
     chosen: list[Formulation] = []
     sources = [_of_contact(contact) for contact in contacts]
@@ -91,8 +92,8 @@ def find_constraints(
     if solid is not None:
         taken[solid] = np.eye(fixed.shape[1])
     parts: dict[int, Constraints] = {}
-    # where supports hold one side, the other one must be the host; the first contact takes
-    # precedence
+    # If supports hold one side, the other side must be the host. Contacts with held nodes form
+    # their rows first; among the others the order of the input applies.
     held = [_is_held(V, tagged_mesh, contact, fixed) for contact in contacts]
     held += [True] * len(obstacles)
     for number in sorted(range(len(chosen)), key=lambda number: not held[number]):

@@ -33,17 +33,17 @@ from perfplast_fenicsx.parallel import send_rows
 class NodeToNode:
     """The rows (u_a − u_b)·n ≤ g for each primary node a and its opposite secondary node b.
 
-    The normal n is the mean of both surfaces' normals, so that it does not depend on their order.
+    The normal n is the mean of the normals of both surfaces, so it does not depend on their order.
     The host is a, unless supports hold a along n, or rows of other contacts have taken more
-    directions of a than of b. Where three bodies meet along a curve, two normals at a node may
-    coincide. If supports leave b no freedom along n either, there is no row.
+    directions of a than of b. Two normals at a node may coincide along a curve where three bodies
+    meet. If supports hold b along n as well, there is no row.
 
     Attributes:
         contact: The two surfaces.
-        place: Place in the input, which messages name.
-        number: Number of the contact.
-        taken: Directions already taken at each local node, see
-            :func:`surface_facets.surface_node_type`; None for no directions.
+        place: Location in the case file, for messages.
+        number: Number of the contact among the contacts and obstacles.
+        taken: Directions at each local node that other rows have taken, see
+            :func:`surface_facets.surface_node_type`; None if there are none.
     """
 
     contact: Contact
@@ -54,11 +54,11 @@ class NodeToNode:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """Return the rows, see :meth:`constraints.Formulation.constraints`.
+        """Return the rows; see :meth:`constraints.Formulation.constraints`.
 
         Raises:
-            InputError: For unknown names, surfaces whose nodes do not match, that do not face each
-                other or that overlap, or a negative gap.
+            InputError: For an unknown name or a negative gap, or if the surfaces overlap, do not
+                face each other, or have nodes that do not match.
         """
         comm, contact = V.mesh.comm, self.contact
         if contact.primary == contact.secondary:
@@ -92,9 +92,10 @@ class NodeToNode:
 def _pair_type(gdim: int) -> np.dtype:
     """Return the structured type of a pair.
 
-    Its fields are the local block dof of the ``host`` on its rank, the global one of the ``guest``,
-    the ``gap``, the unit ``normal`` out of the primary surface, the ``sign`` (1 if the host lies on
-    the primary surface, −1 if on the secondary) and the smaller ``area`` of both nodes.
+    Its fields are the ``host`` as a local block dof on its rank, the ``guest`` as a global block
+    dof, the ``gap`` and the unit ``normal`` out of the primary surface. Further fields are the
+    ``sign`` (1 if the host lies on the primary surface, −1 if it lies on the secondary surface) and
+    the smaller ``area`` of the two nodes.
     """
     return np.dtype(
         [
@@ -116,21 +117,21 @@ def _to_hosts(
     gap: Floats,
     friction: bool,
 ) -> npt.NDArray[np.void]:
-    """Return the pairs on the ranks of their hosts, after choosing each pair's host. Collective.
+    """Choose the host of each pair, and return the pairs on the ranks of their hosts. Collective.
 
     Returns:
-        The pairs hosted by this rank.
+        The pairs whose hosts this rank owns.
 
     Raises:
-        InputError: If a rigid body that moves is opposite a node that supports hold.
+        InputError: If a node of a moving rigid body is opposite a node that supports hold.
     """
     primary, secondary = matching.primary, matching.secondary
     on_primary = can_host(primary, normal)
-    if friction:  # the host must be free along these directions in the surface
+    if friction:  # the host must be free along its directions in the surface
         freer = secondary["free"].sum(axis=1) > primary["free"].sum(axis=1)
         on_primary &= ~(freer & can_host(secondary, normal))
     else:
-        more = 0.1  # of a squared cosine: perpendicular directions may rotate by this much
+        more = 0.1  # perpendicular directions may rotate by this squared cosine
         freer = crowded(primary, normal) > crowded(secondary, normal) + more
         on_primary &= ~(freer & can_host(secondary, normal))
     host, guest = (
@@ -149,8 +150,9 @@ def _to_hosts(
     lost = ~movable & ((follows[0] & held[0]) | (follows[1] & held[1]))
     raise_together(
         comm,
-        f"{place}: supports or ties hold nodes along the normal that a body with law = 'rigid'"
-        " touches; leave these nodes out of the support or of the contact surface."
+        f"{place}: the contact surface touches a body with law = 'rigid' at nodes that "
+        "supports or ties hold along the normal; leave these nodes out of the support or "
+        "of the contact surface."
         if lost.any()
         else None,
     )

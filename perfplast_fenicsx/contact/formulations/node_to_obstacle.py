@@ -1,4 +1,4 @@
-"""Form contact of a surface with a rigid obstacle: a row for each node, without a guest."""
+"""Form contact of a surface with a rigid obstacle: a row without a guest for each node."""
 
 from dataclasses import dataclass
 
@@ -23,13 +23,13 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class NodeToObstacle:
-    """The rows u·n ≤ g for each node of a surface, with n and g at the initial position.
+    """The rows u·n ≤ g for each node of a surface, with n and g in the initial position.
 
-    A node without freedom along n has no row.
+    A node that cannot move along n has no row.
 
     Attributes:
         obstacle: The obstacle.
-        place: Place in the input, which messages name.
+        place: Location in the case file, for messages.
         number: Number of the obstacle; numbering continues after the contacts.
     """
 
@@ -40,17 +40,17 @@ class NodeToObstacle:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """Return the rows, see :meth:`constraints.Formulation.constraints`.
+        """Return the rows; see :meth:`constraints.Formulation.constraints`.
 
         Raises:
-            InputError: For an unknown name, an obstacle that does not fit the mesh, or overlap.
+            InputError: For an unknown name, an obstacle that does not fit the mesh, or an overlap.
         """
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         nodes = surface_nodes(V, tagged_mesh, self.obstacle.on, fixed)
         faces = nodes
         nodes = nodes[
             np.unique(nodes["node"], return_index=True)[1]
-        ]  # a node on an edge appears once as well
+        ]  # a node on an edge is listed once per face, but has one row
         gap: Floats = np.zeros(len(nodes))
         into: Floats = np.zeros((len(nodes), gdim))
         message: str | None = None
@@ -74,7 +74,7 @@ class NodeToObstacle:
 
 
 def _towards(faces: SurfaceNodes, node: Ints, into: Floats) -> Floats:
-    """Return the size of each node's faces that face the obstacle (length, area), shape (n,)."""
+    """Return the size of each node's faces that face the obstacle (length or area), shape (n,)."""
     place = np.searchsorted(node, faces["node"])
     place[place == len(node)] = 0
     known = node[place] == faces["node"] if len(node) else np.zeros(len(faces), dtype=np.bool_)

@@ -1,8 +1,8 @@
-"""Form the rows of friction: tangential jumps, with the nodes and weights of the contact rows.
+"""Form the rows of friction: tangential jumps with the nodes and weights of the contact rows.
 
-A row of contact is the jump of two surfaces along its normal n. The jump along a direction t in the
-surface has the same weights. Both are components of one vector, whose tangential part friction
-resists.
+A contact row is the jump between two surfaces along the normal n. The jump along a direction t in
+the surface has the same weights. Both are components of one vector; friction resists its tangential
+part.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.errors import InputError
 
 NOTHING = 1e-9
-"""Rows with less than this share of the largest area have no friction. Vertices of quadratic
+"""Rows with an area below this fraction of the largest area have no friction. Vertices of quadratic
 tetrahedra are an example: a constant shear stress exerts no force on them."""
 
 
@@ -39,29 +39,30 @@ def tangential_rows(
     taken: npt.NDArray[np.bool_],
     guided: tuple[Ints, Ints, Floats],
 ) -> tuple[Constraints, Friction]:
-    """Return the rows of friction and their data, without the indices of their unknowns.
+    """Return the rows of friction, and the friction data. Collective.
 
-    Collective.
+    The data do not contain the indices of the unknowns yet.
 
-    Nodes at an edge between faces have no direction in both faces, and so no friction. The same
-    holds for nodes that supports or ties hold along the surface.
+    A node at an edge between two faces has no tangential direction that lies in both faces, so it
+    has no friction. Nodes that supports or ties hold along the surface have no friction either.
 
     Args:
         V: Displacement space.
-        constraints: The rows of contact, whose sources have the friction.
+        constraints: The contact rows, whose sources have the friction.
         contacts: The declared contacts. No surface may have both friction and a tie.
         obstacles: The declared obstacles.
-        ties: The ties, on which friction is impossible.
-        taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
-        guided: Directions along which guides hold nodes, one per row, each with the component that
-            it has taken: nodes of this rank, components and unit vectors.
+        ties: The ties; a tied surface cannot have friction.
+        taken: Components of local nodes that supports hold or ties eliminate, shape (num_nodes,
+            gdim).
+        guided: Directions along which supports with ``components = "normal"`` hold nodes: nodes of
+            this rank, eliminated components, and unit vectors, one per row.
 
     Returns:
-        The rows, and friction whose ``index`` contains numbers of rows.
+        The rows, and friction data whose ``index`` contains row numbers.
 
     Raises:
         InputError: If a surface has friction and is tied, or if supports hold hosts along the
-            surface where their guests are free.
+            surface while their guests are free.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     _check_ties(contacts, obstacles, ties)
@@ -119,20 +120,20 @@ def _check_ties(
     both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
     if both:
         raise InputError(
-            f"'{both[0]}' has friction and is tied, so that it can never slip; remove the "
+            f"'{both[0]}' has friction and is tied, so it can never slip; remove the "
             "friction or the tie."
         )
 
 
 def _places(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
-    """Return the contact rows with friction: those of hosts with one row. Collective."""
+    """Return the contact rows with friction: those whose hosts have one row only. Collective."""
     rows = rows_that_rub(comm, constraints)
     hosts, counts = np.unique(constraints.host, return_counts=True)
     return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]
 
 
 def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
-    """Return the contact rows of surfaces with friction that have a positive area. Collective."""
+    """Return the contact rows with friction and a non-negligible area. Collective."""
     rubs = np.array([one.rubs for one in constraints.sources], dtype=np.bool_)[constraints.surface]
     largest = comm.allreduce(float(constraints.area.max(initial=0)), MPI.MAX)
     return np.flatnonzero(rubs & (constraints.area > NOTHING * largest))
@@ -141,7 +142,7 @@ def rows_that_rub(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
 def _free_spaces(
     hosts: Ints, taken: npt.NDArray[np.bool_], guided: tuple[Ints, Ints, Floats]
 ) -> Floats:
-    """Return projections on the free directions of hosts, each once, shape (n, gdim, gdim)."""
+    """Return projections onto the free directions of the hosts, shape (n, gdim, gdim)."""
     node, component, normal = guided
     gdim = taken.shape[1]
     spaces = np.einsum("ni,ij->nij", ~taken[hosts], np.eye(gdim))
@@ -162,20 +163,21 @@ def _free_spaces(
 
 
 def _directions(normal: Floats, spaces: Floats) -> tuple[Floats, npt.NDArray]:
-    """Return orthonormal directions along the surface that supports leave free.
+    """Return orthonormal directions in the surface that supports leave free.
 
     Args:
-        normal: Shape (n, gdim).
-        spaces: Projections on the free directions of hosts, shape (n, gdim, gdim).
+        normal: Normals, shape (n, gdim).
+        spaces: Projections onto the free directions of the hosts, shape (n, gdim, gdim).
 
     Returns:
-        Directions, shape (n, gdim − 1, gdim), zero for missing ones; and whether each exists.
+        Directions, shape (n, gdim − 1, gdim), zero where a direction does not exist; and whether
+        each direction exists.
     """
     along = np.einsum("nij,nj->ni", spaces, normal)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     projection = spaces - along[:, :, None] * along[:, None, :]
     values, vectors = np.linalg.eigh(projection)
-    most_normal = 0.5  # eigenvalues are 1 for directions in the surface, 0 for others
+    most_normal = 0.5  # eigenvalues: 1 for free directions in the surface, 0 for others
     there = values[:, 1:] > most_normal
     return np.swapaxes(vectors[:, :, 1:], 1, 2) * there[:, :, None], there
 
@@ -183,7 +185,7 @@ def _directions(normal: Floats, spaces: Floats) -> tuple[Floats, npt.NDArray]:
 def _of(
     constraints: Constraints, place: Longs, row: Longs, node: Longs, weight: Floats
 ) -> tuple[Longs, Longs, Floats]:
-    """Return terms of chosen rows, with their new numbers."""
+    """Return the entries (row, node, weight) of the chosen rows, with new row numbers."""
     chosen = np.full(len(constraints.host), -1)
     chosen[place] = np.arange(len(place))
     kept = chosen[row] >= 0
@@ -197,7 +199,7 @@ def _check_guests(
     place: Longs,
     terms: tuple[Longs, Longs, Floats],
 ) -> None:
-    """Refuse guests that are free along directions in which their hosts are not. Collective."""
+    """Refuse guests that are free in directions in which supports hold their hosts. Collective."""
     comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.mesh.geometry.dim
     rows = (len(place), comm.allreduce(len(place)))
     nodes = (index_map.size_local, index_map.size_global)
@@ -216,7 +218,7 @@ def _check_guests(
     if first < count:
         raise InputError(
             f"friction of {constraints.sources[first].name}: supports hold nodes of one "
-            "surface along it where the other is free; give hosts = 'primary' or "
-            "'secondary', the surface that is free, or support both surfaces in the same "
-            "way."
+            "surface in tangential directions in which the other surface is free; give hosts "
+            "= the free surface ('primary' or 'secondary'), or support both surfaces in the "
+            "same way."
         )

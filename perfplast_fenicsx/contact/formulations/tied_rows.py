@@ -1,4 +1,4 @@
-"""Form ties as rows B u = 0: those of mortar contact, for every displacement component."""
+"""Form ties as rows B u = 0: the mortar rows for each displacement component."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,18 +26,18 @@ def tied_rows(
 ) -> Constraints:
     """Return the rows of all ties. Collective.
 
-    A component of a node that supports or another tie hold hosts no row: neighbours take over its
-    dual function, as in contact.
+    If a support or another tie holds a component of a node, the node is not host of a row for it.
+    Its neighbours take over its dual function, as in contact.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         ties: The ties.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
 
     Raises:
-        InputError: For unknown names, surfaces that are nowhere opposite each other or that are
-            apart, or hosts that are held.
+        InputError: For unknown names, for surfaces that are nowhere opposite each other or are too
+            far apart, or if supports hold hosts.
     """
     taken = fixed.copy()
     parts: list[Constraints] = []
@@ -53,7 +53,7 @@ def _rows(
     number: int,
     taken: npt.NDArray[np.bool_],
 ) -> list[Constraints]:
-    """Return the rows of one tie by component, and mark their host components as taken.
+    """Return the rows of one tie for each component, and mark the host components as taken.
 
     Collective.
     """
@@ -69,7 +69,7 @@ def _rows(
     def able(nodes: SurfaceNodes) -> list[PairFlags]:
         first = np.zeros(
             len(nodes), dtype=np.bool_
-        )  # a node at an edge between two faces hosts only once
+        )  # a node on an edge is listed once per face, but hosts once
         first[np.unique(nodes["node"], return_index=True)[1]] = True
         return [first & nodes["free"][:, axis] for axis in range(gdim)]
 
@@ -80,12 +80,12 @@ def _rows(
     apart = np.abs(chosen.distances.along)
     seen = np.isfinite(apart) & (apart > chosen.distances.slack)
     farthest = comm.allreduce(float(apart[seen].max(initial=0)), MPI.MAX)
-    bridged = 0.01  # largest distance of glued surfaces, relative to their size
+    bridged = 0.01  # largest distance between tied surfaces, relative to their size
     if farthest > bridged * size:
         raise InputError(
-            f"{place}: the surfaces are up to {farthest:.3g} apart, and forces across the "
-            "gap would lose their moment; glue surfaces that touch, or move one of the "
-            "bodies."
+            f"{place}: the surfaces are up to {farthest:.3g} apart, so that forces across "
+            "the gap would not balance in moment; tie surfaces that touch, or move one of "
+            "the bodies."
         )
     parts = []
     for axis, rows in enumerate(chosen.rows):

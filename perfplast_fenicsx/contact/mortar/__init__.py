@@ -1,1 +1,1 @@
-"""Implement mortar contact: integrals over facing facets."""
+"""Implement mortar contact: integrals over opposite facets."""

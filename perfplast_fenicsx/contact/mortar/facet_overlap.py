@@ -1,16 +1,15 @@
-"""Pair opposite pieces of two surfaces, clip them, and compute the points of their overlaps.
+"""Pair opposite pieces of two surfaces, clip them, and compute points in their overlaps.
 
-Clip opposite pieces of two surfaces, all pairs at once.
-A piece is a straight segment in the plane or a triangle in space. The guest is projected on the
-host along the host's normal. All maps between reference coordinates are therefore affine. Triangles
-are clipped by Sutherland and Hodgman's algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802).
-Corners remain in the order in which the algorithm finds them, and slivers keep their area.
+All pairs of pieces are clipped at once. A piece is a straight segment in plane meshes, or a
+triangle in space. The guest is projected onto the host along the normal of the host, so all maps
+between reference coordinates are affine. Triangles are clipped by Sutherland and Hodgman's
+algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802). Corners remain in the order in which the
+algorithm finds them, and slivers keep their area.
 
-Compute points at which overlaps of curved facets are integrated.
-Overlaps are found between straight pieces. Their points are mapped to the host's facet by reference
-coordinates, and along its normal to the guest's facet. So areas, places and normals are those of
-the facets of second order instead of the pieces (T. Dickopf and R. Krause, Int. J. Numer. Meth.
-Engng 77, 2009, doi 10.1002/nme.2464).
+The overlaps of curved facets are found between straight pieces. Their quadrature points are mapped
+to the host facet by reference coordinates, and from there to the guest facet along the host's
+normal. So areas, positions and normals are those of the second-order facets, not those of the
+pieces (T. Dickopf and R. Krause, Int. J. Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
 """
 
 import functools
@@ -30,18 +29,18 @@ from perfplast_fenicsx.contact.surfaces.surface_facets import Facets, Pieces, sh
 from perfplast_fenicsx.parallel import bounding_box, send_rows
 
 NONE = 1e-15
-"""An overlap counts as empty up to this share of the host's length or area."""
+"""An overlap counts as empty up to this fraction of the length or area of the host."""
 
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Simplices on which a host piece and a guest piece are opposite each other.
+    """Simplices in which a host piece and a guest piece are opposite each other.
 
     Attributes:
-        pair: Pair of pieces of each simplex, shape (n,).
+        pair: Number of the pair of pieces for each simplex, shape (n,).
         host: Barycentric coordinates of the corners in the host, shape (n, corners, gdim).
         guest: Barycentric coordinates of the corners in the guest, same shape.
-        share: Length or area, relative to the host's, shape (n,).
+        share: Length or area of the simplex, relative to that of the host, shape (n,).
     """
 
     pair: Longs
@@ -58,17 +57,17 @@ def overlaps(host: Floats, guest: Floats) -> Overlaps:
         guest: Corners of the guests, same shape.
     """
     flat = _projected(host, guest)
-    some = np.flatnonzero(_most(flat) > 0)  # excludes points beside an edge
+    some = np.flatnonzero(_most(flat) > 0)  # excludes guests beyond an edge of the host
     found = (_segments if host.shape[1] == 2 else _triangles)(flat[some])
     return replace(found, pair=some[found.pair])
 
 
 def _projected(host: Floats, guest: Floats) -> Floats:
-    """Return barycentric coordinates of the guests' corners in the hosts.
+    """Return the barycentric coordinates of the guests' corners with respect to the hosts.
 
     Returns:
-        The projection is along the hosts' normals. Shape (num_pairs, corners, gdim); the
-        coordinates of a corner sum to 1.
+        The coordinates of the corners, projected along the normals of the hosts, shape (num_pairs,
+        corners, gdim). The coordinates of a corner sum to 1.
     """
     first = host[:, 0]
     edges = [host[:, i] - first for i in range(1, host.shape[2])]
@@ -83,7 +82,7 @@ def _projected(host: Floats, guest: Floats) -> Floats:
 
 
 def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
-    """Return in-plane vectors whose product with their own edge is 1 and with the others 0."""
+    """Return in-plane vectors whose product is 1 with their own edge and 0 with the others."""
     if len(edges) == 1:
         return [edges[0] / _dot(edges[0], edges[0])[:, None]]
     a, b = edges
@@ -96,7 +95,7 @@ def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
 
 
 def _most(flat: Floats) -> Floats:
-    """Return the smallest coordinate bound that all corners satisfy, shape (num_pairs,)."""
+    """Return the minimum over the coordinates of their maximum over the corners, (num_pairs,)."""
     corners = range(flat.shape[1])
     largest = functools.reduce(np.maximum, (flat[:, corner] for corner in corners))
     return functools.reduce(np.minimum, largest.T)
@@ -115,7 +114,7 @@ def _segments(guest: Floats) -> Overlaps:
 
 
 def _triangles(guest: Floats) -> Overlaps:
-    """Return the reference triangle clipped by the guests, in the host's coordinates."""
+    """Return the overlaps of the reference triangle with guests given in host coordinates."""
     corners = guest[:, :, 1:]
     signed = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     turned = corners.copy()
@@ -145,15 +144,16 @@ def _triangles(guest: Floats) -> Overlaps:
 
 
 def _clipped(guest: Floats) -> tuple[Floats, Longs]:
-    """Return the reference triangle clipped by counterclockwise triangles.
+    """Return the reference triangle, clipped by counterclockwise triangles.
 
     Returns:
-        Corners of the polygons, shape (n, most, 2), and the number of corners of each, 0 to 6.
+        Corners of the polygons, shape (n, most, 2), and the number of corners of each polygon, 0 to
+        6.
     """
     num = len(guest)
     polygon = np.broadcast_to(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), (num, 3, 2))
     count = np.full(num, 3)
-    # Corners within this distance of an edge, relative to the size of the host, lie on the edge.
+    # Corners within this distance from an edge, relative to the host size, lie on the edge.
     on_edge = 1e-13
     for k in range(3):
         begin, end = guest[:, k, None], guest[:, (k + 1) % 3, None]
@@ -169,7 +169,7 @@ def _clipped(guest: Floats) -> tuple[Floats, Longs]:
         onward = np.take_along_axis(polygon, after[..., None], axis=1) - polygon
         both = np.stack([polygon, polygon + share[..., None] * onward], axis=2)
         flags = np.stack([kept, crossed], axis=2).reshape(num, 2 * len(number))
-        most = polygon.shape[1] + 1  # a line cuts off at least one corner
+        most = polygon.shape[1] + 1  # clipping at a line adds at most one corner
         order = np.argsort(~flags, axis=1, kind="stable")[:, :most]
         polygon = np.take_along_axis(
             both.reshape(num, 2 * len(number), 2), order[..., None], axis=1
@@ -193,11 +193,11 @@ class OverlapPoints:
     Attributes:
         host: Number of the host facet, shape (n,).
         guest: Number of the guest facet, shape (n,).
-        own: The host's functions N at the points, shape (n, q, nodes of a facet).
-        other: The guest's functions, same shape.
+        own: Shape functions N of the host at the points, shape (n, q, nodes of a facet).
+        other: Shape functions of the guest, same shape.
         x: Coordinates on the host, shape (n, q, gdim).
-        normal: The host's normal, interpolated between its nodes, same shape.
-        weight: Quadrature weight as length or area of the host facet, shape (n, q).
+        normal: Normal of the host, interpolated between its nodes, same shape as ``x``.
+        weight: Quadrature weights that include the length or area of the host facet, shape (n, q).
     """
 
     host: Longs
@@ -217,15 +217,15 @@ def overlap_points(
     found: Overlaps,
     degree: int,
 ) -> OverlapPoints:
-    """Return the quadrature points of overlaps of pieces.
+    """Return the quadrature points in the overlaps of pieces.
 
     Args:
-        hosts: Facets that carry multipliers.
+        hosts: Facets of the surface with the multipliers.
         guests: Facets of the other surface.
-        pieces: Pieces of both.
-        numbers: Numbers of the host's and the guest's piece of each overlap.
+        pieces: Pieces of the hosts and of the guests.
+        numbers: Number of the host piece and of the guest piece for each overlap.
         found: The overlaps.
-        degree: Degree of polynomials that are integrated exactly on straight facets.
+        degree: Polynomial degree that the rule integrates exactly on straight facets.
     """
     (host, guest), (h, g) = pieces, numbers
     e, f = host.facet[h], guest.facet[g]
@@ -247,7 +247,7 @@ def overlap_points(
 
 
 def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
-    """Return barycentric points and weights; the weights sum to 1."""
+    """Return barycentric quadrature points and weights; the weights sum to 1."""
     kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
     points, weights = (np.asarray(one) for one in basix.make_quadrature(kind, degree))
     first = 1 - points.sum(axis=1, keepdims=True)
@@ -255,7 +255,7 @@ def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
 
 
 def area_elements(x: Floats, at: Floats) -> Floats:
-    """Return the ratio of length or area to that of the reference facet, shape (n, q)."""
+    """Return the ratio of length or area elements to those of the reference facet, shape (n, q)."""
     tangents = _tangents(x, at)
     if len(tangents) == 1:
         return np.asarray(np.linalg.norm(tangents[0], axis=2))
@@ -268,13 +268,13 @@ def _tangents(x: Floats, at: Floats) -> list[Floats]:
 
 
 def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
-    """Return where lines along normals meet facets, by one Newton step from a near point.
+    """Return where lines meet facets, by one Newton step from a nearby point.
 
     Args:
         x: Points of the lines, shape (n, q, gdim).
-        normal: Their directions, same shape.
+        normal: Directions of the lines, same shape.
         facet: Facet of each line, shape (n, points of a facet, gdim).
-        at: Reference coordinates nearby, shape (n, q, gdim − 1).
+        at: Reference coordinates of the nearby points, shape (n, q, gdim − 1).
     """
     _, count, gdim = facet.shape
     apart = x - shape_functions(gdim, count, at) @ facet
@@ -286,8 +286,8 @@ def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
         across = [np.asarray(np.cross(a, b), dtype=np.float64) for a, b in pairs]
     whole = np.einsum("nqi,nqi->nq", tangents[0], across[0])
     step = np.stack([np.einsum("nqi,nqi->nq", apart, one) / whole for one in across], axis=2)
-    # If the step would move a point farther than this in the guest's reference facet, the point
-    # stays in the piece: the gap is too wide or the facet too oblique for one step.
+    # If the step would move a point by more than this in the reference facet of the guest, the
+    # point stays in the piece: the gap is too wide, or the facet too oblique, for one step.
     astray = 0.25
     near = functools.reduce(np.maximum, np.abs(step).transpose(2, 0, 1)) <= astray
     return np.asarray(np.where(near[:, :, None], at + step, at))
@@ -296,23 +296,23 @@ def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
 def rendezvous(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, reach: float
 ) -> tuple[Facets, Facets]:
-    """Send each host facet to one rank, and all guest facets within reach of it to the same rank.
+    """Send each host facet to one rank, and all guest facets within ``reach`` to the same rank.
 
     Collective.
 
-    Hosts are distributed by slabs of space along the longest axis. Guests go to every rank with a
-    host whose box, widened by the reach, they intersect.
+    Hosts are distributed by slabs of space along the longest axis. A guest goes to every rank whose
+    box of hosts, widened by ``reach``, it intersects.
 
     Args:
-        comm: The ranks.
-        hosts: This rank's facets of the surface that carries the multipliers.
-        guests: This rank's facets of the other surface.
-        reach: Largest distance (length).
+        comm: Communicator of the ranks.
+        hosts: Facets on this rank of the surface with the multipliers.
+        guests: Facets on this rank of the other surface.
+        reach: Largest distance between opposite facets (length).
     """
     centre = hosts["x"].mean(axis=1)
     low, high = bounding_box(comm, centre)
     axis = int(np.argmax(high - low))
-    # Bins of the histogram that divides space into slabs with equal numbers of facets.
+    # Number of histogram bins by which space is divided into slabs with equal numbers of facets.
     most_bins = 4096
     width = max(float(high[axis] - low[axis]), np.finfo(float).tiny) / most_bins
     bins = np.clip(((centre[:, axis] - low[axis]) / width).astype(np.int64), 0, most_bins - 1)
@@ -331,28 +331,28 @@ def rendezvous(
 
 
 def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tuple[Longs, Longs]:
-    """Return pairs of pieces in which the host's normal may meet the guest.
+    """Return pairs of pieces for which the normal of the host may meet the guest.
 
     Args:
-        host: Pieces of one surface.
-        guest: Pieces of the other.
-        reach: Largest distance in front of the host (length).
-        behind: Largest distance of a guest inside the host (length).
+        host: Pieces of the surface with the multipliers.
+        guest: Pieces of the other surface.
+        reach: Largest distance of a guest in front of its host (length).
+        behind: Largest depth of a guest inside the host's body (length).
 
     Returns:
-        Numbers of the host and of the guest in each pair, sorted by host.
+        Numbers of the host and the guest in each pair, sorted by host.
     """
     none = np.zeros(0, dtype=np.int64)
     if not (len(host.facet) and len(guest.facet)):
         return none, none
     nearest, _ = cKDTree(guest.centre).query(host.centre)
-    # Ratio of the largest distance along a normal to the distance of the nearest piece.
+    # Ratio of the largest distance along a normal to the distance from the nearest piece.
     oblique = 1.5
     apart = oblique * np.minimum(nearest, reach) + host.radius
     firsts: list[Longs] = [none]
     seconds: list[Longs] = [none]
     size = np.floor(np.log2(guest.radius))
-    for each in np.unique(size):  # a few large pieces must not enlarge the search for the others
+    for each in np.unique(size):  # a few large pieces must not enlarge the search for small pieces
         some = np.flatnonzero(size == each)
         within = apart + guest.radius[some].max()
         found = cKDTree(guest.centre[some]).query_ball_point(host.centre, within)
@@ -370,14 +370,14 @@ def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tupl
 def _opposite(
     host: Pieces, guest: Pieces, first: Longs, second: Longs, reach: float, behind: float
 ) -> npt.NDArray[np.bool_]:
-    """Return whether pieces face each other and a normal of one may meet the other."""
+    """Return whether two pieces face each other and a normal of one may meet the other."""
     n = host.normal[first]
     facing = np.einsum("ni,ni->n", n, guest.normal[second])
     between: Floats = guest.centre[second] - host.centre[first]
     along = np.einsum("ni,ni->n", between, n)
     aside = np.linalg.norm(between - along[:, None] * n, axis=1)
     sizes = host.radius[first] + guest.radius[second]
-    # Pieces face each other if the cosine of their normals is below the negative of this (45°).
+    # Pieces face each other if the cosine between their normals is below minus this value (45°).
     least_cosine = 0.7
     opposite: npt.NDArray[np.bool_] = (
         (facing < -least_cosine)

@@ -1,4 +1,4 @@
-"""Form contact of surfaces whose nodes need not match (dual mortar): sides, distances, rows."""
+"""Form contact between surfaces whose nodes need not match (dual mortar method)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -42,13 +42,14 @@ from perfplast_fenicsx.parallel import Exchange, send_rows
 
 @dataclass(frozen=True)
 class Distances:
-    """Distances of the nodes of this rank from the other surface.
+    """Distances from the owned nodes of this rank to the other surface.
 
     Attributes:
-        along: Distance along the node's normal, negative for a node inside; inf if nothing is
-            opposite. Shape (num_nodes,).
-        slack: Geometric error of the facets (length): two curved surfaces in contact may appear
-            apart, or overlapping, by this much, because facets differ from the curved surfaces.
+        along: Distance along the normal of each node, negative for a node inside the other body,
+            inf if nothing is opposite, shape (num_nodes,).
+        slack: Geometric error of the facets (length), shape (num_nodes,). Because facets differ
+            from the curved surfaces, two curved surfaces in contact may appear apart or overlapping
+            by this length.
     """
 
     along: Floats
@@ -58,18 +59,18 @@ class Distances:
 def distances(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, count: int
 ) -> Distances:
-    """Return the distances from each corner of a host facet to the guest facets that it overlaps.
+    """Return the distances from the corners of host facets to the guest facets that they overlap.
 
     Collective.
 
-    The distance uses the guest facet that the normal meets. If it meets none, as at the border of
-    the covered part, the plane or curve of the nearest facet is extended.
+    The distance refers to the guest facet that the normal meets. If the normal meets no facet, as
+    at the border of the covered part, the line or curve of the nearest facet is extended.
 
     Args:
-        comm: The ranks.
+        comm: Communicator of the ranks.
         hosts: The host facets on this rank.
         guests: The guest facets.
-        found: Their overlaps.
+        found: Integrals over the overlaps of both.
         count: Number of nodes of the host surface that this rank owns.
     """
     each = hosts["node"].shape[1]
@@ -83,7 +84,7 @@ def distances(
     rows["place"], rows["aside"], rows["along"] = hosts["place"][h, corner], aside, along
     rows["slack"] = _sagitta(hosts)[h] + _sagitta(guests)[g]
     rows = send_rows(comm, rows, hosts["rank"][h, corner])
-    sideways = 1e-9  # a normal that misses a facet by this share of its size still meets it
+    sideways = 1e-9  # a normal that misses a facet by less than this fraction of its size meets it
     order = np.lexsort([np.abs(rows["along"]), np.maximum(rows["aside"], sideways), rows["place"]])
     rows = rows[order]
     place, first = np.unique(rows["place"], return_index=True)
@@ -94,16 +95,16 @@ def distances(
 
 
 def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) -> Floats:
-    """Return the coefficients of a gap in the functions of its rows. Collective.
+    """Return the coefficients of a gap with respect to the basis functions of its rows. Collective.
 
-    The coefficients equal nodal values except on triangles of second order, with Bernstein
-    functions.
+    The coefficients equal the nodal values, except on triangles of second order, whose basis
+    functions are Bernstein polynomials.
 
     Args:
-        comm: The ranks.
+        comm: Communicator of the ranks.
         hosts: The host facets on this rank.
         found: The covered parts of the facets.
-        gap: The gap at the host surface's owned nodes (length), inf where it is unknown.
+        gap: The gap at the owned nodes of the host surface (length), inf where it is unknown.
     """
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
     if not coupled(gdim, each):
@@ -121,16 +122,16 @@ def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) 
 
 
 def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
-    """Return where lines x + t·normal meet facets, one line for each facet.
+    """Return where lines x + t·normal meet facets, for one line per facet.
 
     Returns:
-        The share of the facet by which the line misses it, 0 if it meets it; and t. Both have shape
-        (n,).
+        The distance by which the line misses the facet, relative to the facet and 0 if it meets it;
+        and t. Both have shape (n,).
     """
     n, points, gdim = facet.shape
     at: Floats = np.full((n, gdim - 1), 1 / gdim)
     along: Floats = np.zeros(n)
-    steps = 6  # Newton steps to the intersection of a normal with a curved facet
+    steps = 6  # Newton iterations for the intersection of a normal with a curved facet
     for _ in range(steps if points > gdim else 1):
         functions = shape_functions(gdim, points, at)
         slopes = shape_functions(gdim, points, at, 1)
@@ -147,7 +148,7 @@ def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
 
 
 def _sagitta(facets: Facets) -> Floats:
-    """Return how far facets may deviate from the smooth surface, shape (n,)."""
+    """Return how far the facets may deviate from the smooth surface (length), shape (n,)."""
     x, normal = facets["x"], facets["normal"]
     gdim = x.shape[2]
     longest = np.max([np.linalg.norm(x[:, i] - x[:, i - 1], axis=1) for i in range(gdim)], axis=0)
@@ -169,12 +170,12 @@ def _facet_normals(x: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Facing:
-    """Host facets, each on one rank, and the guest facets on that rank that they overlap.
+    """Host facets, each on one rank, and the guest facets that overlap them, on the same rank.
 
     Attributes:
         hosts: All host facets.
-        guests: Overlapping facets of the other surface; some occur more than once.
-        found: Integrals over their overlaps.
+        guests: Overlapping facets of the other surface; some are listed more than once.
+        found: Integrals over the overlaps.
     """
 
     hosts: Facets
@@ -190,28 +191,28 @@ def facing_facets(
     around: Callable[[Floats], Floats],
     onward: bool,
 ) -> Facing:
-    """Return the facets that are opposite each other. Collective.
+    """Return the facets of two surfaces that are opposite each other. Collective.
 
-    The search doubles the reach until it finds an overlap. With ``onward``, host facets without an
-    overlap then continue the search. They search only in front. A guest deeper inside than the
-    first successful reach is not an overlap of bodies. Partly covered facets search farther by the
-    distance by which facing surfaces can diverge along them.
+    The search doubles its reach until it finds an overlap. With ``onward``, host facets without an
+    overlap then continue the search, but only in front of the host. A guest deeper inside than the
+    first successful reach is not an overlap of bodies. Partly covered facets search farther, by the
+    distance by which opposite surfaces can diverge along them.
 
     Args:
-        comm: The ranks.
-        hosts: This rank's facets of the surface that carries the multipliers.
-        guests: This rank's facets of the other surface.
+        comm: Communicator of the ranks.
+        hosts: Facets on this rank of the surface with the multipliers.
+        guests: Facets on this rank of the other surface.
         size: Size of both surfaces (length).
         around: See :func:`mortar_rows.integrate`.
-        onward: Whether each host facet searches up to this size.
+        onward: Whether each host facet continues the search up to ``size``.
     """
     parts: list[Facing] = []
-    # Initial search distance as a share of the size of both surfaces.
+    # Initial search distance as a fraction of the size of both surfaces.
     first_reach = 0.1
     reach, behind = first_reach * size, np.inf
     lean = 3 * sum(comm.allreduce(_radius(facets), MPI.MAX) for facets in (hosts, guests))
     along = comm.allreduce(bool(turning(hosts).any()), MPI.LOR)
-    whole = 1 - 1e-9  # a facet with this covered share counts as fully covered
+    whole = 1 - 1e-9  # a facet with this covered fraction counts as fully covered
     while True:
         here, there = rendezvous(comm, hosts, guests, reach + lean)
         found = integrate(here, there, reach, around, min(reach, behind), along)
@@ -232,13 +233,13 @@ def facing_facets(
 
 
 def _radius(facets: Facets) -> float:
-    """Return the largest distance of a point of this rank's facets from its facet's centre."""
+    """Return the largest distance on this rank between a facet's points and its centre."""
     apart = facets["x"] - facets["x"].mean(axis=1, keepdims=True)
     return float(np.linalg.norm(apart, axis=2).max(initial=0))
 
 
 def _of(found: Integrals, some: PairFlags) -> Integrals:
-    """Return the integrals of some host facets, renumbered."""
+    """Return the integrals of the chosen host facets, with new facet numbers."""
     number, kept = np.cumsum(some) - 1, some[found.host]
     return Integrals(
         number[found.host[kept]],
@@ -277,14 +278,14 @@ def _joined(parts: list[Facing]) -> Facing:
 
 @dataclass(frozen=True)
 class Surface:
-    """A named surface: its owned nodes and the facets of this rank."""
+    """A named surface: its nodes that this rank owns, and its facets on this rank."""
 
     name: str
     nodes: SurfaceNodes
     facets: Facets
 
     def measure(self, comm: MPI.Intracomm) -> tuple[float, float]:
-        """Return the length or area of the surface, and the mean of its facets. Collective."""
+        """Return the length or area of the surface, and the mean over its facets. Collective."""
         local = np.array([pieces_of(self.facets).measure.sum(), len(self.facets)])
         area, count = comm.allreduce(local)
         return float(area), float(area / max(count, 1))
@@ -297,10 +298,10 @@ class Side:
     Attributes:
         host: The host surface.
         guest: The other surface.
-        facing: Facing facets.
-        rows: The rows, one set for each way in which nodes may host.
-        distances: Distances of the host's nodes to the guest.
-        covered: Covered shares of both surfaces, the host's first.
+        facing: Opposite facets of both surfaces.
+        rows: The sets of rows, one set for each array of flags that ``Able`` returns.
+        distances: Distances from the nodes of the host to the guest.
+        covered: Covered fraction of the host and of the guest.
     """
 
     host: Surface
@@ -312,13 +313,13 @@ class Side:
 
     @property
     def lost(self) -> int:
-        """Return the number of nodes that can neither host nor be replaced, in all ways."""
+        """Return the number of nodes, in all sets, that can neither host nor be replaced."""
         return sum(rows.lost for rows in self.rows)
 
 
 Able = Callable[[SurfaceNodes], Sequence[PairFlags]]
-"""A function that returns which nodes supports let host, in several ways if several sets of rows
-are needed."""
+"""Function that returns which nodes supports allow to host, as one array of flags for each set of
+rows."""
 
 
 def choose_side(
@@ -333,22 +334,22 @@ def choose_side(
     """Return the host surface and its rows. Collective.
 
     Args:
-        comm: The ranks.
-        place: Place of the contact, which messages name.
+        comm: Communicator of the ranks.
+        place: Location of the contact in the case file, for messages.
         surfaces: The primary and the secondary surface.
-        hosts: "primary" or "secondary" if the user gives it.
+        hosts: "primary" or "secondary" if the user chooses; else None.
         able: Function that returns which nodes may host.
         kinematics: Kinematics of the mesh.
         onward: See :func:`facing_facets`.
 
     Raises:
-        InputError: For surfaces that are nowhere opposite each other, and for hosts that supports
-            hold.
+        InputError: If the surfaces are nowhere opposite each other, or if supports or ties hold
+            hosts.
     """
     measures = [surface.measure(comm) for surface in surfaces]
     for surface in surfaces:
         check_outside(comm, place, surface.name, surface.nodes)
-    # Facets below this share of the other surface's mean size count as smaller.
+    # Facets below this fraction of the mean size on the other surface count as smaller.
     finer_by = 0.99
     finer = measures[1][1] < finer_by * measures[0][1]
     first = int(finer) if hosts is None else ("primary", "secondary").index(hosts)
@@ -363,7 +364,7 @@ def choose_side(
             f"{place}: the surfaces are nowhere opposite each other; name two surfaces that face"
             " each other and whose projections along their normals overlap."
         )
-    whole = 0.99  # a surface counts as covered from this share on
+    whole = 0.99  # a surface with this covered fraction counts as covered
     better_covered = chosen.covered[0] < whole <= chosen.covered[1]
     if hosts is None and (better_covered or chosen.lost):
         other = side(1 - first)
@@ -371,9 +372,9 @@ def choose_side(
             chosen = other
     if chosen.lost:
         raise InputError(
-            f"{place}: supports or ties hold {chosen.lost} nodes of '{chosen.host.name}', "
-            "and no neighbouring node can carry the forces there; remove held nodes from "
-            f"this surface, or let '{chosen.guest.name}' host."
+            f"{place}: supports or ties hold {chosen.lost} nodes of '{chosen.host.name}', and no "
+            "neighbouring node can take over their contact forces; remove held nodes from this "
+            f"surface, or choose '{chosen.guest.name}' by the key hosts."
         )
     return chosen
 
@@ -387,7 +388,7 @@ def _side(
     kinematics: Kinematics,
     onward: bool,
 ) -> Side:
-    """Return the rows for a given host surface. Collective."""
+    """Return the rows for a chosen host surface. Collective."""
     corners = np.concatenate([surface.nodes["x"] for surface in (host, guest)])
     facing = facing_facets(
         comm, host.facets, guest.facets, extent(comm, corners), kinematics.around, onward
@@ -408,16 +409,17 @@ def _side(
 class Mortar:
     """The rows (1/d_j) ∫φ_j (u_a − u_b)·n ≤ g_j, with a dual function φ_j for each host node j.
 
-    The hosts are the nodes of one surface: the one that the other covers, or the one with smaller
-    facets if both or neither are covered. A dual function belongs to a smooth face of the host
-    surface. The normal n is that of the face at the node. On triangles of second order, φ_j belongs
-    to a Bernstein coefficient instead of a node, and n is the normal at each point. The row is then
-    the coefficient of the normal jump, and the gap is the coefficient of the gap at nodes.
+    The hosts are the nodes of one surface: the surface that the other surface covers, or the
+    surface with smaller facets if both or neither are covered. A dual function belongs to a smooth
+    face of the host surface, and n is the normal of this face at the node. On triangles of second
+    order, φ_j belongs to a Bernstein coefficient instead of a node, and n is the normal at each
+    point. The row is then the coefficient of the normal jump, and g_j is the coefficient of the gap
+    at the nodes.
 
     Attributes:
         contact: The two surfaces.
-        place: Place in the input, which messages name.
-        number: Number of the contact.
+        place: Location in the case file, for messages.
+        number: Number of the contact among the contacts and obstacles.
     """
 
     contact: Contact
@@ -427,11 +429,11 @@ class Mortar:
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """Return the rows, see :meth:`constraints.Formulation.constraints`.
+        """Return the rows; see :meth:`constraints.Formulation.constraints`.
 
         Raises:
-            InputError: For unknown names, surfaces that are nowhere opposite each other or that
-                overlap, a negative gap, or hosts that supports hold.
+            InputError: For unknown names or a negative gap, for surfaces that overlap or are
+                nowhere opposite each other, or if supports hold hosts.
         """
         contact = self.contact
         if contact.primary == contact.secondary:
@@ -480,7 +482,7 @@ class Mortar:
         return replace(found, in_mean=True, remarks=(self._remark(V, chosen),))
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
-        """Return a remark on the chosen side, and on the error of straight facets. Collective."""
+        """Return a remark on the chosen host, and on the error of straight facets. Collective."""
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         count = comm.allreduce(len(chosen.rows[0].place))
         missed = comm.allreduce(float(chosen.distances.slack.max(initial=0)), MPI.MAX)
@@ -488,15 +490,15 @@ class Mortar:
         straight = ""
         if chosen.host.facets["x"].shape[1] == gdim and missed > OVERLAP * size:
             straight = (
-                "; straight facets deviate there from the curved surfaces by up to "
-                f"{missed:.2g}: expect errors of some per cent in pressures where facets "
-                "are coarse, and a tenth of them on a mesh of second order"
+                "; straight facets there deviate from the curved surfaces by up to "
+                f"{missed:.2g}: expect pressure errors of a few per cent where facets are "
+                "coarse, and a tenth of these errors on a mesh of second order"
             )
         shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
         return (
             f"{self.place}: mortar contact, hosted by {count} nodes of "
-            f"'{chosen.host.name}'; of it and of '{chosen.guest.name}' {shares} are "
-            f"covered by the other{straight}."
+            f"'{chosen.host.name}'; of this surface and of '{chosen.guest.name}', {shares} "
+            f"are covered by the other surface{straight}."
         )
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
@@ -504,11 +506,11 @@ class Mortar:
         comm, (rows,) = V.mesh.comm, chosen.rows
         at_nodes = self._gap_at_nodes(V, chosen, primary)
         gap = in_basis(comm, chosen.facing.hosts, chosen.facing.found, at_nodes)[rows.place]
-        # coefficients of a gap that opens from a point may be negative beside the point
+        # Coefficients of a gap that opens from a point may be negative next to the point.
         return gap if self.contact.interference else np.maximum(gap, 0.0)
 
     def _gap_at_nodes(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
-        """Return the gap at each of the host's nodes (length), inf where nothing is opposite.
+        """Return the gap at each node of the host (length), inf where nothing is opposite.
 
         Collective.
         """
@@ -532,18 +534,18 @@ class Mortar:
         return np.where(gap > OVERLAP * size, gap, 0.0)
 
     def _check_seen(self, comm: MPI.Intracomm, along: Floats, slack: Floats, size: float) -> None:
-        """Refuse straight facets of curved surfaces that hide an overlap. Collective."""
+        """Refuse straight facets of curved surfaces if they hide an overlap. Collective."""
         hidden = (np.abs(along) > OVERLAP * size) & (np.abs(along) <= slack)
         if comm.allreduce(int(hidden.sum())):
             least = comm.allreduce(float(slack[hidden].max(initial=0)), MPI.MAX)
             raise InputError(
-                f"{self.place}: straight facets of curved surfaces hide an overlap below"
-                f" {least:.3g}; give gap = ..., or a mesh of second order."
+                f"{self.place}: the straight facets of curved surfaces cannot resolve an "
+                f"overlap below {least:.3g}; give gap = ..., or a mesh of second order."
             )
 
 
 def _held_everywhere(comm: MPI.Intracomm, surfaces: Sequence[Surface]) -> npt.NDArray[np.bool_]:
-    """Return which components supports hold at every node, shape (gdim,). Collective."""
+    """Return which components supports hold at all nodes, shape (gdim,). Collective."""
     free = np.concatenate([surface.nodes["free"] for surface in surfaces]).any(axis=0)
     comm.Allreduce(MPI.IN_PLACE, free, MPI.LOR)
     held: npt.NDArray[np.bool_] = ~free

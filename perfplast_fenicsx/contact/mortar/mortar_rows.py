@@ -1,27 +1,27 @@
 """Integrate dual functions over the overlap of two surfaces, and form the rows of mortar contact.
 
-A node cannot carry a multiplier if almost none of it is covered or if supports hold it. The same
-holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
-retired: its function goes in equal parts to neighbours that can carry a multiplier, before the rows
-are divided by their weight d. So the functions still sum to 1, and forces and moments balance.
+A node cannot have a multiplier if supports hold it or if almost none of its support is covered. The
+same holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
+retired: its function is given in equal parts to neighbours that can have a multiplier, before the
+rows are divided by their weight d. The functions therefore still sum to 1, and forces and moments
+balance.
 
-Construct dual functions on partly covered facets.
-The multipliers are defined on the host's facets e. Over the covered part e' of each facet, the dual
-functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the host's functions Ñ: ∫φ_i Ñ_k = δ_ik ∫Ñ_k. They sum
-to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi 10.1016/j.cma.2010.11.004). So a row has one host
-on its own surface, and its weights on the other surface sum to the host's weight.
+The multipliers are defined on the host's facets e, which may be partly covered. On the covered part
+e' of each facet, the dual functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the host's functions Ñ:
+∫φ_i Ñ_k = δ_ik ∫Ñ_k. The φ sum to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi
+10.1016/j.cma.2010.11.004). So a row has one host on its own surface, and its weights on the other
+surface sum to the weight of the host.
 
-On triangles of second order, the functions N of vertices have ∫N = 0, which no multiplier can use.
-There the functions are Ñ_v = N_v + α Σ N_m over the midsides m next to v, and Ñ_m = (1 − 2α) N_m
-(Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, doi 10.1137/110848190). With α = 1/4
-they are Bernstein polynomials, which are nowhere negative. The weights d are then positive whatever
-part is covered.
+On triangles of second order, the functions N of vertices have ∫N = 0, and no multiplier can use
+them. There the functions are Ñ_v = N_v + α Σ N_m over the midside nodes m next to v, and Ñ_m = (1 −
+2α) N_m (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, doi 10.1137/110848190). With α
+= 1/4 they are Bernstein polynomials, which are nowhere negative. The weights d are then positive,
+whatever part of a facet is covered.
 
-Integrate over the overlap of two surfaces with dual functions: the rows of mortar contact. The
-module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual for each
-facet. If the host has Bernstein functions and its normal n varies, there are also integrals with n,
-interpolated between the nodes. Coefficients of a displacement vector times a nodal normal differ by
-O(h²) from the coefficients of the normal component.
+The module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual on
+each facet. If the host has Bernstein functions and its normal n varies, the module also computes
+integrals with n, interpolated between the nodes. The reason: the coefficients of a displacement
+vector times a nodal normal differ by O(h²) from the coefficients of the normal component.
 """
 
 import math
@@ -61,7 +61,7 @@ def coupled(gdim: int, count: int) -> bool:
 
 
 def own_basis(gdim: int, count: int) -> Floats:
-    """Return the matrix of Ñ = basis · N on a host facet, shape (count, count)."""
+    """Return the matrix ``basis`` with Ñ = basis · N on a host facet, shape (count, count)."""
     basis = np.eye(count)
     if coupled(gdim, count):
         alpha = 0.25  # α of the functions on triangles of second order
@@ -72,27 +72,27 @@ def own_basis(gdim: int, count: int) -> Floats:
 
 
 def turning(hosts: Facets) -> PairFlags:
-    """Return which facets with Ñ ≠ N have a varying normal, shape (num_hosts,)."""
+    """Return which facets have Ñ ≠ N and a varying normal, shape (num_hosts,)."""
     if not coupled(hosts["x"].shape[2], hosts["node"].shape[1]):
         return np.zeros(len(hosts), dtype=np.bool_)
     return np.asarray(np.ptp(hosts["normal"], axis=1).max(axis=1) > STRAIGHT)
 
 
 def dual_factors(mass: Floats, d: Floats) -> Floats:
-    """Return D_e M_e⁻¹ of each host facet, shape (num_hosts, nodes, nodes).
+    """Return D_e M_e⁻¹ for each host facet, shape (num_hosts, nodes, nodes).
 
-    If almost nothing of a facet is covered, M_e cannot be inverted. All its functions are then
-    constants, φ_i = d_i / |e'|, which preserve balance and constant pressures.
+    If almost nothing of a facet is covered, M_e cannot be inverted. All functions of the facet are
+    then constants, φ_i = d_i / |e'|, which preserve balance and constant pressures.
 
     Args:
-        mass: M_e = ∫ÑÑ of each facet, same shape.
+        mass: M_e = ∫ÑÑ for each facet, same shape.
         d: Integrals ∫Ñ, shape (num_hosts, nodes).
     """
     diagonal = np.einsum("nii->ni", mass)
     size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
     scaled = mass / (size[:, :, None] * size[:, None, :])
     values, vectors = np.linalg.eigh(scaled)
-    # Smallest eigenvalue at which a facet's mass matrix, scaled to a diagonal of 1, is inverted.
+    # Smallest eigenvalue for which the mass matrix of a facet, scaled to diagonal 1, is inverted.
     singular = 1e-14
     sound = (values[:, 0] > singular) & (d.sum(axis=1) > 0)
     roots = np.where(sound[:, None], values, 1.0)
@@ -107,20 +107,20 @@ def dual_factors(mass: Floats, d: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Integrals:
-    """Integrals over the facets on this rank, for the nodes of the host.
+    """Integrals over the facets on this rank, for the nodes of the hosts.
 
     Attributes:
         host: Number of the host facet of each pair of facets, shape (num_pairs,).
         guest: Number of the guest facet of each pair, same shape.
-        M: ∫φ_i N_l of each pair, shape (num_pairs, nodes of a host, nodes of a guest).
-        along: Integrals ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host,
-            gdim, nodes of a guest). None if not requested, or if Ñ = N, whose coefficients are
-            nodal values.
-        d: Integrals ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
-        full: Integrals ∫Ñ_i over the whole host facet, same shape.
+        M: ∫φ_i N_l for each pair, shape (num_pairs, nodes of a host, nodes of a guest).
+        along: ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host, gdim, nodes
+            of a guest). None if not requested, or if Ñ = N, because coefficients are then nodal
+            values.
+        d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
+        full: ∫Ñ_i over the whole host facet, same shape.
         covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
-        whole: Length or area of all pieces, same shape.
-        on_guest: Length or area of the covered part measured on the guest, same shape.
+        whole: Length or area of all pieces of each host facet, same shape.
+        on_guest: Length or area of the covered part, measured on the guest, same shape.
     """
 
     host: Longs
@@ -145,13 +145,13 @@ def integrate(
     """Return the integrals over the overlap of facets. Not collective.
 
     Args:
-        hosts: Facets that carry multipliers, each on one rank.
-        guests: All facets of the other surface within reach of the hosts.
-        reach: Largest distance (length).
-        around: Extent of host points out of the mesh's plane
+        hosts: Facets with multipliers, each on one rank.
+        guests: All facets of the other surface within ``reach`` of the hosts.
+        reach: Largest distance between opposite facets (length).
+        around: Function that returns the extent of host points out of the mesh plane
             (:meth:`kinematics.Kinematics.around`).
-        behind: Largest overlap (length); None for the value of ``reach``.
-        along: Whether to integrate with the normal where functions are not N.
+        behind: Largest overlap (length); None to use ``reach``.
+        along: Whether to compute integrals with the normal if Ñ ≠ N.
     """
     host, guest = pieces_of(hosts), pieces_of(guests)
     first, second = candidates(host, guest, reach, reach if behind is None else behind)
@@ -196,7 +196,7 @@ def integrate(
 
 
 def _chunks(first: Longs) -> list[slice]:
-    """Return at least one slice of a sorted list, split between different entries."""
+    """Return slices of a sorted list, at least one, split only between different entries."""
     borders = [0]
     chunk = 50_000  # number of pairs of pieces that are clipped together
     while borders[-1] < len(first):
@@ -206,14 +206,14 @@ def _chunks(first: Longs) -> list[slice]:
 
 
 _Sums = tuple[Longs, Floats]
-"""Keys of pairs of facets, and the data of each pair."""
+"""Keys of pairs of facets, and the data for each pair."""
 
 
 @dataclass(frozen=True)
 class _Products:
-    """Integrals ∫ÑN and ∫ÑnN of pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 of each host, for some pieces.
+    """Integrals ∫ÑN and ∫ÑnN for pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 for hosts, over some pieces.
 
-    The integrals ∫ÑnN exist only for hosts along which n varies.
+    The integrals ∫ÑnN exist only for hosts with a varying normal n.
     """
 
     mixed: _Sums
@@ -263,7 +263,7 @@ def _products(
 def _nearest(
     host: Pieces, guest: Pieces, h: Longs, g: Longs, in_host: Floats, in_guest: Floats
 ) -> Longs:
-    """Return the overlaps with the first layer along the host's normal."""
+    """Return the overlaps with the first layer that the host's normal meets."""
     between = np.einsum("nc,nci->ni", in_guest, guest.x[g])
     between -= np.einsum("nc,nci->ni", in_host, host.x[h])
     far = np.abs(np.einsum("ni,ni->n", between, host.normal[h]))
@@ -278,13 +278,13 @@ def _joined(parts: list[_Sums]) -> _Sums:
 
 
 def _added(key: Longs, values: Floats) -> tuple[Longs, Floats]:
-    """Return the distinct keys, sorted, and the sums of their values."""
+    """Return the distinct keys, sorted, and the sum of the values for each key."""
     keys, group = np.unique(key, return_inverse=True)
     return keys, _at(group, len(keys), values)
 
 
 def _at(group: Longs, count: int, values: Floats) -> Floats:
-    """Return sums of values by group, shape (count, ...)."""
+    """Return the sums of values by group, shape (count, ...)."""
     every = np.arange(len(group) + 1)
     rows = csr_array((np.ones(len(group)), group, every), shape=(len(group), count)).T.tocsr()
     sums: Floats = (rows @ values.reshape(len(values), math.prod(values.shape[1:]))).reshape(
@@ -294,14 +294,15 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
 
 
 def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) -> Floats:
-    """Return M corrected so that its rows sum to those of the host.
+    """Return M, corrected so that its sums over guests equal those of the hosts.
+
+    The correction is constant on a facet; it is large only where M_e is almost singular.
 
     Args:
-        M: Where M_e is almost singular, the correction is a constant. The integrals ∫φ_i N_l or
-            ∫φ_i n N_l of each pair have shape (num_pairs, i, ..., l).
-        mixed: Integrals ∫Ñ_i N_l.
-        of_host: Host facet of each pair.
-        d: Integrals ∫Ñ_i of each host.
+        M: Integrals ∫φ_i N_l or ∫φ_i n N_l for each pair, shape (num_pairs, i, ..., l).
+        mixed: Integrals ∫Ñ_i N_l for each pair.
+        of_host: Number of the host facet in each pair.
+        d: Integrals ∫Ñ_i for each host.
         own: Required sums of M, shape (num_hosts, i, ...).
     """
     missing = own - _at(of_host, len(d), M.sum(axis=-1))
@@ -312,7 +313,7 @@ def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) 
 
 
 def _full(hosts: Facets, pieces: Pieces, around: Callable[[Floats], Floats]) -> Floats:
-    """Return ∫Ñ over whole facets."""
+    """Return ∫Ñ over the whole of each host facet."""
     (count, each), gdim = hosts["node"].shape, hosts["x"].shape[2]
     points, weights = rule(gdim, 2)
     at = points @ pieces.at
@@ -327,19 +328,20 @@ def _full(hosts: Facets, pieces: Pieces, around: Callable[[Floats], Floats]) -> 
 
 @dataclass(frozen=True)
 class MortarRows:
-    """Rows Σ weight · u of this rank's nodes, divided by d.
+    """Rows Σ weight · u for the nodes of this rank, divided by d.
 
     Attributes:
-        place: Index of each host in this rank's nodes of the surface, shape (num_rows,).
-        d: ∫Ñ of each host including retired neighbours' parts (length, area), shape (num_rows,).
-        row: Row of each term, shape (num_terms,).
+        place: Index of each host among this rank's nodes of the surface, shape (num_rows,).
+        d: ∫Ñ of each host, including the parts of retired neighbours (length or area), shape
+            (num_rows,).
+        row: Row number of each term, shape (num_terms,).
         node: Global block dof of each term.
-        weight: Weight of each term; in a row, those of the host's surface sum to 1, the others to
-            −1.
-        along: Weight times normal of each term, if the normal varies between nodes, shape
-            (num_terms, gdim); None if it is the host's normal.
+        weight: Weight of each term. In each row, the weights on the host's surface sum to 1 and the
+            others to −1.
+        along: Weight times normal for each term if the normal varies between nodes, shape
+            (num_terms, gdim); None if the normal is that of the host.
         own: Whether the term belongs to the host's surface.
-        lost: Number of covered nodes on all ranks that can neither carry a multiplier nor transfer
+        lost: Number of covered nodes on all ranks that can neither have a multiplier nor transfer
             it.
     """
 
@@ -353,10 +355,10 @@ class MortarRows:
     lost: int
 
     def coefficients(self, normal: Floats) -> Floats:
-        """Return the factors of the terms of normal jumps, shape (num_terms, gdim).
+        """Return the coefficients of the terms in the normal jumps, shape (num_terms, gdim).
 
         Args:
-            normal: Normal of each row's host, shape (num_rows, gdim).
+            normal: Normal at the host of each row, shape (num_rows, gdim).
         """
         return self.weight[:, None] * normal[self.row] if self.along is None else self.along
 
@@ -364,14 +366,14 @@ class MortarRows:
 def mortar_rows(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, able: PairFlags
 ) -> MortarRows:
-    """Return the rows that follow from integrals. Collective.
+    """Return the mortar rows from the integrals. Collective.
 
     Args:
-        comm: The ranks.
+        comm: Communicator of the ranks.
         hosts: The host facets on this rank.
         guests: The guest facets.
-        found: Their integrals.
-        able: For each owned node of the host surface, whether supports let it host.
+        found: Integrals over the overlaps of both.
+        able: Whether supports allow each owned node of the host surface to host.
     """
     count, each = len(able), hosts["node"].shape[1]
     corners = Exchange(comm, hosts["rank"].ravel())
@@ -383,16 +385,16 @@ def mortar_rows(
     d = summed(found.d)
     touched = summed(np.repeat(found.covered > 0, each).astype(np.float64)) > 0
     around = summed(np.repeat(np.abs(found.d).sum(axis=1), each))
-    # Weights of a row, and shares of a node in the surrounding ∫Ñ, up to this size are rounding
-    # errors.
+    # Weights in a row count as rounding errors up to this size, and so does d relative to the
+    # surrounding ∫|Ñ|.
     rounding = 1e-14
     able = able & touched & (d > rounding * around)
-    # A node carries a multiplier if this share of its function is on the covered part.
+    # A node can have a multiplier if this fraction of its function is on the covered part.
     least_covered = 0.1
     fit = able & (d >= least_covered * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
     provided = _among(count, heirs["place"])
-    fit = fit | (able & ~provided)  # these nodes replace others only if no other node can
+    fit = fit | (able & ~provided)  # these nodes take over only if no other node can
     more = _heirs(comm, hosts, found, corners, place, fit)
     heirs = np.sort(np.concatenate([heirs, more[~provided[more["place"]]]]), order="place")
     lost = touched & ~fit & ~_among(count, heirs["place"])
@@ -437,21 +439,21 @@ def _heirs(
     place: Longs,
     fit: PairFlags,
 ) -> npt.NDArray[np.void]:
-    """Return the heirs of this rank's unfit nodes: fit nodes of the same covered facets.
+    """Return the heirs of unfit nodes on this rank: fit nodes of the same covered facets.
 
     Collective.
 
     Args:
-        comm: The ranks.
+        comm: Communicator of the ranks.
         hosts: The host facets on this rank.
-        found: Their integrals.
-        corners: Map from corners of facets to the owners of nodes.
-        place: Index on this rank of the node that each corner of any rank refers to.
-        fit: Nodes of this rank that carry multipliers.
+        found: Integrals over the overlaps.
+        corners: Map from the corners of facets to the owners of the nodes.
+        place: Index on this rank of the node that each corner on any rank refers to.
+        fit: Whether each node of this rank has a multiplier.
 
     Returns:
-        Rows with the ``place`` (index) of a node of this rank, and the ``rank`` and ``heir`` (index
-        there) of each node that replaces it; sorted by place, without repetition.
+        Rows with the ``place`` (index) of a node on this rank, and the ``rank`` and ``heir`` (index
+        on that rank) of each node that takes over; sorted by place, without repetition.
     """
     fits = corners.back(fit[place]).reshape(hosts["node"].shape)
     may = (~fits & (found.covered > 0)[:, None])[:, :, None] & fits[:, None, :]
@@ -469,10 +471,10 @@ def _heirs(
 
 
 def _term_type(gdim: int, found: Integrals) -> np.dtype:
-    """Return the structured type of a term in the row of a node, before division by d.
+    """Return the structured type of a term in a node's row, before division by d.
 
-    The field ``value`` multiplies displacements. The field ``along`` multiplies them together with
-    varying normals.
+    The field ``value`` multiplies the displacement. The field ``along`` is the value times the
+    varying normal.
     """
     return np.dtype(
         [
@@ -488,7 +490,7 @@ def _term_type(gdim: int, found: Integrals) -> np.dtype:
 def _terms(
     hosts: Facets, guests: Facets, found: Integrals
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
-    """Return all terms of the facets on this rank, and their destination ranks."""
+    """Return all terms of the facets on this rank, and the rank to which each term goes."""
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]
     basis = np.linalg.inv(own_basis(gdim, each)).T
     facet, i, k = np.nonzero(found.d[:, :, None] * basis)
@@ -513,7 +515,7 @@ def _terms(
 def _handed_on(
     terms: npt.NDArray[np.void], heirs: npt.NDArray[np.void]
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
-    """Return the terms of retired nodes, in equal parts for each of their heirs."""
+    """Return the terms of retired nodes, divided equally among their heirs."""
     begin = np.searchsorted(heirs["place"], terms["place"], side="left")
     count = np.searchsorted(heirs["place"], terms["place"], side="right") - begin
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -528,7 +530,7 @@ def _handed_on(
 def _compressed(
     terms: npt.NDArray[np.void],
 ) -> tuple[Longs, npt.NDArray[np.bool_], Longs, Floats, Floats]:
-    """Return place, side, node, value and along of the terms, summed by node and row."""
+    """Return place, side, node, value and along of the terms, summed by row and node."""
     span = int(terms["node"].max(initial=0)) + 1
     key = (terms["place"] * 2 + terms["own"]) * span + terms["node"]
     keys, group = np.unique(key, return_inverse=True)

@@ -1,1 +1,1 @@
-"""Form rows of inequalities, the jump basis, and motions that the rows leave free."""
+"""Form rows of inequalities, the jump basis, and the motions that rows leave free."""

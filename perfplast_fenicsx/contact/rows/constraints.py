@@ -1,4 +1,4 @@
-"""Store contact as rows B u ≤ g, which every formulation creates from surfaces."""
+"""Store contact as rows B u ≤ g, which each formulation creates from surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ Entries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats]
 """Local rows, global columns and values, shape (n,) each."""
 
 SharedEntries = tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Floats, Floats]
-"""Rows, nodes and coefficients of terms, and their shares in the row."""
+"""Local rows, global nodes, coefficients of terms, and the shares of the terms in the row."""
 
 
 def matrix_of_entries(
@@ -35,13 +35,13 @@ def matrix_of_entries(
     entries: Sequence[Entries],
     block_size: int = 1,
 ) -> PETSc.Mat:
-    """Return a sparse matrix from entries in any order, without zeros. Collective.
+    """Return a sparse matrix from entries in any order, without stored zeros. Collective.
 
     Args:
-        comm: The ranks.
-        rows: Local and global number of rows.
-        columns: Local and global number of columns.
-        entries: Entries in any number of parts; repeated entries are added.
+        comm: Communicator of the ranks.
+        rows: Local and global numbers of rows.
+        columns: Local and global numbers of columns.
+        entries: Entries in any number of parts; entries at the same position are added.
         block_size: Block size of rows and columns.
     """
     none: Entries = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
@@ -54,7 +54,7 @@ def matrix_of_entries(
 
 
 def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
-    """Return the owned entries, row by row."""
+    """Return the owned entries of a matrix, row by row."""
     pointer, column, value = A.getValuesCSR()
     row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
     return row, column.astype(np.int64), value
@@ -68,18 +68,18 @@ def unknowns(V: fem.FunctionSpace) -> Sizes:
 
 @dataclass(frozen=True)
 class Source(FrictionTerms):
-    """A contact, an obstacle or another origin of rows, with data besides the rows.
+    """A contact, an obstacle or another origin of rows, with its data other than the rows.
 
     Attributes:
-        name: Name in resultants.
-        on: Surface of its hosts, which messages and pressures name.
-        called: Name in stages.
+        name: Name in lists of resultants.
+        on: Surface of the hosts, by which messages and pressures refer to the source.
+        called: Name that stages use.
         tresca: See :class:`contact.FrictionTerms`.
         coulomb: See :class:`contact.FrictionTerms`.
-        move: Given motion of the opposite side for ζ = 1 (length, one number for each direction);
-            empty without motion.
-        grows: Whether ζ multiplies the overlap of its bodies.
-        inner: Whether its rows connect two bodies, so that their forces cancel in the sum over all
+        move: Prescribed motion of the opposite side at ζ = 1 (length, one number for each
+            direction); empty if there is no motion.
+        grows: Whether ζ multiplies the overlap of the bodies.
+        inner: Whether the rows connect two bodies, so that their forces cancel in the sum over all
             bodies.
     """
 
@@ -95,37 +95,38 @@ class Source(FrictionTerms):
 
 @dataclass(frozen=True)
 class Constraints:
-    """The inequalities B u ≤ g, one per row; the rank that owns ``host[i]`` stores row i.
+    """The inequalities B u ≤ g, one in each row; the rank that owns ``host[i]`` stores row i.
 
-    A row is the jump (u_a − u_b)·n of two surfaces at a node. It is positive if they approach each
-    other. A row is a contact pair of one *host* node and any number of *guests*, on any ranks. It
-    has no guest at a rigid obstacle, one guest where nodes match, and several weighted guests
-    elsewhere. The jump will replace one free component of the host (:mod:`jump_basis`). B does not
-    depend on supports: supported nodes contribute to the jump with their displacement.
+    A row is the jump (u_a − u_b)·n between two surfaces at a node, which is positive if they
+    approach each other. A row is a contact pair of one *host* node and any number of *guests*, on
+    any ranks. It has no guest at a rigid obstacle, one guest where nodes match, and several
+    weighted guests elsewhere. The jump later replaces one free component of the host
+    (:mod:`jump_basis`). B does not depend on supports: displacements of supported nodes contribute
+    to the jump too.
 
-    With forces λ ≥ 0 (force) of the rows, −Bᵀλ are the contact forces on the nodes.
+    Let λ ≥ 0 be the multipliers (force) of the rows. Then −Bᵀλ are the contact forces on the nodes.
 
     Attributes:
-        B: Sparse matrix, shape (m, num_dofs), with rows distributed as the hosts and columns as V's
-            unknowns.
-        host: Local block dof of each host, owned by this rank, shape (m_local,).
+        B: Sparse matrix, shape (m, num_dofs), with rows distributed like the hosts and columns like
+            the unknowns of V.
+        host: Local block dof of each host, which this rank owns, shape (m_local,).
         gap: Initial gap g (length), negative for interference, shape (m_local,).
-        normal: Unit normal out of a's body, shape (m_local, gdim). For a row of several nodes with
-            different normals it is the resultant force for λ = 1, whose length is nearly 1.
-        surface: Index into ``sources`` of each row, shape (m_local,); without sources any numbers
-            (:func:`named`).
-        shares: Share of a row's force that each node receives along the normal: 1 at the host and
-            at its guest for matching nodes. On either side the shares sum to 1; on elements of
-            second order some may be negative. Shape (m, num_nodes), sparse, distributed as B and
-            V's nodes.
-        weights: Factors of displacements in the jump: the shares with the sign of their side, shape
-            of ``shares``.
-        area: Tributary length or area of each row, to which friction is proportional; not positive
-            if it is unknown or zero, shape (m_local,).
-        in_mean: Whether any row constrains only a mean of the jump. Bodies may then penetrate each
-            other slightly at nodes and between them.
+        normal: Unit normal out of the body of a, shape (m_local, gdim). For a row whose nodes have
+            different normals, it is the resultant force for λ = 1, whose length is nearly 1.
+        surface: Index of each row into ``sources``, shape (m_local,); any numbers if there are no
+            sources (:func:`named`).
+        shares: Fraction of the row's force that acts on each node along the normal; with matching
+            nodes, 1 at the host and 1 at its guest. On each side the fractions sum to 1; on
+            elements of second order some may be negative. Sparse, shape (m, num_nodes), distributed
+            like B and the nodes of V.
+        weights: Factors of displacements in the jump: ``shares`` with the sign of their side, same
+            shape.
+        area: Tributary length or area of each row, to which friction is proportional, shape
+            (m_local,); not positive if it is unknown or zero.
+        in_mean: Whether any row constrains only a weighted mean of the jump. Bodies may then
+            penetrate each other slightly, at nodes and between them.
         remarks: Remarks on how the contacts were formed, one sentence each.
-        sources: Sources of the rows, the same on every rank.
+        sources: Sources of the rows, identical on all ranks.
     """
 
     B: PETSc.Mat
@@ -144,7 +145,7 @@ class Constraints:
         return f"Constraints({len(self.host)} hosted by this rank)"
 
     def friction_of(self, rows: Longs | Ints) -> tuple[Floats, Floats]:
-        """Return adhesion (stress) and Coulomb's coefficient of some rows, 0 without friction."""
+        """Return adhesion (stress) and Coulomb's coefficient for some rows, 0 without friction."""
         tresca, coulomb = (
             np.array([getattr(one, key) or 0.0 for one in self.sources])[self.surface[rows]]
             for key in ("tresca", "coulomb")
@@ -152,7 +153,7 @@ class Constraints:
         return tresca, coulomb
 
     def jumps(self, u: PETSc.Vec) -> Floats:
-        """Return B u (length) of a displacement, shape (m_local,). Collective."""
+        """Return B u (length) for a displacement, shape (m_local,). Collective."""
         on_rows = self.B.createVecLeft()
         self.B.mult(u, on_rows)
         jumps: Floats = on_rows.array.copy()
@@ -161,23 +162,23 @@ class Constraints:
 
 
 class Formulation(Protocol):
-    """A formulation, which turns contact of named surfaces into rows."""
+    """A formulation, which forms rows for the contact between named surfaces."""
 
     def constraints(
         self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
     ) -> Constraints:
-        """Return the rows of these surfaces. Collective.
+        """Return the rows for these surfaces. Collective.
 
-        Each host has a component that no support holds and that appears in the row
+        Each host has a component that no support holds and that occurs in its row
         (:func:`surface_facets.can_host`).
 
         Args:
             V: Displacement space.
-            tagged_mesh: Mesh with names.
-            fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+            tagged_mesh: Mesh with named bodies and surfaces.
+            fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
 
         Raises:
-            InputError: If the surfaces do not fit each other or the formulation.
+            InputError: If the surfaces do not fit each other, or do not fit the formulation.
         """
 
 
@@ -191,21 +192,23 @@ def make_constraints(
     area: Floats | None = None,
     sources: tuple[Source, ...] = (),
 ) -> Constraints:
-    """Return rows as sums of terms c·u at nodes. Collective.
+    """Return rows that are sums of terms c·u at nodes. Collective.
 
-    They hold at nodes, and have no remarks; ``dataclasses.replace`` gives others.
+    The rows hold at nodes (``in_mean`` is False) and have no remarks; to change this, use
+    ``dataclasses.replace``.
 
     Args:
         V: Displacement space.
         host: Hosts of the rows, see :class:`Constraints`.
         gap: Initial gaps (length).
         normal: Unit normals.
-        surface: Numbers of sources.
-        terms: Lists of terms, each of nodes on one side: local rows, shape (n,), global block dofs
-            of the nodes, shape (n,), and coefficients c, shape (n, gdim). Where coefficients are
-            not along the row's normal, the shares of :class:`Constraints` too, shape (n,).
-        area: See :class:`Constraints`; without it there can be no friction.
-        sources: As ``area``.
+        surface: Numbers of the sources.
+        terms: Lists of terms; each list has nodes of one side only. It contains local rows, shape
+            (n,), global block dofs of the nodes, shape (n,), and coefficients c, shape (n, gdim).
+            If coefficients are not parallel to the row's normal, it also contains the shares of
+            :class:`Constraints`, shape (n,).
+        area: See :class:`Constraints`; without areas, friction is not possible.
+        sources: See :class:`Constraints`.
     """
     comm, gdim = V.mesh.comm, V.dofmap.index_map_bs
     rows = (len(host), comm.allreduce(len(host)))
@@ -229,20 +232,21 @@ def make_constraints(
 
 
 def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
-    """Return the same rows with sources that ``surface`` indexes. Collective.
+    """Return the same rows, with sources to which ``surface`` refers. Collective.
 
-    Rows without sources get a source ``surface NUMBER`` for each of their numbers, without friction
-    and motion. It connects bodies if all its rows have guests.
+    If the rows have no sources, each of their numbers gets a source ``surface NUMBER`` without
+    friction and motion. Such a source connects bodies if all its rows have guests.
 
     Raises:
-        InputError: If there are sources, but ``surface`` contains other numbers.
+        InputError: If there are sources, but ``surface`` contains numbers that are not their
+            indices.
     """
     numbers = np.unique(np.concatenate(comm.allgather(np.unique(constraints.surface))))
     count = len(constraints.sources)
     if count:
         if len(numbers) and not (numbers[0] >= 0 and numbers[-1] < count):
             raise InputError(
-                f"rows of contact have the surface numbers {numbers.tolist()}, but there are "
+                f"contact rows have the surface numbers {numbers.tolist()}, but there are "
                 f"{count} sources; number surfaces from 0, or give no sources."
             )
         return constraints
@@ -258,7 +262,7 @@ def named(comm: MPI.Intracomm, constraints: Constraints) -> Constraints:
 
 
 def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
-    """Return the rows that contain only their hosts."""
+    """Return which rows contain only their hosts."""
     row, _, share = entries_of(constraints.shares)
     alone: npt.NDArray[np.bool_] = np.bincount(row[share != 0], minlength=len(constraints.host)) < 2
     return alone
@@ -267,7 +271,7 @@ def _without_guests(constraints: Constraints) -> npt.NDArray[np.bool_]:
 def joined(
     V: fem.FunctionSpace, parts: Sequence[Constraints], sources: Sequence[Source] = ()
 ) -> Constraints:
-    """Return the rows of all parts, which index these sources; the parts are destroyed.
+    """Return the rows of all parts, with the given sources, and destroy the parts.
 
     Collective.
     """
@@ -280,9 +284,9 @@ def joined(
 
 
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
-    """Return the rows of all parts, one part after another on each rank. Collective.
+    """Return the rows of all parts, one part after the other on each rank. Collective.
 
-    The sources are those of the first part; other parts have other numbers in ``surface``.
+    The sources are those of the first part; the numbers in ``surface`` must differ between parts.
     """
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))
@@ -305,7 +309,7 @@ def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
 def _stacked(
     V: fem.FunctionSpace, rows: Sizes, columns: Sizes, parts: Sequence[PETSc.Mat]
 ) -> PETSc.Mat:
-    """Return matrices stacked on each rank. Collective."""
+    """Return a matrix of the given matrices, stacked on each rank. Collective."""
     entries: list[Entries] = []
     count = 0
     for part in parts:

@@ -1,8 +1,8 @@
-"""Define friction on the rows of contact: tangential jumps and the force at which slip begins.
+"""Define friction on contact rows: tangential jumps, and the force at which slip begins.
 
 In the jump basis, the tangential jumps s of a row with friction are unknowns in addition to the
-normal jump. Friction adds Σ c‖s − s₀‖ to the energy, where c is a force; its forces μ are in the
-balls ‖μ‖ ≤ c. At the jumps s₀ there is no slip. They contain given motions of supports and
+normal jump. Friction adds Σ c‖s − s₀‖ to the energy, where c is a force; friction forces μ lie in
+the balls ‖μ‖ ≤ c. At the jumps s₀ the slip is zero. They include prescribed motions of supports and
 obstacles, and earlier slip in stages.
 """
 
@@ -19,25 +19,25 @@ from perfplast_fenicsx.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class Friction:
-    """The places with friction and their strength.
+    """The points with friction, and their strength.
 
     Attributes:
-        pair: Contact row of each place with friction on this rank, shape (num_places,).
-        index: Local owned unknowns of the jumps in the jump basis, −1 for directions that supports
-            hold, shape (num_places, gdim − 1).
-        direction: Unit vector of each jump, zero for a missing one, shape (num_places, gdim − 1,
-            gdim).
-        area: Tributary length or area of each place, shape (num_places,).
-        coulomb: Coefficient of Coulomb's friction, 0 without it, shape (num_places,).
+        pair: Contact row of each point with friction on this rank, shape (num_places,).
+        index: Local owned unknowns of the jumps in the jump basis, shape (num_places, gdim − 1); −1
+            for directions that supports hold.
+        direction: Unit vector of each jump, zero if the jump does not exist, shape (num_places,
+            gdim − 1, gdim).
+        area: Tributary length or area of each point, shape (num_places,).
+        coulomb: Coefficient of Coulomb's friction, shape (num_places,); 0 without it.
         adhesion: Force at which slip begins without pressure, shape (num_places,).
-        bound: Force c at which slip begins, shape (num_places,). With Coulomb's friction it follows
+        bound: Force c at which slip begins, shape (num_places,). With Coulomb's friction, c follows
             from the contact force and is updated in place.
-        origin: s₀ (length), shape of ``index``; updated in place.
-        count: Number of places on all ranks.
-        follows_pressure: Whether any friction is Coulomb's.
-        shares: If jumps are combinations of k unknowns each, ``index`` has shape (num_places, k)
-            and these are the coefficients, shape (num_places, gdim − 1, k); otherwise None. Only
-            the interior point method supports them.
+        origin: s₀ (length), same shape as ``index``; updated in place.
+        count: Number of points on all ranks.
+        follows_pressure: Whether any point has Coulomb's friction.
+        shares: Coefficients of shape (num_places, gdim − 1, k) if each jump is a combination of k
+            unknowns; ``index`` then has shape (num_places, k). Otherwise None. Only the
+            interior-point method supports such jumps.
     """
 
     pair: Ints
@@ -56,16 +56,16 @@ class Friction:
         return f"Friction({self.count} places)"
 
     def at(self, unknowns: Ints) -> "Friction":
-        """Return the same friction with numbers of rows replaced by local unknowns."""
+        """Return the same friction, with row numbers replaced by local unknowns."""
         return replace(self, index=np.append(unknowns, np.int32(-1))[self.index])
 
     def smooth(self) -> "Friction":
-        """Return the same places without any resistance."""
+        """Return the same points without resistance to slip."""
         none = np.zeros_like(self.bound)
         return replace(self, coulomb=none, adhesion=none, bound=none, follows_pressure=False)
 
     def nowhere(self) -> "Friction":
-        """Return friction without any place."""
+        """Return friction without any points."""
         return Friction(
             pair=self.pair[:0],
             index=self.index[:0],
@@ -80,7 +80,7 @@ class Friction:
         )
 
     def jumps(self, y: PETSc.Vec) -> Floats:
-        """Return the tangential jumps of a vector in the jump basis, shape of ``index``."""
+        """Return the tangential jumps of a vector in the jump basis, same shape as ``index``."""
         return self.gather(y.array_r)
 
     def slip(self, y: PETSc.Vec) -> Floats:
@@ -88,48 +88,50 @@ class Friction:
         return self.jumps(y) - self.origin
 
     def gather(self, array: Floats) -> Floats:
-        """Return entries of a local array at the jumps, 0 for missing ones, shape of ``index``."""
+        """Return the entries of a local array at the jumps, 0 if missing, shape of ``index``."""
         if not self.index.size:
             return np.zeros(self.index.shape)
         return np.where(self.index >= 0, array[self.index], 0.0)
 
     def add(self, values: Floats, array: Floats) -> None:
-        """Add values, of the shape of ``index``, to the entries of a local array."""
+        """Add values, with the same shape as ``index``, to the entries of a local array."""
         there = self.index >= 0
         array[self.index[there]] += values[there]
 
     def unknowns(self, where: npt.NDArray[np.bool_]) -> Ints:
-        """Return the local unknowns of the jumps at the places marked in ``where``."""
+        """Return the local unknowns of the jumps at the points selected by ``where``."""
         some = self.index[where]
         return some[some >= 0]
 
     def energy(self, slip: Floats) -> float:
-        """Return Σ c‖slip‖ of this rank, the dissipated energy; infinite c means no slip."""
+        """Return the dissipation Σ c‖slip‖ on this rank; infinite c allows no slip."""
         sizes = norms(slip)
         slips = (sizes > 0) & np.isfinite(self.bound)
         return float(self.bound[slips] @ sizes[slips])
 
     def slope(self, slip: Floats, change: Floats, beta: float) -> float:
-        """Return the derivative of this rank's energy along a change, at ``slip`` + β ``change``.
+        """Return the derivative of the energy on this rank along a change of slip.
 
-        At a kink it is the left derivative, or at β = 0 the right derivative.
+        The derivative is at ``slip`` + β ``change``.
+
+        At a kink it is the left derivative; at β = 0 it is the right derivative.
         """
         moves = (norms(change) > 0) & np.isfinite(self.bound)
         d, at = change[moves], slip[moves] + beta * change[moves]
         sizes, lengths = norms(at), norms(d)
-        rounding = 1e-12  # a jump below this share of its change is at the kink of ‖s‖
+        rounding = 1e-12  # a jump below this fraction of its change is at the kink of ‖s‖
         kink = sizes <= rounding * lengths
         along = np.einsum("ni,ni->n", at, d) / np.where(kink, 1.0, sizes)
         along = np.where(kink, lengths if beta == 0 else -lengths, along)
         return float(self.bound[moves] @ along)
 
     def last_turn(self, slip: Floats, change: Floats, comm: MPI.Intracomm) -> float:
-        """Return the largest β ≥ 1 at which some place reverses its slip along a change.
+        """Return the largest β ≥ 1 at which a point reverses its slip along a change.
 
         Collective.
 
-        At this β, ``slip`` + β ``change`` of the place is shortest; the value is 1 if no place
-        reverses beyond 1.
+        At this β, ``slip`` + β ``change`` of the point is shortest. The value is 1 if no point
+        reverses its slip beyond β = 1.
         """
         moves = (norms(change) > 0) & (self.bound > 0)
         d = change[moves]
@@ -144,7 +146,7 @@ def norms(vectors: Floats) -> Floats:
 
 
 def shrunk(vectors: Floats, bound: Floats) -> Floats:
-    """Return the vectors shortened to their bounds.
+    """Return the vectors, shortened to the largest norms.
 
     Args:
         vectors: Vectors, shape (n, k).

@@ -1,13 +1,14 @@
 """Construct the basis in which contact is a bound constraint: u = T y.
 
-For every row of B u ≤ g, the jump s = (B u)_i replaces one displacement component of its host. All
-other unknowns are unchanged. Then the condition of K_h is s ≤ g, and the operator is TᵀKT.
+For each row of B u ≤ g, the jump s = (B u)_i replaces one displacement component of the host of the
+row. All other unknowns are unchanged. The condition for u ∈ K_h is then s ≤ g, and the operator is
+TᵀKT.
 
-Only the normal jump is an unknown, not the tangential jumps. The block size is unchanged, and
-multigrid needs as few iterations as without contact. For two touching blocks with 85 thousand
-unknowns and the rigid motions of each body, CG took 15 iterations in this basis and 16 without
-contact. It took 60 with the rigid motions of both bodies together, and 105 if the whole jump
-replaced the host's displacement.
+Only the normal jump is an unknown, not the tangential jumps. The block size is therefore unchanged,
+and multigrid needs as few iterations as without contact. Two touching blocks with 85 thousand
+unknowns are an example. With the rigid motions of each body, CG took 15 iterations in this basis
+and 16 without contact. It took 60 with the rigid motions of both bodies together, and 105 if the
+whole jump replaced the displacement of the host.
 """
 
 from collections.abc import Sequence
@@ -32,24 +33,25 @@ from perfplast_fenicsx.errors import InputError
 
 
 class TooManyConditions(InputError):
-    """Contact nodes have more independent conditions than degrees of freedom."""
+    """Raised if contact nodes have more independent conditions than degrees of freedom."""
 
 
 @dataclass(frozen=True)
 class JumpBasis:
-    """The maps u = T y and y = M u for u that vanishes at supports, and the bounds of y.
+    """The maps u = T y and y = M u for u that vanish at supports, and the bounds of y.
 
-    Jumps of ties are unknowns that are always zero: their columns of T and rows of M are zero.
+    Jumps of ties are unknowns that are always zero: the corresponding columns of T and rows of M
+    are zero.
 
     Attributes:
-        T: Sparse matrix from jump unknowns to displacement.
+        T: Sparse matrix from jump unknowns to displacements.
         M: Inverse of T, for u that satisfy the ties.
-        index: Local (owned) indices of the bounded entries of y, shape (num_pairs,), one for each
-            row of the constraints.
+        index: Local owned indices of the bounded entries of y, shape (num_pairs,), one for each
+            contact row.
         gap: Upper bounds g of these entries (length).
         tied: Local owned indices of the entries of y that are jumps of ties.
-        sliding: Local owned indices of the tangential jumps along surfaces with friction, one for
-            each of its rows.
+        sliding: Local owned indices of the tangential jumps on surfaces with friction, one for each
+            friction row.
     """
 
     T: PETSc.Mat
@@ -60,11 +62,11 @@ class JumpBasis:
     sliding: Ints
 
     def holding(self, held: Ints, left: PairFlags) -> "JumpBasis":
-        """Return the basis in which more entries of y are always zero. Collective.
+        """Return a basis in which more entries of y are always zero. Collective.
 
         Args:
-            held: Local owned indices of all entries that are zero.
-            left: Pairs that remain bounds, shape (num_pairs,).
+            held: Local owned indices of all entries of y that are zero.
+            left: Whether each pair remains a bound, shape (num_pairs,).
         """
         T = self.T.copy()
         moving = T.createVecRight()
@@ -86,21 +88,21 @@ def make_basis(
 
     Args:
         V: Displacement space.
-        constraints: The rows of B; on each rank first those of contact, then of friction, then of
-            ties.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim). T and M do
+        constraints: The rows of B; on each rank first the rows of contact, then of friction, then
+            of ties.
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim). T and M do
             not change these components.
-        num_ties: Number of rows of ties on this rank.
-        num_sliding: Number of rows of friction on this rank.
+        num_ties: Number of tie rows on this rank.
+        num_sliding: Number of friction rows on this rank.
 
     Raises:
-        InputError: If a node carries more contact conditions than degrees of freedom, or if the
-            conditions refer to each other in a ring.
+        InputError: If a node has more contact conditions than degrees of freedom, or if conditions
+            refer to each other around a ring of bodies.
     """
     comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.dofmap.index_map_bs
     sizes, first = unknowns(V), index_map.local_range[0] * gdim
     pair, column, value = _without_supports(constraints.B, ~fixed[: index_map.size_local])
-    host = constraints.host.astype(np.int64) * gdim  # local number of the node's first component
+    host = constraints.host.astype(np.int64) * gdim  # number of the first component
     axis = column - first - host[pair]
     at_host = (axis >= 0) & (axis < gdim)
     coefficient = np.zeros((len(host), gdim))
@@ -145,7 +147,7 @@ def make_basis(
 
 
 def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs, Longs, Floats]:
-    """Return the entries of B, with zeros at components that supports hold on any rank.
+    """Return the entries of B, without the components that supports hold on any rank.
 
     Collective.
     """
@@ -159,10 +161,12 @@ def _without_supports(B: PETSc.Mat, free: npt.NDArray[np.bool_]) -> tuple[Longs,
 
 
 def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]:
-    """Return where the terms of chosen pairs, which may repeat, are in a list sorted by pair.
+    """Return the positions of the terms of chosen pairs in a list that is sorted by pair.
+
+    The chosen pairs may repeat.
 
     Returns:
-        For each term, the index of its pair in ``chosen`` and its own index in the list.
+        For each term, the index of its pair in ``chosen``, and the index of the term in the list.
     """
     counts = np.bincount(pair, minlength=num_pairs)
     begins = (np.cumsum(counts) - counts)[chosen]
@@ -175,21 +179,26 @@ def _terms_of(chosen: Longs, pair: Longs, num_pairs: int) -> tuple[Longs, Longs]
 def _choose(
     comm: MPI.Intracomm, host: Ints, coefficient: Floats, surface: Ints, names: Sequence[str]
 ) -> tuple[Longs, Floats, Longs]:
-    """Return the component that each pair replaces, and the inverse of the replaced part.
+    """Return the component that each pair replaces, and the inverse of the replaced block.
 
-    The inverse is at each host. Gaussian elimination with column pivoting treats all hosts at once:
-    k conditions at a host replace k of its components.
+    Collective. Each host has one block.
+
+    Gaussian elimination with column pivoting treats all hosts at once: k conditions at a host
+    replace k of its components.
 
     Args:
-        comm: The ranks.
+        comm: Communicator of the ranks.
         host: Host of each pair, shape (num_pairs,).
-        coefficient: Coefficient of the host's free components in its row, shape (num_pairs, gdim).
-        surface: Index in ``names`` of the contact of each of the first pairs.
-        names: Names of contacts, which messages use.
+        coefficient: Coefficients of the free components of the host in each row, shape (num_pairs,
+            gdim).
+        surface: Index into ``names`` of the contact of each pair; only for the first pairs, which
+            are contact rows.
+        names: Names of the contacts, for messages.
 
     Returns:
         The component of each pair; the row of the inverse for this component, shape (num_pairs,
-        most conditions at a host); and the pairs of its entries, −1 for none.
+        largest number of conditions at a host); and the pair of each entry in this row, −1 if the
+        entry does not exist.
     """
     num, gdim = coefficient.shape
     nodes, group, sizes = np.unique(host, return_inverse=True, return_counts=True)
@@ -225,36 +234,35 @@ def _choose(
 
 
 def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
-    """Refuse nodes of this rank with more conditions than degrees of freedom. Collective.
+    """Refuse nodes with more conditions than degrees of freedom, on any rank. Collective.
 
     Raises:
-        TooManyConditions: On every rank, if there are such nodes on any rank.
+        TooManyConditions: On every rank, if any rank has such nodes.
     """
     total = comm.allreduce(nodes)
     if not total:
         return
     found = sorted({name for some in comm.allgather(contacts) for name in some})
-    most = 4  # largest number of named contacts
+    most = 4  # largest number of contacts that the message names
     named = ", ".join(found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
     raise TooManyConditions(
-        f"{total} contact nodes{f' of {named}' if named else ''}{more} carry more "
-        "independent conditions than they have degrees of freedom; name each pair of "
-        "faces once, remove nodes that supports hold from the contact surfaces, or glue "
-        "bodies that meet at so coarse a corner ([[tie]]; perfplast mesh --tied)."
+        f"{total} contact nodes{f' of {named}' if named else ''}{more} have more "
+        "independent conditions than degrees of freedom; list each pair of faces once, "
+        "remove nodes that supports hold from the contact surfaces, or tie bodies that "
+        "meet at a coarsely meshed corner ([[tie]]; perfplast mesh --tied)."
     )
 
 
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """Return T with T = Q + P T: the sum of P^k Q. Collective.
+    """Return the T that satisfies T = Q + P T, as the sum of P^k Q. Collective.
 
-    The sum ends with the longest chain of contacts, or converges where normals vary around a ring.
+    The sum ends with the longest chain of contacts, or converges if normals vary around a ring.
     """
     T, term = Q.copy(), Q
-    # Replaced unknowns may refer to replaced unknowns of other nodes, up to this number in
-    # succession.
+    # Largest number of replaced unknowns that may refer to each other in a chain.
     longest_chain = 60
-    # Share of a displacement that counts as zero, if unknowns refer to each other in a ring, as
+    # Relative displacement that counts as zero if unknowns refer to each other around a ring, as
     # around an edge at which three bodies meet.
     faded = 1e-16
     for _ in range(longest_chain):
@@ -267,6 +275,6 @@ def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
             return T
         T.axpy(1.0, term)
     raise InputError(
-        "contacts or ties follow each other in a ring of bodies; remove one of the "
+        "contacts or ties refer to each other around a ring of bodies; remove one of the "
         "contacts or ties of the ring."
     )

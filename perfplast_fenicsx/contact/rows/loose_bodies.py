@@ -1,7 +1,8 @@
 """Find rigid motions of bodies that only the facets of curved surfaces resist.
 
-A round frictionless bolt can rotate about its axis, apart from the slightly oblique normals of its
-facets. Such a motion needs almost no energy, and its size has no physical meaning.
+A round frictionless bolt can rotate about its axis, because only the slightly oblique normals of
+its facets resist this rotation. Such a motion needs almost no energy, and its size has no physical
+meaning.
 """
 
 import logging
@@ -22,7 +23,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
 STILL = 1e-3
-"""Places with a smaller displacement, relative to all places, are on the axis of a rotation."""
+"""Points whose displacement, relative to that of all points, is smaller lie on a rotation axis."""
 
 
 log = logging.getLogger(__name__)
@@ -30,11 +31,11 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class LooseMotion:
-    """A motion of a body that hardly any row resists while the others are at rest.
+    """A motion of a body that hardly any row resists while the other bodies are at rest.
 
     Attributes:
         body: Number of the body.
-        motion: The motion in words.
+        motion: Name of the motion.
     """
 
     body: int
@@ -42,7 +43,7 @@ class LooseMotion:
 
 
 def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
-    """Return one or two sentences on loosely held bodies, with the loads that would matter.
+    """Return one or two sentences on loosely held bodies, and on the loads for which they matter.
 
     Args:
         loose: At least one motion.
@@ -57,21 +58,21 @@ def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
     acting = [
         words
         for kind, words in (
-            ("rotation", "rotate them like this"),
-            ("translation", "push them in this direction"),
+            ("rotation", "cause such a rotation"),
+            ("translation", "push bodies in such a direction"),
         )
         if any(motion.startswith(kind) for motion in by_motion)
     ]
     return (
         f"loosely held: {motions}. Only the facets of curved surfaces resist these "
-        "motions, so their size has no meaning. It matters where loads "
-        f"{' or '.join(acting)}; then hold the bodies by a [[support]], or glue touching "
-        "surfaces by a [[tie]]"
+        "motions, so the size of the motions has no meaning. This matters only if loads "
+        f"{' or '.join(acting)}; if they do, hold the bodies by a [[support]], or tie "
+        "touching surfaces by a [[tie]]"
     )
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return names as an enumeration."""
+    """Return names as an enumeration in words."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
@@ -84,7 +85,7 @@ def warn_of_loose_motions(
     free: Floats,
     flat: int = 0,
 ) -> None:
-    """Log one warning on all loosely held bodies; see :func:`loose_motions`. Collective."""
+    """Log one warning about all loosely held bodies; see :func:`loose_motions`. Collective."""
     loose = loose_motions(V, bodies, fixed, constraints, free, flat)
     if loose and V.mesh.comm.rank == 0:
         log.warning("%s", in_words(loose, names))
@@ -98,21 +99,21 @@ def loose_motions(
     free: Floats | None = None,
     flat: int = 0,
 ) -> list[LooseMotion]:
-    """Return the motions that are loosely held. Collective.
+    """Return the rigid motions that are loosely held. Collective.
 
-    A motion is loosely held if supports along axes and flat supports leave it free, and normals of
-    other surfaces hardly resist it. The form in which a support is declared does not matter.
+    A motion is loosely held if supports along axes and flat supports leave it free, and the normals
+    of other surfaces hardly resist it. The result does not depend on how a support is declared.
 
     Args:
         V: Displacement space.
         bodies: The bodies.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
         constraints: The rows of B.
         free: Motions that nothing resists, which the function excludes: orthonormal columns of
-            coefficients of all bodies' rigid motions; None if there are none.
-        flat: Number of this rank's last rows that belong to flat supports. Like supports along
-            axes, they count as resisting however small their share is. The planes of a narrow
-            sector and the ends of a thin ring are examples.
+            coefficients for the rigid motions of all bodies; None if there are none.
+        flat: Number of rows at the end of this rank's rows that belong to flat supports. Like
+            supports along axes, they resist a motion however small its component along them is. The
+            planes of a narrow sector and the ends of a thin ring are examples.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
@@ -138,7 +139,7 @@ def loose_motions(
 
 
 def _is_free(v: Floats, free: Floats, here: slice) -> bool:
-    """Return whether a motion of a body, with coefficients ``here``, is one of the free motions."""
+    """Return whether a body's motion, with coefficients ``here``, is one of the free motions."""
     whole = np.zeros(len(free))
     whole[here] = v
     return bool(np.linalg.norm(whole - free @ (free.T @ whole)) < STILL * np.linalg.norm(v))
@@ -149,27 +150,30 @@ def _weak(
 ) -> list[Floats]:
     """Return motions of a body that no exact row resists and that other rows hardly resist.
 
+    Collective.
+
     Args:
-        comm: The ranks.
-        rows: Functionals of the body's motions, shape (n, num_modes).
-        motions: Motions of the nodes of the rows, shape (n, gdim, num_modes).
-        exact: Rows whose normals are those of the true surface instead of facets, shape (n,).
+        comm: Communicator of the ranks.
+        rows: Functionals of the rigid motions of the body, shape (n, num_modes).
+        motions: Rigid motions at the nodes of the rows, shape (n, gdim, num_modes).
+        exact: Whether the normal of a row is that of the true surface instead of a facet, shape
+            (n,).
     """
     solid, facets = (comm.allreduce(some.T @ some) for some in (rows[exact], rows[~exact]))
     moved = comm.allreduce(np.einsum("nij,nik->jk", motions, motions))
     count = comm.allreduce(len(rows))
     if not count or np.linalg.matrix_rank(moved) < len(moved):
         return []
-    # Mean squared share of a motion along rows that counts as rounding.
+    # Mean squared component of a motion along rows that counts as a rounding error.
     nothing = 1e-10
     shares, vectors = eigh(solid, moved)
     left = vectors[:, shares <= nothing]
     shares, inner = np.linalg.eigh(left.T @ facets @ left)
     weak = []
-    # Mean squared share below which a motion is examined.
+    # Mean squared component along rows below which a motion is examined.
     weakest = 0.02
-    # Share (its sine) of the motion of its node, or of all nodes on average, along at least one
-    # row; with less the motion is loose.
+    # A motion is loose if no row resists at least this fraction (a sine) of the motion of its node,
+    # or of the mean motion of all nodes.
     aslant = 0.35
     for v in (left @ inner[:, shares <= weakest]).T:
         size = np.sqrt(v @ moved @ v / count)

@@ -1,15 +1,15 @@
-"""Find rigid motions that neither supports nor contact resist, name them and fix them.
+"""Find rigid motions that neither supports nor contact resist, name them, and fix them.
 
-Find rigid motions by which bodies separate: contact stops them only one way.
-All motions v with v = 0 where supports, ties and friction hold, and B v ≤ 0 at all pairs, form a
-cone. The energy of bodies that move in this way changes only by the work of the loads. If this work
-is positive for one v, no equilibrium exists, whatever the material.
+One-sided motions are rigid motions by which bodies separate; contact stops them in one direction
+only. All motions v with v = 0 where supports, ties and friction hold, and with B v ≤ 0 at all
+pairs, form a cone. The energy of bodies that move in this way changes only by the work of the
+loads. If this work is positive for one v, no equilibrium exists, whatever the material.
 
-Find rigid motions that neither supports nor contact resist, and fix them without force.
-A round frictionless pin may rotate in its hole, and a block may slide on another. If no load does
+Free motions are rigid motions that neither supports nor contact resist, in both directions. A round
+frictionless pin may rotate in its hole, and a block may slide on another block. If no load does
 work on such a motion, bodies are in equilibrium in any position along it, and the stiffness K is
-singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs carry no
-force. For motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0, the
+singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs have no
+forces: for motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0, the
 equation (K + Σ k e eᵀ)δ = b implies Fᵀe k eᵀδ = 0, so eᵀδ = 0. So δ solves Kδ = b, and the springs
 take no part of the loads.
 """
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 class RigidMotions:
-    """Constraints of supports and contact on the rigid motions R of all bodies."""
+    """Conditions of supports and contact on the rigid motions R of all bodies."""
 
     def __init__(
         self,
@@ -51,9 +51,9 @@ class RigidMotions:
         Args:
             V: Displacement space.
             bodies: The bodies.
-            fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+            fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
             constraints: The rows of B.
-            ties: Equality rows.
+            ties: Equality rows; None if there are none.
         """
         self._comm, self._gap = V.mesh.comm, constraints.gap
         self._jumps = rigid_jumps(V, bodies, constraints.B)
@@ -63,7 +63,9 @@ class RigidMotions:
         self._supports = self._comm.allreduce(self._held.T @ self._held)
 
     def free(self) -> Floats:
-        """Return motions that supports, ties and contact leave free in both directions. Collective.
+        """Return motions that supports, ties and contact leave free in both directions.
+
+        Collective.
 
         Returns:
             Orthonormal columns, shape (bodies.count * bodies.num_modes, number of motions).
@@ -75,13 +77,13 @@ class RigidMotions:
         left = self._comm.allreduce(sum(rows.T @ rows for rows in taken))
         values, vectors = np.linalg.eigh(left)
         largest = np.linalg.eigvalsh(gram).max(initial=0)
-        # Jumps below this share of the largest jumps are rounding; a motion with no larger jump is
-        # free.
+        # Jumps below this fraction of the largest jumps are rounding errors; a motion with only
+        # such jumps is free.
         rounding = 1e-9
         return np.asarray(nearly @ vectors[:, values <= rounding**2 * max(largest, 1e-300)])
 
     def one_sided(self, free: Floats) -> tuple[Floats, Floats]:
-        """Return motions that supports and ties leave free, except those of :meth:`free`.
+        """Return motions that supports and ties leave free, except the motions of :meth:`free`.
 
         Collective.
 
@@ -89,8 +91,8 @@ class RigidMotions:
             free: The result of :meth:`free`.
 
         Returns:
-            Orthonormal columns; and their closing of the pairs hosted by this rank, shape
-            (num_pairs, number of motions).
+            Orthonormal columns; and the closing of the pairs hosted by this rank in these motions,
+            shape (num_pairs, number of motions).
         """
         basis = null_space(self._supports + free @ free.T * np.trace(self._supports + 1.0))
         return basis, self._jumps @ basis
@@ -101,7 +103,7 @@ class RigidMotions:
         Collective.
 
         The set contains the pairs without a gap. If it leaves a motion free that all pairs together
-        stop, the function adds the pairs with the smallest gaps.
+        stop, the function adds pairs with the smallest gaps.
         """
         largest = self._comm.allreduce(float(self._gap.max(initial=0)), MPI.MAX)
         at_least = self._left_free(np.ones(len(self._gap), dtype=bool))
@@ -112,7 +114,7 @@ class RigidMotions:
         return held
 
     def _left_free(self, held: PairFlags) -> int:
-        """Return the number of motions that supports and these pairs leave nearly free.
+        """Return the number of motions that supports and the given pairs leave nearly free.
 
         Collective.
         """
@@ -125,7 +127,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
     """Return B R: the jump of each pair on this rank in each rigid motion of each body. Collective.
 
     Returns:
-        Shape (num_pairs, bodies.count * bodies.num_modes).
+        Jumps, shape (num_pairs, bodies.count * bodies.num_modes).
     """
     gdim, total = V.dofmap.index_map_bs, bodies.count * bodies.num_modes
     nodes = nodes_of(B, gdim)
@@ -145,7 +147,7 @@ def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
 
 
 def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
-    """Return the owned nodes that appear in any row. Collective."""
+    """Return the owned nodes that occur in any row. Collective."""
     counts = B.createVecRight()
     unknowns = B.getValuesCSR()[1]
     counts.setValues(unknowns, np.ones(len(unknowns)), addv=PETSc.InsertMode.ADD_VALUES)
@@ -158,7 +160,7 @@ def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
 def null_space(gram: Floats) -> Floats:
     """Return an orthonormal basis of the null space, as columns."""
     values, vectors = np.linalg.eigh(gram)
-    negligible = 1e-10  # eigenvalues below this times the largest one count as zero
+    negligible = 1e-10  # relative to the largest eigenvalue, smaller ones count as zero
     return vectors[:, values <= negligible * max(values.max(initial=0), 1e-300)]
 
 
@@ -166,7 +168,7 @@ def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_
     """Return the components that supports hold, as functionals of the rigid motions.
 
     Returns:
-        Shape (number on this rank, bodies.count * bodies.num_modes).
+        Functionals, shape (number on this rank, bodies.count * bodies.num_modes).
     """
     nodes, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])
     x = V.tabulate_dof_coordinates()[nodes]
@@ -174,13 +176,13 @@ def _supported(V: fem.FunctionSpace, bodies: Bodies, fixed: npt.NDArray[np.bool_
 
 
 def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
-    """Return a rigid motion of a body in words.
+    """Return the name of a rigid motion of a body.
 
     Args:
         bodies: Bodies with their rigid motions.
         v: Coefficients of the motion, shape (num_modes,).
-        middle: Position of the body, shape (gdim,): a motion that hardly rotates there is a
-            translation. None accepts only exact translations.
+        middle: Position of the body, shape (gdim,); a motion that hardly rotates there counts as a
+            translation. With None only an exact translation counts.
     """
     gdim = bodies.gdim
     if bodies.num_modes == 1:
@@ -188,8 +190,8 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
     spin = v[gdim:]
     if middle is None:
         along = v[:gdim]
-        # Share of rotation in a rigid motion that makes it a rotation, if the body's position is
-        # unknown.
+        # Fraction of rotation above which a rigid motion counts as a rotation if the position of
+        # the body is unknown.
         least_spin = 1e-6
         turns = np.linalg.norm(spin) > least_spin * np.linalg.norm(v)
     else:
@@ -201,7 +203,7 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
 
 
 def _direction(d: Floats, axis: str) -> str:
-    """Return a unit vector in words, first large component positive; an axis by its letter."""
+    """Return a direction in words, with a positive largest component; an axis by its letter."""
     d = d / np.linalg.norm(d)
     d *= np.sign(d[np.argmax(np.abs(d))])
     rounded = np.round(d, 2) + 0.0
@@ -212,21 +214,21 @@ def _direction(d: Floats, axis: str) -> str:
 
 
 AWAY = 1e-6
-"""Work on a motion relative to its largest possible value, or mean opening, above the level of
-rounding."""
+"""Work on a motion (relative to its largest possible value) or mean opening above the level of
+rounding errors."""
 
 
 @dataclass(frozen=True)
 class OneSidedMotions:
-    """Motions that contact stops only one way.
+    """Motions that contact stops in one direction only.
 
     Attributes:
         V: Displacement space.
         bodies: The bodies that move.
-        names: Names of the bodies, which messages use.
+        names: Names of the bodies, for messages.
         basis: Motions that supports, ties and friction leave free, except those that contact stops
-            in neither direction, as columns of coefficients of all bodies' rigid motions.
-        jumps: Closing of the pairs hosted by this rank by these motions, shape (num_pairs, number
+            in neither direction, as columns of coefficients for the rigid motions of all bodies.
+        jumps: Closing of the pairs hosted by this rank in these motions, shape (num_pairs, number
             of motions).
     """
 
@@ -247,11 +249,11 @@ class OneSidedMotions:
             return None
         return (
             f"no equilibrium exists: the loads push {self._moving(v)} away from the "
-            "surface in contact, and nothing holds it there"
+            "contact surface, and no support prevents this motion"
         )
 
     def warn(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Log bodies that may separate while these forces do no work. Collective."""
+        """Log a warning on bodies that may separate while these forces do no work. Collective."""
         comm = self.V.mesh.comm
         pairs = max(comm.allreduce(len(self.jumps)), 1)
         opening = -comm.allreduce(self.jumps.sum(axis=0)) / pairs
@@ -260,8 +262,8 @@ class OneSidedMotions:
         if v is None or not opening @ v > AWAY or comm.rank:
             return
         log.warning(
-            "%s may move away from the surface in contact: contact stops it only one way, "
-            "and no load presses it there, so that its position is not determined",
+            "%s may move away from the contact surface: contact stops this motion in one direction "
+            "only, and no load presses the surfaces together, so the position is undetermined",
             self._moving(v),
         )
 
@@ -278,15 +280,16 @@ class OneSidedMotions:
         return gain
 
     def _most(self, gain: Floats, least: Sequence[Floats]) -> Floats | None:
-        """Return the motion in the cone with the largest gain and no coefficient beyond ±1.
+        """Return the motion in the cone with the largest gain and all coefficients within ±1.
 
         Collective.
 
-        The function solves a linear program and adds rows of pairs that a motion would close.
+        The function solves linear programs, and adds rows for pairs that a motion would close.
 
         Args:
             gain: Gain of each coefficient.
-            least: Gain of each coefficient for a load; no motion may have a negative total.
+            least: Gains of each coefficient for several loads; the motion must not have a negative
+                total gain for any of them.
 
         Returns:
             The coefficients of the motion; None if the linear program has no solution.
@@ -297,11 +300,11 @@ class OneSidedMotions:
         rows: Floats = -np.reshape([*least], (-1, len(gain))).astype(np.float64)
         still = 1e-9  # relative work on a motion that counts as zero
         room: Floats = np.full(len(rows), still)
-        # Number of pairs of a rank that join a linear program at once if a motion would close them.
+        # Number of pairs on a rank that a linear program adds at once if a motion would close them.
         at_once = 20
-        # Largest number of linear programs; if they do not suffice, the function returns None.
+        # Largest number of linear programs; if it does not suffice, the function returns None.
         most_programs = 60
-        closed = 1e-8  # jumps below this value, for motions of unit size, are rounding
+        closed = 1e-8  # jumps below this value, in motions of unit size, are rounding errors
         for _ in range(most_programs):
             v = comm.bcast(_best(rows, room, gain) if comm.rank == 0 else None)
             if v is None:
@@ -315,7 +318,7 @@ class OneSidedMotions:
         return None
 
     def _moving(self, v: Floats) -> str:
-        """Return the names of the bodies that move in a motion."""
+        """Return the names of the bodies that take part in a motion."""
         each = np.abs(self.basis @ v).reshape(self.bodies.count, -1).max(axis=1)
         moving = sorted(self.names[body] for body in np.flatnonzero(each > AWAY))
         return f"the {'body' if len(moving) == 1 else 'bodies'} {', '.join(moving)}"
@@ -327,14 +330,14 @@ def _best(rows: Floats, room: Floats, gain: Floats) -> Floats | None:
     limits = (rows, room) if len(rows) else (None, None)
     from scipy.optimize import (
         linprog,
-    )  # importing it takes a tenth of a second, and few bodies need it
+    )  # the import takes 0.1 s, and only few cases need it
 
     found = linprog(-gain, *limits, bounds=(-1, 1), method="highs", options=exact)
     return np.asarray(found.x, dtype=np.float64) if found.success else None
 
 
 APART = 1e-8
-"""Entries of a projector on free motions below this value do not couple two bodies."""
+"""Entries below this value in a projector onto free motions do not couple two bodies."""
 
 
 @dataclass(frozen=True)
@@ -343,12 +346,12 @@ class FreeMotions:
 
     Attributes:
         bodies: All bodies.
-        names: Names of the bodies, which messages use.
-        basis: F, orthonormal, as columns of coefficients of all bodies' rigid motions, shape
+        names: Names of the bodies, for messages.
+        basis: F as orthonormal columns of coefficients for the rigid motions of all bodies, shape
             (bodies.count * bodies.num_modes, count).
         at_nodes: F at the owned displacement unknowns, shape (num_unknowns, count).
-        unknowns: The unknowns with springs.
-        leaving: Motions that contact stops only one way.
+        unknowns: The unknowns to which springs are added.
+        leaving: Motions that contact stops in one direction only.
     """
 
     bodies: Bodies
@@ -364,7 +367,10 @@ class FreeMotions:
         return int(self.basis.shape[1])
 
     def hold(self, stiffness: PETSc.Mat) -> None:
-        """Add the springs to K, with the stiffness of K at their unknowns. Collective."""
+        """Add the springs to K; each spring has the diagonal stiffness of its unknown.
+
+        Collective.
+        """
         if not self.count:
             return
         diagonal = stiffness.getDiagonal()
@@ -378,8 +384,7 @@ class FreeMotions:
         Collective.
 
         Returns:
-            The values are between −1 and 1, and 0 if no force acts on the moving nodes. Work, shape
-            (count,).
+            Relative work, shape (count,), between −1 and 1; 0 if no force acts on the moving nodes.
         """
         F, f = self.at_nodes, force.array_r
         unknowns = np.arange(len(f) + 1)
@@ -391,30 +396,30 @@ class FreeMotions:
         return np.divide(sums[0], sums[1], out=np.zeros(self.count), where=sums[1] > 0)
 
     def driven(self, forces: Sequence[PETSc.Vec]) -> str | None:
-        """Return why there is no equilibrium if one of these forces works on a motion, else None.
+        """Return why no equilibrium exists if one of these forces works on a motion, else None.
 
         Collective.
         """
         if not self.count:
             return None
         drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
-        # Smallest work of a load on a motion that is not rounding, relative to the work if all
-        # nodal forces acted along the motion.
+        # Smallest relative work of a load on a motion that is not a rounding error. Reference: the
+        # work if all nodal forces acted along the motion.
         driven = 1e-8
         some = np.flatnonzero(drives > driven)
         if not some.size:
             return None
         return (
             f"{self.words(some)} can move as a rigid body, and a load does work on this "
-            "motion: neither supports nor contact prevent it; add a support, or a contact "
+            "motion, but neither supports nor contact prevent it; add a support, or a contact "
             "that stops this motion."
         )
 
     def check(self, forces: Sequence[PETSc.Vec]) -> None:
-        """Refuse motions on which these forces do work, and log others. Collective.
+        """Refuse motions on which these forces do work, and log the other motions. Collective.
 
         Raises:
-            InputError: Naming bodies and motions.
+            InputError: With the names of bodies and motions.
         """
         refusal = self.driven(forces)
         if refusal is not None:
@@ -422,13 +427,13 @@ class FreeMotions:
         self.leaving.warn(forces)
         if self.count and forces[0].comm.rank == 0:
             log.warning(
-                "nothing resists a rigid motion of %s, and no load does work on it: it is "
-                "fixed without any force",
+                "nothing resists a rigid motion of %s, and no load does work on it; the program "
+                "fixes this motion without any force",
                 self.words(np.arange(self.count)),
             )
 
     def centre(self, u: fem.Function) -> None:
-        """Subtract from a displacement its part in F, in the mean over all nodes. Collective."""
+        """Subtract the part in F from a displacement, in the mean over all nodes. Collective."""
         if not self.count:
             return
         F, here = self.at_nodes, slice(self.at_nodes.shape[0])
@@ -438,7 +443,7 @@ class FreeMotions:
         u.x.scatter_forward()
 
     def words(self, some: npt.NDArray[np.integer]) -> str:
-        """Return which bodies move in the given motions, and how."""
+        """Return the names of the bodies that move in the given motions, and of the motions."""
         each = self.basis.reshape(self.bodies.count, self.bodies.num_modes, -1)
         told: dict[tuple[int, ...], list[str]] = {}
         for number in some:
@@ -463,13 +468,13 @@ def _together(names: Sequence[str]) -> str:
 def held_motions(
     V: fem.FunctionSpace, bodies: Bodies, names: Sequence[str], motions: RigidMotions
 ) -> FreeMotions:
-    """Return the free motions with the nodes at which they are fixed. Collective.
+    """Return the free motions, with the nodes at which springs fix them. Collective.
 
     Args:
         V: Displacement space.
         bodies: The bodies that move.
-        names: Names of the bodies, which messages use.
-        motions: Constraints of supports and contact on the motions.
+        names: Names of the bodies, for messages.
+        motions: Conditions of supports and contact on the motions.
     """
     free = motions.free()
     leaving = OneSidedMotions(V, bodies, names, *motions.one_sided(free))
@@ -497,11 +502,11 @@ def held_motions(
 
 
 def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, Ints]]]:
-    """Return another orthonormal basis, in which each motion has few bodies and axes.
+    """Return an orthonormal basis of the same space in which motions involve few bodies and axes.
 
     Returns:
-        The basis; and for each set of bodies that move together, the bodies and the numbers of the
-        motions.
+        The basis; and for each set of bodies that move together, the bodies and the numbers of
+        their motions.
     """
     projector = free @ free.T
     shape = (bodies.count, bodies.num_modes) * 2
@@ -525,7 +530,7 @@ def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, I
 
 
 def _pivots(comm: MPI.Intracomm, motions: Floats) -> Ints:
-    """Return owned rows that distinguish the motions best, one for each motion. Collective."""
+    """Return the owned rows that best distinguish the motions, one for each motion. Collective."""
     left, chosen = motions.copy(), []
     for _ in range(motions.shape[1]):
         squares = np.einsum("nk,nk->n", left, left)

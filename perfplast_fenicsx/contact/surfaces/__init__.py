@@ -1,1 +1,1 @@
-"""Collect nodes, facets, normals and gaps of surfaces."""
+"""Collect the nodes, facets, normals and gaps of surfaces."""

@@ -1,7 +1,7 @@
 """Match opposite nodes of two surfaces, and compute their normals and gaps.
 
-Each node travels to the rank of its slab of space, where a k-d tree matches it; matched nodes may
-travel on. A node is a row of a structured type. The matching reads its coordinates "x" and its
+Each node is sent to the rank of its slab of space, where a k-d tree matches it; matched nodes may
+be sent on. A node is a row of a structured type. The matching uses its coordinates "x" and its
 outward unit "normal".
 """
 
@@ -26,14 +26,15 @@ from perfplast_fenicsx.parallel import bounding_box, send_rows
 
 @dataclass(frozen=True)
 class Matching:
-    """Matched nodes, each pair on one rank, and the nodes without a match.
+    """Matched nodes, each pair on one rank, and the number of nodes without a match.
 
     Attributes:
-        primary: Primary nodes of this rank's pairs, shape (num_pairs,).
-        secondary: Their secondary nodes, shape (num_pairs,).
+        primary: Primary nodes of the pairs on this rank, shape (num_pairs,).
+        secondary: Secondary nodes of the same pairs, shape (num_pairs,).
         alone: Number of nodes of both surfaces without a partner, on all ranks.
-        farthest: Largest distance of such a node to the nearest node of the other surface on the
-            rank of the search; inf without such a node. 0 if all nodes match.
+        farthest: Largest distance from a primary node without a partner to the nearest secondary
+            node on the rank of the search; inf if this rank has no secondary node, 0 if all nodes
+            match.
     """
 
     primary: SurfaceNodes
@@ -47,17 +48,17 @@ def match_nodes(
 ) -> Matching:
     """Return the matched nodes of two surfaces that are opposite each other. Collective.
 
-    Among the nearest nodes, the partner is the one most nearly opposite along the mean normal.
-    Among several nodes at one point, it is the one with the most nearly opposite normal. Primary
-    nodes within ``distance`` are matched first; the remaining ones are matched at growing
+    Among the nearest nodes, the partner is the node that is most nearly opposite along the mean
+    normal. Among several nodes at one point, it is the node with the most nearly opposite normal.
+    Primary nodes within ``distance`` are matched first; the remaining nodes are matched at growing
     distances, up to the size of the surfaces. The function verifies that each node has exactly one
     partner.
 
     Args:
-        comm: The ranks.
-        primary: This rank's nodes of the primary surface, shape (n,).
-        secondary: This rank's nodes of the secondary surface.
-        distance: Largest distance of touching nodes (length).
+        comm: Communicator of the ranks.
+        primary: Nodes of the primary surface on this rank, shape (n,).
+        secondary: Nodes of the secondary surface on this rank.
+        distance: Largest distance between touching nodes (length).
     """
     low, high = bounding_box(comm, np.concatenate([primary["x"], secondary["x"]]))
     size = float(np.linalg.norm(high - low))
@@ -84,11 +85,11 @@ class _Near:
 
     Attributes:
         primary: Matched nodes of the primary surface.
-        secondary: Their partners.
+        secondary: Partners of these nodes.
         left_primary: Nodes of the primary surface without a match.
         left_secondary: Nodes of the secondary surface without a match.
         twice: Number of secondary nodes with more than one match.
-        farthest: Largest distance of ``left_primary`` to the nearest node.
+        farthest: Largest distance from ``left_primary`` to the nearest secondary node.
     """
 
     primary: SurfaceNodes
@@ -107,7 +108,7 @@ def _match_near(
     low: Floats,
     high: Floats,
 ) -> _Near:
-    """Return the matches of nodes within a distance. Collective."""
+    """Return the matches of nodes within ``distance``. Collective."""
     axis = int(np.argmax(high - low))
     width = max(high[axis] - low[axis], distance) / comm.size
 
@@ -115,9 +116,9 @@ def _match_near(
         return np.clip(np.floor((x - low[axis]) / width), 0, comm.size - 1).astype(np.int64)
 
     here = send_rows(comm, primary, slab(primary["x"][:, axis]))
-    # The partner of a node may be this many times as far as the nearest node: surfaces that are
-    # apart and not parallel have their nodes opposite along the mean normal, not at the shortest
-    # distance.
+    # The partner of a node may be this many times as far away as the nearest node. If two surfaces
+    # have a gap and are not parallel, their nodes are opposite along the mean normal, not at the
+    # shortest distance.
     oblique = 1.2
     along, reach = secondary["x"][:, axis], oblique * distance
     lowest, highest = slab(along - reach), slab(along + reach)
@@ -134,7 +135,7 @@ def _match_near(
         many = np.arange(1, min(most_candidates, len(there)) + 1)
         fars, candidates = cKDTree(there["row"]["x"]).query(here["x"], k=many)
         far = fars[:, 0]
-        # Distance, relative to the size of the surfaces, of nodes at the same point.
+        # Distance between nodes at the same point, relative to the size of the surfaces.
         same_place = 1e-9
         rounding = same_place * float(np.linalg.norm(high - low))
         misfit = _misfit(here[:, None], there["row"][candidates], rounding)
@@ -142,7 +143,7 @@ def _match_near(
         nearest = candidates[np.arange(len(here)), np.argmin(misfit, axis=1)]
     paired = far <= distance
     taken = there[nearest[paired]] if len(there) else there
-    # several nodes, on this rank or on others, may have found the same secondary node
+    # Several nodes, on this or other ranks, may have found the same secondary node.
     times = np.bincount(send_rows(comm, taken["place"], taken["rank"]), minlength=len(secondary))
     return _Near(
         primary=here[paired],
@@ -155,7 +156,7 @@ def _match_near(
 
 
 def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
-    """Return the rows with their original rank and index."""
+    """Return the rows, with their original rank and index."""
     labelled = np.empty(
         len(nodes), dtype=[("row", nodes.dtype), ("rank", np.int32), ("place", np.int64)]
     )
@@ -164,7 +165,7 @@ def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
 
 
 def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> Floats:
-    """Return how far nodes are from being opposite each other; the arrays broadcast."""
+    """Return by how much nodes miss being opposite each other (length); the arrays broadcast."""
     n, m = primary["normal"], secondary["normal"]
     facing = np.einsum("...i,...i->...", n, m)
     mean = n - m
@@ -177,15 +178,15 @@ def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> 
 
 
 MATCHING_TOLERANCE = 1e-6
-"""Largest distance of touching nodes, relative to the size of the contact surfaces."""
+"""Largest distance between touching nodes, relative to the size of the contact surfaces."""
 
 
 OVERLAP = 1e-9
-"""Overlap, relative to the size of the surfaces, that counts as rounding."""
+"""An overlap below this fraction of the size of the surfaces is a rounding error."""
 
 
 class NoPartners(InputError):
-    """Raised for surfaces whose nodes do not match; the same on every rank."""
+    """Raised on every rank if the nodes of two surfaces do not match."""
 
 
 def normals_and_gaps(
@@ -195,37 +196,37 @@ def normals_and_gaps(
     matching: Matching,
     size: float,
 ) -> tuple[Floats, Floats]:
-    """Return normal and gap of matched nodes, after checking that they can be in contact.
+    """Return the normals and gaps of matched nodes, and check that they can be in contact.
 
     Collective.
 
     Args:
-        comm: The ranks.
-        place: Place of the contact in the input, which messages name.
-        contact: The contact, with its gap (a number or a formula, or None to measure it) and
-            whether the gap may be negative.
-        matching: Nodes of both surfaces, rows of :func:`surface_facets.surface_node_type`.
+        comm: Communicator of the ranks.
+        place: Location of the contact in the case file, for messages.
+        contact: The contact. Its gap is a number, a formula, or None to measure the gap; it also
+            states whether the gap may be negative.
+        matching: Nodes of both surfaces, as rows of :func:`surface_facets.surface_node_type`.
         size: Size of the surfaces (length).
 
     Raises:
-        NoPartners: For nodes without an opposite partner.
-        InputError: For surfaces that do not face each other or that overlap, or for a negative gap.
+        NoPartners: If nodes have no opposite partner.
+        InputError: If the surfaces overlap or do not face each other, or if a gap is negative.
     """
     if matching.alone:
         far = matching.farthest
         away = f" (the nearest is up to {far:.3g} away)" if 0 < far < np.inf else ""
         raise NoPartners(
             f"{place}: {matching.alone} nodes have no partner of their own on the other"
-            f" surface{away}; choose formulation = 'mortar', or mesh the two"
-            " surfaces with the same nodes, for instance by fragmenting and splitting in gmsh."
+            f" surface{away}; choose formulation = 'mortar', or mesh the two surfaces with the"
+            " same nodes, for instance with fragments in gmsh that perfplast then splits."
         )
     primary, secondary = matching.primary, matching.secondary
     facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])
     same_side = comm.allreduce(int((facing > 0).sum()))
     if same_side:
         raise InputError(
-            f"{place}: at {same_side} nodes the outward normals of the two surfaces point to the"
-            " same side, so they do not face each other; name one surface of each body."
+            f"{place}: at {same_side} nodes, the outward normals of the two surfaces point to the"
+            " same side, so the surfaces do not face each other; name one surface of each body."
         )
     normal = primary["normal"] - secondary["normal"]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -234,17 +235,18 @@ def normals_and_gaps(
     sideways = np.linalg.norm(between - apart[:, None] * normal, axis=1)
     least = MATCHING_TOLERANCE * size
     mesh_size = np.minimum(primary["size"], secondary["size"])
-    # Nodes that are apart may be shifted sideways by this share of their distance (and of the mesh
-    # size). Matching surfaces that are not parallel show such a shift along their mean normal.
+    # Nodes across a gap may be shifted sideways by this fraction of their distance (or of the mesh
+    # size if that is smaller). Matching surfaces that are not parallel have such a shift relative
+    # to their mean normal.
     tilt = 0.5
     allowed = least + tilt * np.minimum(np.abs(apart), mesh_size)
     shifted = comm.allreduce(int((sideways > allowed).sum()))
     if shifted:
         farthest = comm.allreduce(float(sideways.max(initial=0)), MPI.MAX)
         raise NoPartners(
-            f"{place}: {shifted} nodes have no partner opposite them (the nearest is up to"
-            f" {farthest:.3g} aside); choose formulation = 'mortar', or mesh the two surfaces with"
-            " the same nodes, for instance by fragmenting and splitting in gmsh."
+            f"{place}: {shifted} nodes have no partner opposite them (sideways shift up to"
+            f" {farthest:.3g}); choose formulation = 'mortar', or mesh the two surfaces with the"
+            " same nodes, for instance with fragments in gmsh that perfplast then splits."
         )
     if contact.gap is not None:
         return normal, given_gap(comm, place, contact, primary["x"], size)
@@ -262,16 +264,16 @@ def without_overlap(comm: MPI.Intracomm, place: str, gap: Floats, size: float) -
     overlap = -comm.allreduce(float(gap.min(initial=0)), MPI.MIN)
     if overlap > OVERLAP * size:
         raise InputError(
-            f"{place}: the surfaces initially overlap by up to {overlap:.6g}, or face away "
-            "from each other like two sides of one body; move one of them, name two that "
-            "face each other, or give the contact interference = true if the overlap is "
-            "intended."
+            f"{place}: the surfaces initially overlap by up to {overlap:.6g}, or they are two "
+            "sides of one body and face away from each other; move one surface, name two "
+            "surfaces that face each other, or give the contact interference = true if the "
+            "overlap is intended."
         )
     return np.where(gap > OVERLAP * size, gap, 0.0)
 
 
 def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size: float) -> Floats:
-    """Return gaps from a number or formula at points, negative only for interference.
+    """Return the gaps at points from a number or formula; negative only with interference.
 
     Collective.
     """
@@ -283,8 +285,8 @@ def given_gap(comm: MPI.Intracomm, place: str, contact: Contact, x: Floats, size
         if not contact.interference and (gaps < -OVERLAP * size).any():
             message = (
                 f"{place}: gap = {gap} is negative ({gaps.min():.6g}) at some nodes, but "
-                "bodies cannot overlap initially; give a gap of zero or more, or "
-                "interference = true if the overlap is intended."
+                "bodies must not overlap initially; give a gap >= 0, or interference = true "
+                "if the overlap is intended."
             )
     except InputError as error:
         message = str(error)
@@ -299,8 +301,8 @@ def opposite_vertices(tagged_mesh: TaggedMesh, contacts: Sequence[Contact | Tie]
 
     Args:
         tagged_mesh: The bodies.
-        contacts: Their contacts or ties; for surfaces that do not match, only the matching vertices
-            count.
+        contacts: Contacts or ties of the bodies. If surfaces do not match everywhere, only matching
+            vertices are returned.
 
     Returns:
         Global numbers of vertices, shape (num_pairs, 2); each pair is on exactly one rank.

@@ -1,4 +1,4 @@
-"""Collect facets and nodes of a named surface, with normals, as rows that travel between ranks."""
+"""Collect the facets and nodes of a named surface, with normals, as rows to send between ranks."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,18 +19,18 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import Exchange, bounding_box
 
 SHARP = np.cos(np.radians(40.0))
-"""Facets at a node belong to different faces if the cosine of their normals is smaller."""
+"""Facets at a node belong to different faces if the cosine between their normals is smaller."""
 
 
 @dataclass(frozen=True)
 class FaceNodes:
-    """Owned nodes of a surface; a node on an edge of it is listed once for each face.
+    """Owned nodes of a surface; a node on an edge of the surface is listed once for each face.
 
     Attributes:
         node: Local block dofs, shape (n,).
-        normal: Outward unit normals of the face at the node, shape (n, gdim).
-        size: Size of the facets around it (length), shape (n,).
-        weight: ∫N of its shape function over the face (length, area), shape (n,).
+        normal: Outward unit normal of the face at each node, shape (n, gdim).
+        size: Mean size of the facets around each node (length), shape (n,).
+        weight: ∫N of the shape function of each node over the face (length or area), shape (n,).
     """
 
     node: Ints
@@ -44,9 +44,9 @@ class SurfaceFacets:
     """Exterior facets of a surface on this rank.
 
     Attributes:
-        nodes: Local block dofs of the displacements on each facet, shape (n, nodes of a facet).
-        x: Coordinates of each facet's geometry points, shape (n, points of a facet, gdim).
-        normal: Outward unit normal at each facet's nodes, shape (n, nodes of a facet, gdim).
+        nodes: Local block dofs of the displacement on each facet, shape (n, nodes of a facet).
+        x: Coordinates of the geometry points of each facet, shape (n, points of a facet, gdim).
+        normal: Outward unit normal at the nodes of each facet, shape (n, nodes of a facet, gdim).
         area: Length or area of each facet, shape (n,).
         weight: ∫N of the shape function of each node over each facet, shape (n, nodes of a facet).
     """
@@ -60,12 +60,13 @@ class SurfaceFacets:
 
 @dataclass(frozen=True)
 class FaceNumbers:
-    """Indices of facets' nodes in the list of :class:`FaceNodes` on the ranks that own them.
+    """Indices of the facets' nodes in the lists of :class:`FaceNodes` on the owning ranks.
 
     Attributes:
-        rank: The owner of each node of each facet, shape (n, nodes of a facet).
-        place: Index of the node in the owner's list, same shape.
-        normal: The unit normal of its face, shape (n, nodes of a facet, gdim).
+        rank: Owner of each node of each facet, shape (n, nodes of a facet).
+        place: Index of the node in the list of the owner, same shape.
+        normal: Unit normal of the face to which the facet belongs, shape (n, nodes of a facet,
+            gdim).
     """
 
     rank: Ints
@@ -74,17 +75,18 @@ class FaceNumbers:
 
 
 def face_nodes(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> FaceNodes:
-    """Return the nodes of a surface, vertices and midsides, with their normals. Collective.
+    """Return the nodes of a surface, vertices and midside nodes, with their normals. Collective.
 
-    The normal of a face at a node is the mean over its facets there, weighted by area. Facets that
-    differ by more than 40° are different faces. A smooth surface, flat or curved, gives one normal
-    to each node, and an edge between flat faces gives one for each of them.
+    The normal of a face at a node is the mean over the facets of the face at the node, weighted by
+    area. Facets whose normals differ by more than 40° belong to different faces. A smooth surface,
+    flat or curved, has one normal at each node; at an edge between flat faces, a node has one
+    normal for each face.
     """
     return faces_of(V, surface_facets(V, tagged_mesh, surface))[0]
 
 
 def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, FaceNumbers]:
-    """Return the nodes of facets, as :func:`face_nodes`, and the indices of each facet's nodes.
+    """Return the nodes of facets as :func:`face_nodes` does, and the indices of each facet's nodes.
 
     Collective.
     """
@@ -135,17 +137,18 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
 
 
 def _faces(node: Longs, normals: Floats) -> Longs:
-    """Return the number of the face of each row among those of its node.
+    """Return the number of the face to which each row belongs, counted at its node.
 
-    A face contains all facets whose normal differs by less than 40° from one of its facets. For
-    coarse facets the choice of this facet matters. It is the facet most perpendicular to a fixed
-    direction, so that the choice is the same on all ranks and on both sides of a contact.
+    A face contains all facets whose normals differ by less than 40° from the normal of one of its
+    facets, the reference facet. For coarse facets the choice of the reference facet matters. It is
+    the facet most nearly perpendicular to a fixed direction, so the choice is the same on all ranks
+    and on both sides of a contact.
     """
     face = np.full(len(node), -1)
     place = np.empty(len(node), dtype=np.int64)
-    # Decimal places for the comparison of facets: facets in one plane differ by rounding.
+    # Decimal places in the comparison of facets: facets in one plane differ by rounding errors.
     decimals = 9
-    # A direction about which facets of few bodies are symmetric.
+    # A direction that is not a symmetry axis of the facets in most bodies.
     askew = np.sqrt([1.0, 2.0, 3.0])
     steepness = np.round((normals @ askew[: normals.shape[1]]) ** 2, decimals)
     place[np.lexsort((steepness, node))] = np.arange(len(node))
@@ -175,11 +178,11 @@ def exterior_facets(tagged_mesh: TaggedMesh) -> Ints:
 
 
 def outer_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, facets: Ints) -> SurfaceFacets:
-    """Return the geometry of exterior facets of this rank. Not collective.
+    """Return the geometry of exterior facets on this rank. Not collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Its mesh with names.
+        tagged_mesh: Mesh of V, with named bodies and surfaces.
         facets: Local indices of exterior facets, sorted, shape (n,).
     """
     mesh = V.mesh
@@ -211,11 +214,11 @@ def outer_facets(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, facets: Ints) ->
 
 
 def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Floats) -> Floats:
-    """Return normals at points of facets, with the length of the facet's area element.
+    """Return normals at points of facets; their length is the area element of the facet.
 
     Args:
-        geometry: Geometry of the coordinates.
-        x: Coordinates of facets, shape (n, points of a facet, gdim).
+        geometry: Element of the coordinates.
+        x: Coordinates of the facets, shape (n, points of a facet, gdim).
         points: Points on the reference facet, shape (p, gdim − 1).
 
     Returns:
@@ -229,7 +232,7 @@ def _crossed(geometry: basix.finite_element.FiniteElement, x: Floats, points: Fl
 
 
 def _weights(dim: int, degree: int, geometry: int, x: Floats, kinematics: Kinematics) -> Floats:
-    """Return ∫N of each node of facets, shape (n, nodes of a facet)."""
+    """Return ∫N for each node of each facet, shape (n, nodes of a facet)."""
     element = _lagrange(dim, degree)
     rule = basix.make_quadrature(element.cell_type, degree + 2 * geometry)
     points, weights = (np.asarray(part, dtype=np.float64) for part in rule)
@@ -252,7 +255,7 @@ def _lagrange(dim: int, degree: int) -> basix.finite_element.FiniteElement:
 
 
 LEAST_COSINE = 0.1
-"""Smallest |n_i| for which the normal jump may replace component i of the host: smaller pivots make
+"""Smallest |n_i| for which the normal jump may replace component i of the host. Smaller pivots make
 the change of basis T ill-conditioned."""
 
 SurfaceNodes = npt.NDArray[np.void]
@@ -262,12 +265,12 @@ SurfaceNodes = npt.NDArray[np.void]
 def surface_node_type(gdim: int) -> np.dtype:
     """Return the structured type of a node.
 
-    Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, its local
-    block dof ``node`` on that rank and its global number ``number``. Further fields are the
-    ``size`` of the facets around it (length), the ``weight`` ∫N of its shape function over the face
-    (length, area) and the outward unit ``normal`` of the face. ``free`` marks the components that
-    no support holds. ``taken`` is Σ m mᵀ of the directions m for which rows of other contacts have
-    used the node as their host.
+    Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, the local
+    block dof ``node`` on that rank and the global number ``number``. Further fields are the
+    ``size`` of the facets around the node (length), the ``weight`` ∫N (length or area) of its shape
+    function over the face, and the face's outward unit ``normal``. ``free`` marks the components
+    that no support holds. ``taken`` is Σ m mᵀ over the directions m in which rows of other contacts
+    use the node as their host.
     """
     return np.dtype(
         [
@@ -287,13 +290,13 @@ def surface_node_type(gdim: int) -> np.dtype:
 def surface_nodes(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str, fixed: npt.NDArray[np.bool_]
 ) -> SurfaceNodes:
-    """Return rows of a surface's owned nodes. Collective.
+    """Return rows for the owned nodes of a surface. Collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         surface: Name of the surface.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
     """
     return rows_of_nodes(V, face_nodes(V, tagged_mesh, surface), fixed)
 
@@ -301,7 +304,7 @@ def surface_nodes(
 def rows_of_nodes(
     V: fem.FunctionSpace, faces: FaceNodes, fixed: npt.NDArray[np.bool_]
 ) -> SurfaceNodes:
-    """Return rows of nodes whose faces are known. Not collective."""
+    """Return rows for nodes whose faces are known. Not collective."""
     rows = np.empty(len(faces.node), dtype=surface_node_type(V.mesh.geometry.dim))
     rows["x"] = V.tabulate_dof_coordinates()[faces.node]
     rows["rank"] = V.mesh.comm.rank
@@ -324,7 +327,7 @@ def check_outside(comm: MPI.Intracomm, place: str, surface: str, nodes: SurfaceN
     if not comm.allreduce(len(nodes)):
         raise InputError(
             f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of "
-            "bodies that share no nodes (write_split separates them)."
+            "bodies that share no nodes (write_split separates such bodies)."
         )
 
 
@@ -342,7 +345,7 @@ def can_host(nodes: SurfaceNodes, normal: Floats) -> npt.NDArray[np.bool_]:
 
 
 def directions(normal: Floats, free: npt.NDArray[np.bool_]) -> Floats:
-    """Return the unit vectors of the free parts of normals, shape (n, gdim); 0 for none.
+    """Return unit vectors along the free parts of normals, shape (n, gdim); 0 if nothing is free.
 
     Args:
         normal: Normals, shape (n, gdim).
@@ -354,11 +357,11 @@ def directions(normal: Floats, free: npt.NDArray[np.bool_]) -> Floats:
 
 
 def crowded(nodes: SurfaceNodes, normal: Floats) -> Floats:
-    """Return Σ (m·n)² over the directions m that hosts have given away: 0 if n is normal to all.
+    """Return Σ (m·n)² over the directions m that other rows use: 0 if n is normal to all m.
 
     Args:
         nodes: Nodes, shape (n,).
-        normal: Next direction, shape (n, gdim).
+        normal: Direction n of the next row, shape (n, gdim).
     """
     along = directions(normal, nodes["free"])
     shares: Floats = np.einsum("ni,nij,nj->n", along, nodes["taken"], along)
@@ -366,7 +369,7 @@ def crowded(nodes: SurfaceNodes, normal: Floats) -> Floats:
 
 
 def extent(comm: MPI.Intracomm, x: Floats) -> float:
-    """Return the diagonal of the box around points of all ranks (length). Collective."""
+    """Return the diagonal of the bounding box of points on all ranks (length). Collective."""
     low, high = bounding_box(comm, x)
     return float(np.linalg.norm(high - low))
 
@@ -375,24 +378,25 @@ Facets = npt.NDArray[np.void]
 """Rows of :func:`facet_type`."""
 
 STRAIGHT = 1e-12
-"""A facet is straight if its midsides deviate from the middle by at most this share of its size."""
+"""Relative to its size, the midside nodes of a straight facet deviate by at most this much."""
 
 EDGES = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
-"""Vertices at the ends of each edge of a facet, in the order of its midsides."""
+"""Vertices at the ends of each edge of a facet, in the order of the midside nodes."""
 
 _SPLIT = {
     2: ((0, 2), (2, 1)),
     3: ((0, 5, 4), (5, 1, 3), (4, 3, 2), (3, 4, 5)),
 }
-"""Points of the pieces of a curved facet of second order, by dimension of space."""
+"""Points of the pieces of a curved second-order facet, by the space dimension."""
 
 
 def facet_type(gdim: int, nodes: int, points: int) -> np.dtype:
     """Return the structured type of a facet.
 
-    Its fields are the coordinates ``x`` of its geometry points. For its nodes they are the
-    coordinates ``at``, the outward unit ``normal`` of the face, the global block dof ``node``, the
-    ``rank`` that owns it and its ``place`` (index) in that rank's rows of the surface.
+    Its field ``x`` contains the coordinates of the facet's geometry points. For each node of the
+    facet, further fields are the coordinates ``at``, the outward unit ``normal`` of the face, the
+    global block dof ``node``, the ``rank`` that owns the node, and its ``place`` (index) in that
+    rank's rows of the surface.
     """
     return np.dtype(
         [
@@ -409,13 +413,13 @@ def facet_type(gdim: int, nodes: int, points: int) -> np.dtype:
 def nodes_and_facets(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str, fixed: npt.NDArray[np.bool_]
 ) -> tuple[SurfaceNodes, Facets]:
-    """Return rows of a surface's owned nodes, and of the facets on this rank. Collective.
+    """Return rows for the owned nodes of a surface, and for its facets on this rank. Collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         surface: Name of the surface.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
     """
     found = surface_facets(V, tagged_mesh, surface)
     faces, numbers = faces_of(V, found)
@@ -432,19 +436,19 @@ def nodes_and_facets(
 
 
 def shape_functions(gdim: int, count: int, points: Floats, derivatives: int = 0) -> Floats:
-    """Return Lagrange functions of facets at points.
+    """Return the Lagrange shape functions of facets at points.
 
     Args:
-        gdim: Dimension of space.
-        count: Number of functions of a facet, which determines their degree.
+        gdim: Space dimension.
+        count: Number of functions on a facet, which determines their degree.
         points: Reference coordinates, shape (..., gdim − 1).
-        derivatives: 1 for the first derivatives, 0 for values.
+        derivatives: 1 for first derivatives, 0 for values.
 
     Returns:
         Values, shape (..., count), or derivatives, shape (gdim − 1, ..., count).
     """
     shape = (*points.shape[:-1], count)
-    if not points.size:  # basix would end the process for this input
+    if not points.size:  # basix would abort the process for this input
         return np.zeros((gdim - 1, *shape) if derivatives else shape)
     kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
     variant = basix.LagrangeVariant.equispaced
@@ -455,18 +459,18 @@ def shape_functions(gdim: int, count: int, points: Floats, derivatives: int = 0)
 
 @dataclass(frozen=True)
 class Pieces:
-    """Straight simplices that approximate facets: 1 for a straight facet, 2 or 4 for a curved one.
+    """Straight simplices that approximate facets: 1 per straight facet, 2 or 4 per curved facet.
 
     Attributes:
         facet: Number of the facet, shape (n,).
         x: Corners, shape (n, gdim, gdim).
-        at: Reference coordinates of the corners in the facet, shape (n, gdim, gdim − 1).
+        at: Reference coordinates of the corners on the facet, shape (n, gdim, gdim − 1).
         centre: Centre of the piece, shape (n, gdim).
-        radius: Distance of the farthest corner from the centre, shape (n,).
+        radius: Distance from the centre to the farthest corner, shape (n,).
         normal: Outward unit normal, shape (n, gdim).
-        measure: Length or area, shape (n,).
+        measure: Length or area of the piece, shape (n,).
         part: Length or area of the piece in the reference facet, shape (n,).
-        curved: Whether the facet is curved, shape (n,).
+        curved: Whether the facet of the piece is curved, shape (n,).
     """
 
     facet: Longs
@@ -481,7 +485,7 @@ class Pieces:
 
 
 def pieces_of(facets: Facets) -> Pieces:
-    """Return the pieces of facets."""
+    """Return the pieces that approximate the facets."""
     x = facets["x"]
     count, points, gdim = x.shape
     ends = np.eye(gdim)[:, 1:]
@@ -526,6 +530,6 @@ def _pieces(
     centre = x.mean(axis=1)
     radius = np.linalg.norm(x - centre[:, None], axis=2).max(axis=1, initial=0)
     sides = at[:, 1:] - at[:, :1]
-    part = np.abs(np.linalg.det(sides)) / (gdim - 1)  # of an interval or a triangle
+    part = np.abs(np.linalg.det(sides)) / (gdim - 1)  # measure of an interval or a triangle
     at = np.ascontiguousarray(at)
     return Pieces(facet, x, at, centre, radius, normal, measure, part, curved)
