@@ -483,12 +483,11 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
 
 def _kept(problem: Problem, of_cells: Ordering) -> Block:
     """Return which cells have a strength that F does not divide."""
-    tagged_mesh = problem.tagged_mesh
-    topology = tagged_mesh.mesh.topology
+    topology = problem.tagged_mesh.mesh.topology
     flags = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.uint8)
     for name, material in problem.given.materials.items():
         if not is_divided(material):
-            cells = tagged_mesh.cells(name)
+            cells = problem.tagged_mesh.cells(name)
             flags[cells[cells < len(flags)]] = 1
     return block(of_cells, flags)
 
@@ -582,11 +581,10 @@ def _judged(
     if not bound.can_be_strict:
         return bound
     if not refused:
-        known, found = bound.value, reached.get(bound.kind)
-        gain = 0.0 if known is None or found is None else found - known
-        if gain * (1 if bound.kind == "lower" else -1) > 1e-9 * abs(known or 0.0):
-            return bound.proven(found)
-        return bound.proven() if bound.doubts else bound
+        value, found = bound.value or 0.0, reached.get(bound.kind)
+        sign = 1 if bound.kind == "lower" else -1
+        better = found is not None and sign * (found - value) > 1e-9 * abs(value)
+        return bound.proven(found if better else None) if better or bound.doubts else bound
     return bound if worse or bound.kind not in refused else bound.refused(*refused[bound.kind])
 
 
