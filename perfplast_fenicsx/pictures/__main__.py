@@ -1,7 +1,7 @@
 """Run the drawing program: ``python3 -m perfplast_fenicsx.pictures COMMAND ...``.
 
-:mod:`drawing_process` starts it as a separate process, so that a failure of the graphics system
-does not affect the run. This module imports nothing of MPI.
+:mod:`drawing_process` starts it as a separate process, so a failure of the graphics system does not
+affect the run. This module does not import MPI.
 """
 
 import sys
@@ -13,7 +13,7 @@ from perfplast_fenicsx.pictures.result_figures import animate, case, parts, plot
 
 
 def main(argv: Sequence[str]) -> int:
-    """Draw the pictures, and print the path of each on a line."""
+    """Draw the pictures, and print the path of each picture on its own line."""
     command, source, *output = argv
     commands: dict[str, Callable[..., Iterator[str]]] = {
         "plot": plot,

@@ -19,8 +19,8 @@ from perfplast_fenicsx.pictures.result_reader import ResultReader, StoredLevel
 from perfplast_fenicsx.problem.judged.report import LevelReport
 
 LENGTH, FRAME, END = 8.0, (0.15, 1.0), 2.0
-"""Duration of an animation (s), least and largest duration of a frame (s), and the additional time
-of the last frame (s).
+"""Duration of an animation (s), least and largest duration of a frame (s), and additional time of
+the last frame (s).
 """
 
 
@@ -35,7 +35,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     Raises:
         OSError: If the file cannot be written.
     """
-    most_frames = 60  # if there are more levels, as many are shown, including the last one
+    most_frames = 60  # of more levels, this number is shown, with the last one
     chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), most_frames)).round())
     levels = [levels[int(i)] for i in chosen]
     scene, unit = reader.scene, reader.scene.unit_of_work(reader.gdim)
@@ -44,7 +44,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     path = [None, *(level.report for level in levels)]
     shown = panels(surfaces, scene.units, middle=False)
     scale = deformation_scale(surfaces)
-    pixels, dpi = (700, 560), 80  # of each panel
+    pixels, dpi = (700, 560), 80  # size and resolution of each panel
     renderer = Renderer(surfaces, scene, scale, pixels, acting(path))
     frames = []
     for number, report in enumerate(path):
@@ -72,17 +72,17 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
 
 
 def _unloaded(surface: Surface) -> Surface:
-    """Return the bodies before the loading, with all fields zero."""
+    """Return the skin of the bodies before loading, with all fields zero."""
     at_points = {name: np.zeros_like(values) for name, values in surface.at_points.items()}
     at_cells = {name: np.zeros_like(values) for name, values in surface.at_cells.items()}
     return dataclasses.replace(surface, at_points=at_points, at_cells=at_cells)
 
 
 def _common_colours(frames: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
-    """Return one palette for all frames, so that colours do not flicker, shape (256, 3).
+    """Return one palette for all frames, shape (256, 3), so that colours do not flicker.
 
-    Each colour counts once, whatever area it fills, so that small gradients are smooth. White is in
-    the palette.
+    Each colour counts once, whatever area it covers, which gives smooth colour gradients in small
+    areas. The palette contains white.
     """
     found: npt.NDArray[np.uint32] = np.zeros(0, dtype=np.uint32)
     for frame in frames:

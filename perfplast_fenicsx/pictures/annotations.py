@@ -14,7 +14,7 @@ from perfplast_fenicsx.problem.declared.loads import Bearing, Force, Load, Press
 
 @dataclass(frozen=True)
 class Arrows:
-    """Starts and vectors of arrows, both of shape (num_arrows, 3)."""
+    """Start points and vectors of arrows, both of shape (num_arrows, 3)."""
 
     starts: Floats
     vectors: Floats
@@ -26,21 +26,22 @@ def load_arrows(
     loads: Sequence[Load],
     shares: Sequence[float] | Floats = (),
 ) -> Arrows:
-    """Return arrows of all loads, spread over their surfaces.
+    """Return the arrows of all loads, distributed over their surfaces.
 
-    They end there, or start there to pull.
+    An arrow that pushes ends on the surface; an arrow that pulls starts there.
 
     Args:
         surface: Surface with a mark ``load i`` for each load.
         points: Drawn positions of the surface's points.
         loads: The loads.
-        shares: Relative lengths of each load's arrows, from −1 to 1; by default 1.
+        shares: Relative lengths of each load's arrows, from −1 to 1; 1 by default.
     """
     starts, vectors = [np.zeros((0, 3))], [np.zeros((0, 3))]
-    arrows = 24  # about the largest number of arrows for a load
+    arrows = 24  # approximate largest number of arrows for a load
     # Length of arrows and their least distance, relative to the size of the bodies.
     arrow, apart = 0.1, 0.06
-    # A short surface has at least this many arrows, unless their distance would be less than this.
+    # A short surface has at least this number of arrows, unless their distance falls below this
+    # limit.
     least, nearest = 3, 0.025
     for i, load in enumerate(loads):
         chosen = np.flatnonzero(surface.marks[f"load {i}"])
@@ -66,10 +67,10 @@ def load_arrows(
 
 
 def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
-    """Return a load's directions at the midpoints of facets, shape (num_facets, 3).
+    """Return the directions of a load at the midpoints of facets, shape (num_facets, 3).
 
-    They are zero where the load does not act, and for a user-defined load with one number, whose
-    direction is not known.
+    They are zero where the load does not act. They are also zero for a user-defined load given by a
+    single number, since its direction is not known.
     """
     middles = surface.points[surface.facets[chosen]].mean(axis=1)
     normals = surface.normals[chosen]
@@ -77,7 +78,7 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
         return -np.sign(evaluate(load.value, middles, load.on))[:, None] * normals
     if isinstance(load, SpreadLoad) and load.scalar:
         return np.zeros_like(normals)
-    # empty if there is only a moment
+    # empty if the load is only a moment
     values = list(np.atleast_1d(np.asarray(load.value, dtype=object)))
     if isinstance(load, Force) and not np.any(np.asarray(load.value, dtype=np.float64)):
         areas = np.linalg.norm(normals, axis=1)
@@ -90,10 +91,10 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
 
 
 def spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
-    """Return points on facets with about this spacing, those nearest to the centres of boxes.
+    """Return points on facets with approximately a given spacing, nearest to the centres of boxes.
 
     Returns:
-        Weights of the facet's corners, shape (num_points, 2 or 3), and the facets of the points.
+        Weights of the corners of each point's facet, shape (num_points, 2 or 3), and this facet.
     """
     if corners.shape[1] == 2:
         s = (np.arange(48) + 0.5) / 48
@@ -117,8 +118,9 @@ class Obstacles:
 
     Attributes:
         corner: First point of the grid.
-        spacing: Spacing of its points in each direction.
-        distances: For each obstacle, negative inside, shape (n, n, n), or (n, n, 1) in the plane.
+        spacing: Spacing of the grid points in each direction.
+        distances: Distance to each obstacle, negative inside, shape (n, n, n), or (n, n, 1) in the
+            plane.
     """
 
     corner: Floats
@@ -129,21 +131,22 @@ class Obstacles:
 def sample_obstacles(
     surface: Surface, points: Floats, obstacles: Sequence[Obstacle], travels: Sequence[float] = ()
 ) -> Obstacles:
-    """Compute the distances to obstacles near the bodies.
+    """Return the distances to obstacles near the bodies.
 
     Args:
         surface: The bodies.
         points: Drawn positions of the surface's points.
         obstacles: Obstacles that fit the mesh.
-        travels: Share of its ``move`` by which each is drawn away from its start; by default 0.
+        travels: Share of its ``move`` by which each obstacle is drawn away from its start; 0 by
+            default.
     """
     gdim = 2 if surface.plane else 3
     both = np.concatenate([points, surface.points])[:, :gdim]
     margin = 0.08  # margin around the bodies in which obstacles are drawn, relative to their size
-    # not symmetric, so that no point is the centre of an obstacle, where the direction is undefined
+    # Not symmetric: otherwise a grid point may be the centre of an obstacle, without a direction.
     margins = margin * surface.size * np.array([1.0, 1.01, 1.02])[:gdim]
     low, high = both.min(axis=0) - margins, both.max(axis=0) + 1.003 * margins
-    # Number of points in each direction where the distance to an obstacle is evaluated.
+    # Number of grid points in each direction.
     samples = {2: 400, 3: 80}
     axes = [np.linspace(low[i], high[i], samples[gdim]) for i in range(gdim)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)

@@ -16,18 +16,19 @@ from perfplast_fenicsx.io.case.scene import NamedScene
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles with values.
+    """Triangles of a skin, with values at points and triangles.
 
     Attributes:
         points: Undeformed points, shape (num_points, 3).
-        triangles: Indices of points, in 3D counterclockwise from outside, shape (num_triangles, 3).
-        edges: Exterior edges of a plane mesh as indices of points, from the first to the second
-            with the body on the left, shape (num_edges, 2); none in 3D.
-        body: Index of each triangle's volume in ``names``, shape (num_triangles,).
+        triangles: Indices of points, in 3D counterclockwise seen from outside, shape
+            (num_triangles, 3).
+        edges: Exterior edges of a plane mesh as indices of points; the body is on the left of each
+            edge; shape (num_edges, 2). Empty in 3D.
+        body: Index in ``names`` of each triangle's volume, shape (num_triangles,).
         names: Names of the volumes, in the order of their tags.
         at_points: Nodal values by name, shape (num_points,) or (num_points, 3).
-        at_cells: Values of the cells beneath the triangles by name, shape (num_triangles,).
-        marks: Whether each of :attr:`facets` is on a marked surface, by name of the mark.
+        at_cells: Values of the triangles' cells by name, shape (num_triangles,).
+        marks: Whether each of :attr:`facets` lies on a marked surface, by name of the mark.
     """
 
     points: Floats
@@ -49,12 +50,12 @@ class Surface:
 
     @property
     def facets(self) -> Longs:
-        """Facets on which loads and contact act: the triangles, or the edges of a plane mesh."""
+        """Facets on which loads and contact act: triangles in space, edges in the plane."""
         return self.edges if self.plane else self.triangles
 
     @property
     def normals(self) -> Floats:
-        """Outward normals of the facets, with their areas or lengths as norms, shape (n, 3)."""
+        """Outward normals of the facets; their norms are areas or lengths; shape (n, 3)."""
         return _normals(self.points, self.facets)
 
     @property
@@ -64,19 +65,19 @@ class Surface:
 
     @property
     def size(self) -> float:
-        """Diagonal of the bounding box."""
+        """Diagonal of the bounding box (length)."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 @dataclass(frozen=True)
 class Skin:
-    """A surface without fields, with the positions of its values among those of the mesh.
+    """A surface without fields, and the sources of its values in the mesh.
 
     Attributes:
         surface: The surface.
-        nodes: Nodes of its points, shape (num_points,).
-        cells: Cells beneath its triangles, shape (num_triangles,).
-        tags: Tags of the surfaces that its facets are on, −1 for none, shape (num_facets,).
+        nodes: Mesh node of each point, shape (num_points,).
+        cells: Mesh cell of each triangle, shape (num_triangles,).
+        tags: Tag of the surface on which each facet lies, −1 for no surface, shape (num_facets,).
     """
 
     surface: Surface
@@ -96,12 +97,12 @@ def make_skin(
     """Return the skin of a mesh.
 
     Args:
-        x: Nodes, shape (num_nodes, 2 or 3).
+        x: Coordinates of the nodes, shape (num_nodes, 2 or 3).
         cells: Nodes of triangles or tetrahedra, vertices first, shape (num_cells, nodes_per_cell).
         body: Tag of each cell's volume.
-        tagged: Nodes of the facets with a tag, vertices first, shape (num_tagged, nodes_per_facet).
-        tags: Tags of these facets.
-        named: Names of the tags, and the surfaces to be marked.
+        tagged: Nodes of the tagged facets, vertices first, shape (num_tagged, nodes_per_facet).
+        tags: Tags of the tagged facets.
+        named: Names of the tags, and names of the surfaces to mark.
     """
     gdim = 2 if cells.shape[1] in (3, 6) else 3
     points = np.zeros((len(x), 3))
@@ -139,13 +140,13 @@ def exterior(cells: Longs) -> tuple[Longs, Longs]:
         cells: Vertices of simplices, shape (num_cells, gdim + 1).
 
     Returns:
-        Vertices of the facets in rising order, shape (num_facets, gdim), and their cells.
+        Vertices of the facets in ascending order, shape (num_facets, gdim), and their cells.
     """
     size, number = cells.shape[1], int(cells.max(initial=0)) + 1
     corners = np.array(list(combinations(range(size), size - 1)))
     facets = np.sort(cells, axis=1)[:, corners].reshape(-1, size - 1)
     key = facets[:, 0]
-    for column in facets.T[1:]:  # number the facets; equal facets get the same number
+    for column in facets.T[1:]:  # number the facets such that equal facets have equal numbers
         _, first, key, count = np.unique(
             key * number + column, return_index=True, return_inverse=True, return_counts=True
         )
@@ -154,12 +155,12 @@ def exterior(cells: Longs) -> tuple[Longs, Longs]:
 
 
 def facet_tags(facets: Longs, tagged: Longs, tags: npt.NDArray[np.integer[Any]]) -> Longs:
-    """Return the tag of each facet, −1 without one, for any order of their vertices.
+    """Return the tag of each facet, −1 without a tag, whatever the order of its vertices is.
 
     Args:
         facets: Vertices of facets, shape (num_facets, gdim).
-        tagged: Vertices of facets with a tag, in the same form.
-        tags: Tags of these facets.
+        tagged: Vertices of the tagged facets, in the same form.
+        tags: Tags of the tagged facets.
     """
     rows = np.sort(np.concatenate([tagged, facets]), axis=1)
     _, same = np.unique(rows, axis=0, return_inverse=True)
@@ -169,7 +170,7 @@ def facet_tags(facets: Longs, tagged: Longs, tags: npt.NDArray[np.integer[Any]])
 
 
 def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
-    """Order the corners of facets such that their normals point out of their cells.
+    """Order the corners of facets in place such that normals point out of the facets' cells.
 
     Args:
         corners: Indices of points, shape (num_facets, 2 or 3); changed in place.
@@ -182,7 +183,7 @@ def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
 
 
 def _normals(points: Floats, facets: npt.NDArray[np.integer]) -> Floats:
-    """Return normals, with areas as norms: right of edges, front of counterclockwise triangles."""
+    """Return normals with areas as norms; normals of edges point to the right."""
     along = points[facets[:, 1]] - points[facets[:, 0]]
     if facets.shape[1] == 2:
         return np.cross(along, [0.0, 0.0, 1.0])

@@ -1,4 +1,4 @@
-"""Draw a case before it is solved: bodies with loads, supports, contacts, and free surfaces.
+"""Draw a case before the run: bodies with loads, supports, contacts and free surfaces.
 
 Only the drawing process imports this module (:mod:`drawing_process`).
 """
@@ -30,7 +30,7 @@ from perfplast_fenicsx.pictures.picture_file import (
 )
 
 FREE, REST = "#d9d9d9", "#ffc680"
-"""Colours of surfaces that the case does not name, and of the rest of a side with a named part."""
+"""Colours of free surfaces, and of the remaining part of a side with a named part."""
 
 HUES = {
     "load": ("#c1121f", "#e85d75", "#8c1c4b", "#ff7b54"),
@@ -40,7 +40,7 @@ HUES = {
 """Colours of loaded surfaces, supports and contacts, used in turn."""
 
 FILLED = ("#efe3c8", "#dfe8d2", "#e6d8cf", "#d9e2ea", "#f2ead9", "#dcd7e6")
-"""Colours of bodies in the plane, used in turn if there are several."""
+"""Colours of plane bodies, used in turn if there are several."""
 
 WATER = "#1874b8"
 """Colour of the water table."""
@@ -67,7 +67,7 @@ def save_case(source: str | Path, output: Path) -> None:
         handles.append(Patch(color=WATER, label="water table"))
     below = 0.35 + 0.23 * len(handles)  # inches
     above, high, wide = 0.7, 5.4, 7.0
-    if flat:  # as wide as the bodies
+    if flat:  # figure with the aspect ratio of the bodies
         low, top = arrays["x"].reshape(-1, 2).min(axis=0), arrays["x"].reshape(-1, 2).max(axis=0)
         wide = 10.0
         high = float(np.clip(wide * (top - low)[1] / max((top - low)[0], 1e-300), 2.0, 8.0))
@@ -92,7 +92,7 @@ def save_case(source: str | Path, output: Path) -> None:
 
 
 def _colours(arrays: Arrays) -> list[str]:
-    """Return a colour for each label, by its first role."""
+    """Return a colour for each label, according to its first role."""
     used: dict[str, int] = {}
     found = []
     for role in map(str, arrays["roles"]):
@@ -112,7 +112,7 @@ def _of_facets(arrays: Arrays, colours: list[str]) -> npt.NDArray[np.str_]:
 
 
 def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
-    """Draw bodies in the plane: their cells, and their edges as thick lines."""
+    """Draw plane bodies: their cells, and their edges as thick lines."""
     axes.set_aspect("equal")
     x = np.asarray(arrays["x"], dtype=np.float64)
     _fill(axes, arrays)
@@ -150,7 +150,7 @@ def _draw_plane(axes: Axes, arrays: Arrays, colours: list[str]) -> None:
 
 
 def _fill(axes: Axes, arrays: Arrays) -> None:
-    """Draw the cells in the colours of their bodies, with the names of several bodies."""
+    """Fill the cells with the colours of their bodies; with several bodies, write their names."""
     cells, bodies, names = arrays["cells"], arrays["bodies"], arrays["names"]
     several = len(names) > 1
     ends = np.asarray(arrays["x"], dtype=np.float64)
@@ -165,18 +165,18 @@ def _fill(axes: Axes, arrays: Arrays) -> None:
         )
         if several:
             middles = own.mean(axis=1)
-            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # where there is most space
+            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # where space is largest
             style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9}
             axes.text(x, y, str(name), color="#303030", parse_math=False, zorder=5, **style)
 
 
 def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uint8]:
-    """Return the bodies in space from one direction, shape (height, width, 3)."""
+    """Return an image of the bodies in space from one direction, shape (height, width, 3)."""
     x = np.asarray(arrays["x"], dtype=np.float64)
     plotter = pv.Plotter(off_screen=True, window_size=[1000, 780])
     plotter.set_background("white")
     shown = _of_facets(arrays, colours)
-    sharp = 30.0  # angle (degrees) between facets above which their common edge is drawn
+    sharp = 30.0  # angle (degrees) between facets above which an edge is drawn
     for body in np.unique(arrays["body"]):
         own = arrays["body"] == body
         for colour in np.unique(shown[own]):
@@ -214,7 +214,7 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
 
 
 def _arrows(arrays: Arrays) -> list[tuple[Floats, Floats, int]]:
-    """Return positions and resultants of loads, with the label of each."""
+    """Return the positions and resultants of loads, and the label of each load."""
     triples = zip(arrays["places"], arrays["forces"], arrays["of_force"], strict=True)
     return [
         (np.asarray(place, dtype=np.float64), np.asarray(force, dtype=np.float64), int(number))

@@ -1,7 +1,7 @@
 """Run the drawing program as a process with its own X server.
 
-It reads the result folder and is not a rank, so that a failure of the graphics system does not
-affect the run.
+The process reads the result folder and is not an MPI rank. So a failure of the graphics system does
+not affect the run.
 """
 
 import logging
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from perfplast_fenicsx.io.results.result_folder import ResultFolder
 
 PATIENCE = {"plot": 900.0, "animate": 2400.0, "parts": 600.0, "case": 600.0}
-"""Time limit of a drawing command (s)."""
+"""Time limit of each drawing command (s)."""
 
 log = logging.getLogger(__name__)
 
@@ -34,30 +34,30 @@ log = logging.getLogger(__name__)
 def draw(folder: "ResultFolder") -> bool:
     """Draw the pictures of a result folder into it. Collective.
 
-    Without a graphics system a warning is logged on rank 0, and the run continues.
+    Without a graphics system rank 0 logs a warning, and the run continues.
 
     Args:
-        folder: The result folder with its results on file.
+        folder: The result folder, with its results on file.
 
     Returns:
-        Whether all pictures are drawn, the same on every rank.
+        Whether all pictures were drawn, the same on every rank.
     """
     return drawn_on_rank0(folder.comm, lambda: plot(folder.path))
 
 
 def drawn_on_rank0(comm: "MPI.Intracomm", draw: Callable[[], None]) -> bool:
-    """Draw on rank 0, log a warning if that fails, and return whether it was drawn. Collective.
+    """Draw on rank 0, and return whether this succeeded; rank 0 logs failures. Collective.
 
     Args:
         comm: The ranks.
-        draw: Function that draws; called only on rank 0.
+        draw: Function that draws; only rank 0 calls it.
     """
     drawn = False
     if comm.rank == 0:
         try:
             draw()
             drawn = True
-        except Exception as error:  # the other ranks wait
+        except Exception as error:  # the other ranks wait for rank 0
             log.warning("%s", error)
     return bool(comm.bcast(drawn))
 
@@ -71,8 +71,9 @@ def plot(
 
     Args:
         folder: The results of the run, which may still be running.
-        output: Folder for the pictures; by default the result folder.
-        say: Called with the path of each picture, and with a sentence for each that lacks data.
+        output: Folder for the pictures; the result folder by default.
+        say: Function called with the path of each picture, and with a sentence for each picture
+            whose data are missing.
 
     Raises:
         InputError: If the folder has no results, or if nothing can be drawn or written.
@@ -89,8 +90,8 @@ def animate(
 
     Args:
         folder: The results of a run, which may still be running.
-        output: A GIF or WebP file; by default ``loading.gif`` in the folder.
-        say: Called with the path of the file.
+        output: A GIF or WebP file; ``loading.gif`` in the folder by default.
+        say: Function called with the path of the file.
 
     Raises:
         InputError: If the folder has no fields, or if nothing can be drawn or written.
@@ -99,7 +100,7 @@ def animate(
 
 
 def draw_parts(skin: str | Path, picture: str | Path) -> None:
-    """Draw the bodies of a geometry with the numbers of their free faces. Not collective.
+    """Draw the bodies of a geometry, with the numbers of their free faces. Not collective.
 
     Args:
         skin: An .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
@@ -112,7 +113,7 @@ def draw_parts(skin: str | Path, picture: str | Path) -> None:
 
 
 def draw_case(arrays: str | Path, picture: str | Path) -> None:
-    """Draw a case before it is solved. Not collective.
+    """Draw a case before the run. Not collective.
 
     Args:
         arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
@@ -127,7 +128,7 @@ def draw_case(arrays: str | Path, picture: str | Path) -> None:
 def _run(
     command: str, folder: str | Path, output: str | Path | None, say: Callable[[str], None]
 ) -> None:
-    """Run :mod:`perfplast_fenicsx.pictures.__main__`, and pass on its output."""
+    """Run :mod:`perfplast_fenicsx.pictures.__main__` as a process, and pass on its output."""
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.pictures", command, str(folder)]
     program += [str(output)] if output else []
     with display() as environment, tempfile.TemporaryFile("w+", encoding="utf-8") as complaints:
@@ -166,7 +167,7 @@ def _run(
 
 
 def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool) -> str:
-    """Return the cause of a failure, from the last line of the program's output."""
+    """Return the cause of a failure, taken from the last line of the program's output."""
     complaints.seek(0)
     last = (complaints.read().strip().splitlines() or [f"exit status {status}"])[-1]
     if status == REFUSED:
@@ -183,9 +184,9 @@ def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool)
 
 @contextmanager
 def display() -> Iterator[dict[str, str]]:
-    """Return an environment to draw in, with its own X server if Xvfb is installed.
+    """Yield an environment for drawing, with its own X server if Xvfb is installed.
 
-    The variables of MPI launchers are removed, so that the child process is not a rank.
+    The variables of MPI launchers are removed, so the child process is not a rank.
     """
     environment = environment_with_package() | {"PYTHONIOENCODING": "utf-8:backslashreplace"}
     program = shutil.which("Xvfb")
@@ -193,8 +194,8 @@ def display() -> Iterator[dict[str, str]]:
         yield environment
         return
     reader, writer = os.pipe()
-    # a random number: Xvfb's own choice depends on lock files, which it takes for stale if it
-    # cannot see their process, as in another container with the same /tmp
+    # A random display number. Xvfb's own choice depends on lock files. It considers a lock file
+    # stale if it cannot see the process, which may be in another container with the same /tmp.
     number = f":{random.SystemRandom().randrange(100, 60_000)}"
     command = [program, number, "-displayfd", str(writer), "-screen", "0", "1280x1024x24"]
     with subprocess.Popen(

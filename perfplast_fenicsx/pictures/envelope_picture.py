@@ -1,7 +1,8 @@
 """Draw multiples of loads: interaction diagrams, Bree diagrams, and curves over the strength.
 
-Draw the multiple of constant loads that is carried, over the factor that divides all strengths.
-If there is a path, the factor over the work of the loads is drawn beside it. Single-process.
+A curve over the strength shows the carried multiple of the constant loads over the factor that
+divides all strengths. If there is a path, the factor over the work of the loads is drawn next to
+it. Single-process.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,14 +27,14 @@ def save_envelope(
     path: Path,
     alone: bool = False,
 ) -> None:
-    """Draw the regions that are carried and not carried, with their edges.
+    """Draw the region that is carried and the region that is not, with their boundaries.
 
     Args:
         rows: Rows of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.rows`.
         names: Names of the two or three loads.
         title: Heading.
         path: The PNG file.
-        alone: Whether there are no other loads, so that zero is carried too.
+        alone: Whether there are no other loads, in which case zero loads are carried too.
 
     Raises:
         OSError: If the file cannot be written.
@@ -55,7 +56,7 @@ def save_envelope(
 
 
 def _rays(rows: Sequence[Mapping[str, Any]]) -> Floats:
-    """Return unit vectors of the rows, shape (n, 3)."""
+    """Return the unit vectors of the rows, shape (n, 3)."""
     angle = np.radians([row["angle"] for row in rows])
     rise = np.radians([row.get("elevation", 0.0) for row in rows])
     level = np.cos(rise)
@@ -63,7 +64,7 @@ def _rays(rows: Sequence[Mapping[str, Any]]) -> Floats:
 
 
 def _ends(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
-    """Return the ends of rays, shape (n, 3); NaN where nothing is known."""
+    """Return the end points of rays, shape (n, 3); NaN where no value is known."""
     lengths = [np.nan if row[column] is None else row[column] for row in rows]
     return _rays(rows) * np.array(lengths)[:, None]
 
@@ -71,12 +72,12 @@ def _ends(rows: Sequence[Mapping[str, Any]], column: str) -> Floats:
 def _section(
     rows: Sequence[Mapping[str, Any]], first: int, second: int
 ) -> Mapping[str, tuple[Floats, bool]]:
-    """Return both edges in the plane of two loads by angle, and whether they are closed."""
+    """Return both boundaries in the plane of two loads, sorted by angle, and whether they close."""
     rays = _rays(rows)
     inside = np.flatnonzero(np.abs(np.delete(rays, [first, second], axis=1)[:, 0]) < 1e-9)
     turns = np.round(np.arctan2(rays[inside, second], rays[inside, first]), 9)
     turns, order = np.unique(turns, return_index=True)
-    around = bool(np.ptp(turns) > 6)  # closed: 2π less a step
+    around = bool(np.ptp(turns) > 6)  # closed: from 0 to 2π minus a step
     found = {}
     for column in ("not carried from", "carried"):
         points = _ends(rows, column)[inside[order]][:, [first, second]]
@@ -92,8 +93,8 @@ def _polygons(
     alone: bool,
 ) -> None:
     for column, colour, says in (
-        ("not carried from", "#d62020", "not carried outside, for certain"),
-        ("carried", "#3b6ea5", "carried inside, for certain"),
+        ("not carried from", "#d62020", "certainly not carried outside"),
+        ("carried", "#3b6ea5", "certainly carried inside"),
     ):
         points, around = edges[column]
         points = points[np.isfinite(points).all(axis=1)]
@@ -126,7 +127,7 @@ def _surfaces(axes: Any, rows: Sequence[Mapping[str, Any]], names: Sequence[str]
 def save_shakedown(
     rows: Sequence[Mapping[str, Any]], names: Sequence[str], title: str, path: Path
 ) -> None:
-    """Draw the edge of the region of shakedown, and the failures beyond it.
+    """Draw the boundary of the shakedown region, and the failures beyond it.
 
     Args:
         rows: Rows of :class:`~perfplast_fenicsx.limit_analysis.shakedown.shakedown_load.Direction`.
@@ -164,14 +165,15 @@ SIDES = {
     "lower": ("#3b6ea5", "carried for certain", "stands with F = "),
     "upper": ("#d62020", "carried at most", "falls at F = "),
 }
-"""Colour, label of a bound of the loads, and label of the factor that follows from it."""
+"""Colour, label of the bound of the loads, and label of the factor of safety from this bound."""
 
 
 def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
-    """Draw both strict bounds over the factor, with the two factors at which they are 1.
+    """Draw both strict bounds over the factor, and the two factors at which the bounds are 1.
 
     Args:
-        table: Table of :meth:`safety_factor.FactorOfSafety.table`; the legend marks an estimate.
+        table: Table of :meth:`safety_factor.FactorOfSafety.table`; if it is an estimate, the legend
+            says so.
         title: Heading.
         path: The PNG file.
 
@@ -198,7 +200,7 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
             label = f"{proves}{shown}"
             axes.axvline(factor, color=colour, linestyle="--", linewidth=1.0, label=label)
     axes.axhline(1.0, color="black", linewidth=0.8)
-    axes.set(xlabel="F, by which strengths are divided", ylabel="times that the loads are carried")
+    axes.set(xlabel="divisor F of the strengths", ylabel="carried multiple of the loads")
     axes.set_title(heading(title), parse_math=False)
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
@@ -206,7 +208,7 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
 
 
 def _over_work(axes: Axes, points: Sequence[Mapping[str, Any]], table: Mapping[str, Any]) -> None:
-    """Draw the curve of the mesh, together with the factors that are proven."""
+    """Draw the curve of the mesh, and the proven factors."""
     work, factor = ([point[key] for point in points] for key in ("work", "factor"))
     axes.plot(work, factor, "o-", color="black", markersize=4, label="mesh: an estimate")
     for side, (colour, _, proves) in SIDES.items():
@@ -214,6 +216,6 @@ def _over_work(axes: Axes, points: Sequence[Mapping[str, Any]], table: Mapping[s
             label = proves.removesuffix(" with F = ").removesuffix(" at F = ")
             axes.axhline(table[side], color=colour, linestyle="--", linewidth=1.0, label=label)
     axes.set_xscale("log")
-    axes.set(xlabel="work of the loads", ylabel="F, by which strengths are divided")
+    axes.set(xlabel="work of the loads", ylabel="divisor F of the strengths")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")

@@ -1,4 +1,4 @@
-"""Draw ``fields.png`` and ``mechanism.png``: the deformed bodies of one state, panel by panel."""
+"""Draw ``fields.png`` and ``mechanism.png``: panels of the deformed bodies in one state."""
 
 import math
 from collections.abc import Sequence
@@ -25,19 +25,20 @@ def draw_fields(
     state: Acting | None = None,
     unique: bool = True,
 ) -> None:
-    """Draw deformed bodies with plastic zone, displacement, contact pressure, slip and friction.
+    """Draw the deformed bodies: plastic zone, displacement, contact pressure, slip and friction.
 
     Args:
         surface: Surface with ``displacement``, ``contact_pressure``, ``yield_ratio`` and the marks
-            of the scene, and with ``slip`` and ``friction_stress`` if there is friction. The
+            of the scene. With friction it also has ``slip`` and ``friction_stress``. The
             displacement of a mechanism is its velocity.
         scene: Surroundings of the bodies, and texts.
         caption: Second line of the heading.
         path: The PNG file.
-        largest_dissipation: Largest dissipation of all cells, only for mechanisms. The
-            ``dissipation`` is then shown instead of the displacement.
-        state: State of loads and obstacles; by default that of ζ = 0.
-        unique: Whether the stress is unique: that of a level, not of a limit load.
+        largest_dissipation: Largest dissipation of all cells, given only for mechanisms. The
+            picture then shows the ``dissipation`` instead of the displacement.
+        state: Factors of loads and obstacles; by default those of ζ = 0.
+        unique: Whether the stress is unique, as at a level. The stress of a limit load is not
+            unique.
 
     Raises:
         OSError: If the file cannot be written.
@@ -45,7 +46,7 @@ def draw_fields(
     shown = panels([surface], scene.units, largest_dissipation, unique=unique)
     wanted = SHOWN_DEFORMATION if largest_dissipation is None else SHOWN_MECHANISM
     scale = deformation_scale([surface], wanted)
-    pixels = (1000, 800)  # of a panel
+    pixels = (1000, 800)  # size of a panel
     renderer = Renderer([surface], scene, scale, pixels, [state or Acting()])
     images = [renderer.draw(0, panel) for panel in shown]
     words = (heading(scene.title), f"{caption},   {in_words(scale)}{scene.view}")
@@ -57,7 +58,7 @@ def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATIO
 
     Args:
         frames: One skin in one or more states.
-        shown: Size of the largest displacement in the picture, relative to the bodies.
+        shown: Size of the largest displacement in the picture, relative to the size of the bodies.
     """
     sizes = [np.linalg.norm(a.at_points["displacement"], axis=1).max(initial=0) for a in frames]
     largest = float(max(sizes))
@@ -70,11 +71,11 @@ def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATIO
 
 def in_words(scale: float) -> str:
     """Return the scale of the deformation in words."""
-    return "deformation to scale" if scale == 1 else f"deformation drawn {scale:g} times as large"
+    return "deformation to scale" if scale == 1 else f"deformation enlarged {scale:g} times"
 
 
 def level_caption(report: LevelReport | None, driven: bool, unit: str) -> str:
-    """Return a level in words, or the unloaded bodies.
+    """Return a level in words, or words for the unloaded bodies.
 
     Args:
         report: Report of the level; None for the unloaded bodies.

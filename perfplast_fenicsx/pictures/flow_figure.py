@@ -16,10 +16,10 @@ from perfplast_fenicsx.pictures.picture_file import drawable, replace_picture
 from perfplast_fenicsx.pictures.result_reader import StoredFlow
 
 WATER, LINES, GROUND, SURFACE = "Blues", "#1f3b5c", "#e8dfd0", "#0b5cad"
-"""Colours: pressure, lines of the flow, dry ground, free surface."""
+"""Colours of the pressure, the flow lines, the dry ground and the free surface."""
 
 SATURATED = 0.5
-"""Saturation above which the head at a point is that of water."""
+"""Least saturation at which a point's head counts as the head of water."""
 
 
 def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path) -> None:
@@ -70,18 +70,19 @@ def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path
 
 
 def free_surface(flow: StoredFlow) -> Floats:
-    """Return the free surface: zero pressure, extrapolated from saturated ground.
+    """Return the free surface: the zero of the pressure that saturated ground extrapolates.
 
-    Pressures are zero at all points above the free surface, so that the pressure is positive in the
-    lower part of a cell and also above the surface. Therefore the pressure head of the saturated
-    cells is continued linearly to the points above them. Points of a drain that water merely passes
-    are in no saturated cell, and have no surface above them.
+    Pressures are zero at all points above the free surface. So the interpolated pressure is
+    positive in the lower part of a cell that the surface crosses, and also above the surface.
+    Therefore the function extrapolates the pressure head of the saturated cells linearly to the
+    points above them. Points of a drain that water merely passes belong to no saturated cell, and
+    have no surface above them.
 
     Args:
         flow: A flow in the plane.
 
     Returns:
-        Ends of a segment in each cell that the surface crosses, shape (num_segments, 2, 2).
+        End points of a segment in each cell that the surface crosses, shape (num_segments, 2, 2).
     """
     saturated = _saturated(flow)
     in_water = flow.pressure > 0
@@ -91,7 +92,7 @@ def free_surface(flow: StoredFlow) -> Floats:
     if not len(crossed):
         return np.zeros((0, 2, 2))
     heads = _continued(flow, saturated, crossed)
-    pairs = crossed[:, [[0, 1], [1, 2], [2, 0]]]  # sides of the cells, two of which are crossed
+    pairs = crossed[:, [[0, 1], [1, 2], [2, 0]]]  # sides of the cells; the surface crosses two
     pairs = pairs[saturated[pairs].sum(axis=2) == 1].reshape(-1, 2, 2)
     pairs = np.where(saturated[pairs[..., :1]], pairs, pairs[..., ::-1])
     below, above = heads[pairs[..., 0]], heads[pairs[..., 1]]
@@ -105,15 +106,15 @@ def _saturated(flow: StoredFlow) -> npt.NDArray[np.bool_]:
 
 
 def _continued(flow: StoredFlow, saturated: npt.NDArray[np.bool_], crossed: Longs) -> Floats:
-    """Return pressure heads that are negative at the points above the free surface.
+    """Return pressure heads, which are negative at points above the free surface.
 
-    The head at a point above is the mean of the values that its neighbours below extrapolate. Each
-    neighbour extrapolates with the mean slope of the total head in its saturated cells, or with
-    zero slope if it has none.
+    The head at a point above the surface is the mean of the values that its neighbours below
+    extrapolate. Each neighbour extrapolates with the mean gradient of the total head in its
+    saturated cells, or with zero gradient if it has no such cell.
 
     Args:
         flow: A flow in the plane.
-        saturated: Flags of the points below.
+        saturated: Flags of the points below the surface.
         crossed: Cells that the surface crosses.
     """
     count, d = flow.points.shape
@@ -142,7 +143,7 @@ def _continued(flow: StoredFlow, saturated: npt.NDArray[np.bool_], crossed: Long
 
 
 def _flow_lines(axes: Axes, wet: Triangulation, flow: StoredFlow) -> None:
-    """Draw lines along the slope of the head, which the water follows in isotropic ground."""
+    """Draw flow lines along the gradient of the head, as in isotropic ground."""
     corners = flow.points[wet.triangles]
     sides = corners[:, 1:] - corners[:, :1]
     rises = flow.head[wet.triangles]
@@ -154,7 +155,7 @@ def _flow_lines(axes: Axes, wet: Triangulation, flow: StoredFlow) -> None:
     np.add.at(count, wet.triangles.ravel(), 1.0)
     at_points /= np.maximum(count, 1.0)[:, None]
     low, high = flow.points.min(axis=0), flow.points.max(axis=0)
-    number = 160  # points of the grid along the longer side
+    number = 160  # number of grid points along the longer side
     step = np.max(high - low) / number
     grid: list[Floats] = [np.arange(a, b + step / 2, step) for a, b in zip(low, high, strict=True)]
     x, y = np.meshgrid(*grid)

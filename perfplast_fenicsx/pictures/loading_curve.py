@@ -23,16 +23,16 @@ from perfplast_fenicsx.problem.judged.report import LevelReport
 def draw_history(
     axes: Axes, reports: Sequence[LevelReport], unit: str = "", now: LevelReport | None = None
 ) -> None:
-    """Plot the factor of each load against the work that the load does with a factor of 1.
+    """Plot the factor of each load over the work that the load would do with factor 1.
 
-    If no load has a factor, the driving forces of motions are drawn over their factors.
+    If no load has a factor, the function draws the driving forces of motions over their factors.
 
     Args:
         axes: Axes to draw into.
         reports: Reports of all levels, with the ``factors``, ``works`` and ``driving_forces`` of
             stages.
-        unit: Unit of works.
-        now: Level to be marked.
+        unit: Unit of work.
+        now: Level to mark.
     """
     solved = [report for report in reports if report.converged]
     bracket = f" ({unit})" if unit else ""
@@ -55,7 +55,7 @@ def draw_history(
         if now is not None:
             axes.plot(*place(now, name), "o", color="black", markersize=9)
     if not names:
-        axes.set_title("no load but changes of temperature")
+        axes.set_title("only changes of temperature")
     else:
         axes.legend(loc="best")
     axes.set(xlabel=labels[0], ylabel=labels[1])
@@ -71,19 +71,19 @@ class Bounds(Protocol):
 
     @property
     def lower(self) -> float:
-        """The static side, or the largest load that a path has reached."""
+        """Load factor of the static side, or the largest load factor that a path has reached."""
 
     @property
     def estimate(self) -> float | None:
-        """The estimate; None if the curve does not level off."""
+        """Estimate of the limit load; None if the curve does not level off."""
 
     @property
     def upper(self) -> float | None:
-        """The kinematic side; None if it is not known."""
+        """Load factor of the kinematic side; None if it is not known."""
 
     @property
     def theorem(self) -> bool:
-        """Whether the sides bound a limit load, not just the load at which a path ends."""
+        """Whether the two sides bound a limit load, not just the load at which a path ends."""
 
 
 def save_curve(
@@ -100,7 +100,7 @@ def save_curve(
         reports: Reports of all levels.
         title: Heading.
         path: The PNG file.
-        limit: Limit load, to be marked with its bounds.
+        limit: Limit load to mark with its bounds.
         unit: Unit of α.
         driven: Whether ζ moves supports and obstacles.
 
@@ -125,9 +125,9 @@ def draw_curve(
     unit: str = "",
     now: LevelReport | None = None,
 ) -> None:
-    """Draw ζ over α of the converged levels, and a line for the last one that failed.
+    """Draw ζ over α at the converged levels, and a line at each ζ without a solution.
 
-    For a history, the factors of loads are drawn (:func:`draw_history`).
+    For a history, the function draws the factors of loads (:func:`draw_history`).
     """
     if any(report.factors for report in reports):
         draw_history(axes, reports, unit, now)
@@ -139,7 +139,7 @@ def draw_curve(
     if solved and solved[0].plastic_cells == 0 and solved[0].zeta > 0:
         slope = solved[0].alpha / solved[0].zeta
         top = max(zetas) * 1.05
-        straight = np.linspace(0, top, 200)  # curved where the axis is logarithmic
+        straight = np.linspace(0, top, 200)  # a curve on a logarithmic axis
         axes.plot(slope * straight, straight, ":", color=ELASTIC, label="elastic")
     for report in reports:
         if not report.converged:
@@ -174,13 +174,13 @@ def draw_stroke(
     unit: str = "",
     now: tuple[float, float] | None = None,
 ) -> None:
-    """Draw the driving force over the stroke ζ of the converged levels.
+    """Draw the driving force over the stroke ζ at the converged levels.
 
     Args:
         axes: Axes to draw into.
         reports: Reports of all levels.
-        unit: Unit of works.
-        now: Point (ζ, force) to be marked.
+        unit: Unit of work.
+        now: Point (ζ, force) to mark.
     """
     solved = [report for report in reports if report.converged]
     strokes = [report.zeta for report in solved]

@@ -1,4 +1,4 @@
-"""Draw the bodies of a geometry, each in its colour, with the numbers of their free faces.
+"""Draw the bodies of a geometry, each in its own colour, with the numbers of their free faces.
 
 Only the drawing process imports this module (:mod:`drawing_process`).
 """
@@ -33,10 +33,10 @@ from perfplast_fenicsx.pictures.picture_file import (
 )
 
 Room = dict[int, tuple[float, float, float]]
-"""By the number of a face: a pixel (x, y) in it, and its distance from other faces (pixels)."""
+"""For each face number: a pixel (x, y) in the face, and its distance from other faces (pixels)."""
 
 ENOUGH = 17.0
-"""Distance (pixels) from which a number is drawn on its face instead of next to it."""
+"""Least distance (pixels) for which a number is drawn on its face instead of beside it."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,9 @@ class Label:
 
     Attributes:
         number: Number of a face.
-        at: Pixel (x, y) of the face.
-        words_at: Pixel where the number is drawn; a line connects it with ``at`` if they differ.
+        at: Pixel (x, y) on the face.
+        words_at: Pixel at which the number is drawn. If it differs from ``at``, a line connects
+            both.
     """
 
     number: int
@@ -55,10 +56,10 @@ class Label:
 
 
 def rooms(seen: Longs) -> Room:
-    """Return the pixel of each face that is farthest from all other faces.
+    """Return for each face the pixel that is farthest from all other faces.
 
     Args:
-        seen: Number of the face at each pixel, 0 for none, shape (height, width).
+        seen: Number of the face visible at each pixel, 0 for no face, shape (height, width).
     """
     found: Room = {}
     for number, part in enumerate(find_objects(seen), start=1):
@@ -66,16 +67,16 @@ def rooms(seen: Longs) -> Room:
             continue
         distance = np.asarray(distance_transform_edt(np.pad(seen[part] == number, 1)))
         ys, xs = np.nonzero(distance >= 0.97 * distance.max())
-        from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # for long faces
+        from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # matters for long faces
         y, x = ys[from_middle.argmin()], xs[from_middle.argmin()]
-        if distance[y, x] >= 1.5:  # pixels; a smaller face counts as invisible
+        if distance[y, x] >= 1.5:  # pixels; smaller faces count as invisible
             place = (x + part[1].start - 1, y + part[0].start - 1)
             found[number] = (float(place[0]), float(place[1]), float(distance[y, x]))
     return found
 
 
 def shared_out(views: Sequence[Room]) -> list[Room]:
-    """Return the faces of each view: those with the most space for their number, or with enough.
+    """Return the faces to number in each view: where they have the most space, or enough space.
 
     Args:
         views: Visible faces of each view.
@@ -91,10 +92,10 @@ def shared_out(views: Sequence[Room]) -> list[Room]:
 
 
 def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
-    """Return the positions of the numbers, next to the face if it is small; no overlaps.
+    """Return the positions of the numbers without overlap, beside the face if it is small.
 
     Args:
-        room: Space of the faces in a view.
+        room: Space for the number of each face in the view.
         pixels: Width and height of the view.
     """
     size = np.array(pixels)
@@ -123,7 +124,7 @@ def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
 
 
 PIXELS, DPI = (1000, 800), 100
-"""Size of each view (pixels), and pixels per inch."""
+"""Size of each view (pixels), and resolution (pixels per inch)."""
 
 Arrays = dict[str, npt.NDArray[np.generic]]
 
@@ -131,8 +132,8 @@ Arrays = dict[str, npt.NDArray[np.generic]]
 def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.mesher.skin_of`).
 
-    Bodies in space are shown from the front and from the back. If a face is not visible in these
-    views, both sides are added.
+    Bodies in space are shown from the front and from the back. If these views hide a face, views of
+    both sides are added.
 
     Args:
         source: The file.
@@ -154,7 +155,7 @@ def save_parts(source: str | Path, output: Path) -> None:
     columns = min(len(views), 2)
     lines = len(views) // columns
     names = [in_legend(str(name)) for name in skin["names"]]
-    # largest number of bodies named below the picture, and of names in a line
+    # largest number of bodies named below the picture, and number of names in a line
     most_names, names_in_line = 24, 6
     handles = [Patch(color=_hue(k), label=name) for k, name in enumerate(names) if k < most_names]
     if len(names) > most_names:
@@ -179,7 +180,7 @@ def save_parts(source: str | Path, output: Path) -> None:
     )
     words = "Bodies, and the numbers of their free faces"
     if hidden:
-        words += f"; others hide {', '.join(map(str, hidden))}"
+        words += f"; not visible: {', '.join(map(str, hidden))}"
     figure.suptitle(words, y=1 - 0.25 / height)
     figure.subplots_adjust(
         *(0.01, below / height, 0.99, 1 - above / height), wspace=0.02, hspace=0.08
@@ -188,7 +189,7 @@ def save_parts(source: str | Path, output: Path) -> None:
 
 
 def _write(axes: Axes, found: list[Label]) -> None:
-    """Write numbers on an image."""
+    """Write the numbers on an image."""
     box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "#808080", "lw": 0.5, "alpha": 0.85}
     line: dict[str, Any] = {"arrowstyle": "-", "color": "black", "lw": 0.7, "shrinkA": 0}
     for label in found:
@@ -208,7 +209,7 @@ def _write(axes: Axes, found: list[Label]) -> None:
 
 
 def _hidden(skin: Arrays, seen: list[dict[int, tuple[float, float, float]]]) -> list[int]:
-    """Return the numbers of faces that no view shows."""
+    """Return the numbers of the faces that no view shows."""
     found = set().union(*seen)
     return [int(number) for number in skin["numbers"] if int(number) not in found]
 
@@ -225,14 +226,14 @@ def _on_curves(skin: Arrays, view: View) -> list[Label]:
 
 
 def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
-    """Return the bodies from one direction, shape (height, width, 3)."""
+    """Return an image of the bodies from one direction, shape (height, width, 3)."""
     points, triangles = _points(skin), _triangles(skin)
     plotter = _plotter(skin, view)
     flat = view is PLANE
-    sharp = 30.0  # angle (degrees) between facets above which their common edge is drawn
+    sharp = 30.0  # angle (degrees) between facets above which an edge is drawn
     for body in range(len(skin["names"])):
         own = triangles[skin["body"] == body]
-        if not len(own):  # other bodies cover it completely
+        if not len(own):  # other bodies cover this body completely
             continue
         mesh = _mesh(points, own).clean()
         plotter.add_mesh(mesh, color=_hue(body), lighting=not flat, ambient=0.5, diffuse=0.5)
@@ -243,9 +244,9 @@ def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
 
 
 def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
-    """Return the free face that is visible at each pixel, 0 for none, shape (height, width)."""
+    """Return the free face that is visible at each pixel, 0 for no face, (height, width)."""
     face = np.asarray(skin["face"], dtype=np.int64)
-    factor = 0x9E3779B1  # odd: each number has its own colour, and neighbours differ much
+    factor = 0x9E3779B1  # odd, so colours are unique and neighbours differ
     colours = face * factor & 0xFFFFFF
     split = (colours[:, None] >> np.array([16, 8, 0]) & 0xFF).astype(np.uint8)
     plotter = _plotter(skin, view)
@@ -259,13 +260,13 @@ def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
 
 
 class _Camera:
-    """The centre of a view, its limits, and the size of a pixel."""
+    """The centre of a view, the limits of the view, and the size of a pixel."""
 
     def __init__(self, points: Floats, view: View) -> None:
         seen = points @ view.frame.T
         self.low, self.high = seen.min(axis=0), seen.max(axis=0)
         self.middle = (self.low + self.high)[:2] / 2
-        margin = 1.06  # size of the view relative to the bodies
+        margin = 1.06  # size of the view relative to the size of the bodies
         self.pixel = float(margin * np.max((self.high - self.low)[:2] / PIXELS))
 
 
@@ -274,7 +275,7 @@ def _camera(skin: Arrays, view: View) -> _Camera:
 
 
 def _plotter(skin: Arrays, view: View) -> pv.Plotter:
-    """Return an empty picture, with a camera that shows all bodies."""
+    """Return an empty picture with a camera that shows all bodies."""
     plotter = pv.Plotter(off_screen=True, window_size=list(PIXELS))
     plotter.set_background("white")
     aim = _camera(skin, view)

@@ -1,4 +1,4 @@
-"""Compute the points of a loading curve: its start, its levels, and points between them."""
+"""Compute the points of a loading curve: its start, its levels, and points between levels."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,10 +11,10 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
-    """Return works α and load factors ζ of levels, with the start of the curve.
+    """Return the works α and load factors ζ of levels, after the start of the curve.
 
-    The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0),
-    which have done work already, it starts there.
+    The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0), the
+    curve starts at this level, where these loads have already done work.
     """
     alphas, zetas = [a.alpha for a in solved], [a.zeta for a in solved]
     if zetas and abs(zetas[0]) <= ROUNDING * max(map(abs, zetas)):
@@ -23,9 +23,9 @@ def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
 
 
 def between(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:
-    """Return more points on each straight piece, which is curved on a logarithmic axis of x."""
+    """Return additional points on each straight segment, which a logarithmic x axis bends."""
     xs, ys = list(x[:1]), list(y[:1])
-    many = 24  # number of points of each piece
+    many = 24  # number of points on each segment
     for (a, b), (low, high) in zip(pairwise(x), pairwise(y), strict=True):
         t: Floats = np.arange(1, many + 1) / many
         if a > 0 and b > 0 and a != b:

@@ -1,4 +1,4 @@
-"""Define what all pictures share: files, headings, directions of view."""
+"""Define what all pictures share: files, headings and directions of view."""
 
 import io
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface
 
 
 def replace_picture(path: Path, figure: Any) -> None:
-    """Save a matplotlib figure in the format of the file name's suffix.
+    """Save a matplotlib figure in the format that the file name's suffix names.
 
     Raises:
-        OSError: If the system refuses; the old file is then unchanged.
+        OSError: If the system refuses; then the old file is unchanged.
     """
     image = io.BytesIO()
     figure.savefig(image, format=path.suffix.lstrip(".") or "png")
@@ -26,14 +26,14 @@ def replace_picture(path: Path, figure: Any) -> None:
 
 
 LONGEST = 90
-"""Largest number of characters of a heading that fit on a picture."""
+"""Largest number of characters of a heading that fits on a picture."""
 
 MISSING = "?"
 """Replacement of a character that the font lacks."""
 
 
 def heading(title: str) -> str:
-    """Return the heading of a picture.
+    """Return the heading of a picture: the title, shortened if necessary.
 
     Args:
         title: Title of the case, any text.
@@ -42,7 +42,7 @@ def heading(title: str) -> str:
 
 
 def drawable(words: str) -> str:
-    """Return words of a case, such as names of bodies, in characters of the font.
+    """Return words of a case, such as names of bodies, with characters that the font has.
 
     Args:
         words: Any text.
@@ -52,7 +52,7 @@ def drawable(words: str) -> str:
 
 
 def in_legend(words: str) -> str:
-    """Return words of a case for matplotlib, which reads text between dollars as a formula."""
+    """Return words of a case for matplotlib, which would read text between dollars as a formula."""
     return drawable(words).replace("$", r"\$")
 
 
@@ -61,8 +61,8 @@ def remark_on(title: str) -> str | None:
     if heading(title) == " ".join(title.split()):
         return None
     if heading(title) == _short(title):
-        return f"The title is cut to {LONGEST} characters in pictures."
-    return f"The font of pictures lacks characters of the title: {MISSING} replaces them."
+        return f"Pictures show only {LONGEST} characters of the title."
+    return f"Pictures show {MISSING} for characters of the title that their font lacks."
 
 
 def _short(title: str) -> str:
@@ -75,10 +75,10 @@ class View:
     """A direction of view, without perspective.
 
     Attributes:
-        words: Name such as "from the front"; empty if there is only one view.
+        words: Name of the view, such as "from the front"; empty for the only view.
         towards: Direction from the bodies to the viewer.
-        up: Direction that points upwards; z for bodies in space.
-        axes: Names of the axes x, y and z; an empty one is not drawn.
+        up: Direction that points upwards in the picture; z for bodies in space.
+        axes: Names of the axes x, y and z; an axis with an empty name is not drawn.
     """
 
     words: str
@@ -88,7 +88,7 @@ class View:
 
     @property
     def frame(self) -> Floats:
-        """Unit vectors to the right and upwards in the picture, and out of it, shape (3, 3)."""
+        """Unit vectors to the right, upwards and out of the picture, shape (3, 3)."""
         out = np.array(self.towards) / np.linalg.norm(self.towards)
         right = np.cross(self.up, out)
         right /= np.linalg.norm(right)
@@ -99,7 +99,7 @@ FRONT = View("from the front", (1.1, -1.9, 1.0))
 BACK = View("from behind and below", (-1.1, 1.9, -1.0))
 LEFT = View("from the left and below", (-1.9, -1.1, -1.0))
 RIGHT = View("from the right", (1.9, 1.1, 1.0))
-"""Two pairs of opposite directions: each unhidden face is visible from one direction of each pair.
+"""Two pairs of opposite directions. One direction of each pair shows any face that is not hidden.
 """
 
 PLANE = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("x", "y", ""))
@@ -107,11 +107,11 @@ REVOLVED = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("r", "z", ""))
 
 
 def view_of(surface: Surface, axisymmetric: bool) -> View:
-    """Return the view of a result: the front, unless the back shows twice as much.
+    """Return the view of a result: from the front, unless the back shows twice as much.
 
     Args:
-        surface: Surface with the ``yield_ratio``, whose stressed part is to be visible, or of rigid
-            bodies.
+        surface: Surface of rigid bodies, or surface with the ``yield_ratio``, whose stressed part
+            must be visible.
         axisymmetric: Whether a plane surface is half of a section.
     """
     if surface.plane:
@@ -124,7 +124,7 @@ def view_of(surface: Surface, axisymmetric: bool) -> View:
 
 
 def draw_axes(axes: Axes, view: View) -> None:
-    """Draw arrows in the directions of x, y and z, in separate axes.
+    """Draw arrows in the directions of x, y and z into their own axes object.
 
     Args:
         axes: Empty axes to draw into.

@@ -1,4 +1,4 @@
-"""Render images of the deformed bodies with VTK, and compose panels of them.
+"""Render images of the deformed bodies with VTK, and compose panels from the images.
 
 A failure of the graphics system may end the process. Therefore only the drawing process imports
 this module (:mod:`drawing_process`).
@@ -35,19 +35,20 @@ HUES = ("#6c9bcd", "#b5945c", "#74b386", "#a587c4")
 
 
 PLASTIC = "#b81414"
-"""Colour of plastic cells, darker than the hues, so that it differs from them in grey."""
+"""Colour of plastic cells, darker than the hues, so it differs from them in greyscale too."""
 
 
 @dataclass
 class Panel:
-    """The bodies with one quantity as colour.
+    """An image of the bodies in which colours show one quantity.
 
     Attributes:
         title: Heading of the panel.
-        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3);
-            with a fourth column for the opacity if the background is visible.
+        colours: RGB of each point, or of each triangle, in each frame, shape (num_frames, n, 3). A
+            fourth column is the opacity, if the background is visible.
         bars: Colour map, range and label of each colour bar.
-        facets: Flags of facets that are coloured, over transparent bodies; None for all triangles.
+        facets: Flags of the facets that are coloured, over transparent bodies; None for all
+            triangles.
         loads: Whether the loads are drawn.
     """
 
@@ -68,16 +69,17 @@ def panels(
     """Return the panels of a picture: plastic zone, displacement or dissipation, and contact.
 
     Args:
-        frames: One skin in one or more states, with the same scales in all frames. They have
-            ``displacement``, ``contact_pressure``, ``yield_ratio`` unless bodies are rigid, the
-            mark ``contact``, and ``dissipation`` if it is to be shown. ``slip`` and
-            ``friction_stress`` are shown in addition to the displacement. An
-            ``accumulated_plastic_strain`` is shown instead of the displacement.
-        units: Units of the legends.
-        largest_dissipation: Largest dissipation of all cells, inner ones too; only for mechanisms.
+        frames: One skin in one or more states, with equal scales in all frames. The skins have
+            ``displacement``, ``contact_pressure``, the mark ``contact``, and, unless bodies are
+            rigid, ``yield_ratio``. Mechanisms also have ``dissipation``, if it is to be shown. If
+            ``slip`` and ``friction_stress`` exist, they are shown in addition to the displacement.
+            If ``accumulated_plastic_strain`` exists, it is shown instead of the displacement.
+        units: Units for the legends.
+        largest_dissipation: Largest dissipation of all cells, including inner cells; only for
+            mechanisms.
         middle: Whether to show displacement or dissipation.
-        unique: Whether the stress is that of a level. The stress of a limit load is arbitrary where
-            nothing flows, which the label of the contact pressure says.
+        unique: Whether the stress is unique, as at a level. The stress of a limit load is arbitrary
+            where there is no plastic flow; then the label of the contact pressure states this.
     """
     found = [_stress(frames)] if "yield_ratio" in frames[0].at_cells else []
     if "accumulated_plastic_strain" in frames[-1].at_cells and largest_dissipation is None:
@@ -94,7 +96,7 @@ def panels(
     if frames[0].marks["contact"].any():
         pressure = np.array([a.at_points["contact_pressure"] for a in frames])
         label = f"pressure ({units.of_stress()})"
-        label += "" if unique else "; arbitrary where nothing flows"
+        label += "" if unique else "; arbitrary without plastic flow"
         found.append(_on_contact(frames[0], "Contact pressure", pressure, "magma_r", label))
         if middle and largest_dissipation is None and "slip" in frames[-1].at_points:
             found += _friction(frames, units)
@@ -102,7 +104,7 @@ def panels(
 
 
 def _friction(frames: Sequence[Surface], units: Units) -> list[Panel]:
-    """Return panels of the slip and of the friction stress."""
+    """Return the panels of slip and of friction stress."""
     slip, stress = (
         np.linalg.norm([a.at_points[name] for a in frames], axis=2)
         for name in ("slip", "friction_stress")
@@ -115,13 +117,13 @@ def _friction(frames: Sequence[Surface], units: Units) -> list[Panel]:
 
 
 def _on_contact(surface: Surface, title: str, values: Floats, colours: str, label: str) -> Panel:
-    """Return a panel of values at points of the contact surfaces, over transparent bodies."""
+    """Return a panel with values at points of the contact surfaces, over transparent bodies."""
     panel = _graded(title, values, _from_zero(values), mpl.colormaps[colours], label)
     panel.facets = surface.marks["contact"]
     if not surface.plane:
         panel.title += ", seen through the bodies"
-        # In space, pressures below this share of the largest one are drawn with this opacity, so
-        # that surfaces that hardly touch hide nothing.
+        # In space, pressures below this share of the largest pressure are drawn with this opacity.
+        # So surfaces that hardly touch each other hide nothing.
         pressed, faint = 0.02, 0.12
         opacity = np.where(values > pressed * values.max(), 1.0, faint)
         panel.colours = np.concatenate([panel.colours, opacity[..., None]], axis=2)
@@ -129,23 +131,23 @@ def _on_contact(surface: Surface, title: str, values: Floats, colours: str, labe
 
 
 def _flow(frames: Sequence[Surface]) -> Panel:
-    """Return a panel of the accumulated plastic strain."""
+    """Return the panel of the accumulated plastic strain."""
     flow = 100 * np.array([a.at_cells["accumulated_plastic_strain"] for a in frames])
     colours = mpl.colormaps["viridis"]
     return _graded("Accumulated plastic strain", flow, _from_zero(flow), colours, "in %")
 
 
 def _mechanism(frames: Sequence[Surface], largest_dissipation: float) -> Panel:
-    """Return a panel of a mechanism's dissipation, or of the speed if that is not known."""
+    """Return the panel of a mechanism's dissipation, or of its speed if no dissipation is known."""
     if "dissipation" in frames[0].at_cells:
         work = np.array([a.at_cells["dissipation"] for a in frames])
         share = np.divide(work, largest_dissipation or 1.0, dtype=np.float64)
-        label = "plastic work of the mechanism, share of its largest"
+        label = "plastic dissipation, relative to its largest value"
         norm, colours = _logarithmic(share, frames[0].areas), _without_black("CMRmap_r")
         return _graded("Dissipation", share, norm, colours, label)
     speed = np.linalg.norm([a.at_points["displacement"] for a in frames], axis=2)
     share = speed / (speed.max(initial=0.0) or 1.0)
-    label = "speed, share of its largest"
+    label = "speed, relative to its largest value"
     return _graded("Velocity", share, Normalize(0, 1), mpl.colormaps["viridis"], label)
 
 
@@ -162,14 +164,15 @@ def _stress(frames: Sequence[Surface]) -> Panel:
     names = surface.names
     groups = [(name, [body]) for body, name in enumerate(names)]
     letters = len(names) * max(map(len, names))
-    # If names have more letters, or bodies are more than the hues, all bodies have one colour.
+    # If the names have more letters than this, or there are more bodies than hues, one colour
+    # serves all bodies.
     most_letters = 40
     if len(names) > len(HUES) or (len(names) > 1 and letters > most_letters):
         groups = [(f"all {len(names)} bodies", list(range(len(names))))]
-    # A yield ratio above this is plastic; the law gives 1 up to rounding.
+    # A yield ratio above this limit counts as plastic; the law gives 1 apart from rounding.
     plastic_from = 0.9999
     for label, bodies in groups:
-        # from pale to the body's colour for elastic stress, then red at once
+        # pale to the body's colour for elastic stress, red above
         elastic = [(0.0, "#f6f6f2"), (plastic_from, hue(bodies[0]))]
         stops = [*elastic, (plastic_from, PLASTIC), (1.0, PLASTIC)]
         colormap = LinearSegmentedColormap.from_list("stress", stops, N=20_000)
@@ -184,15 +187,15 @@ def _graded(title: str, values: Floats, norm: Normalize, colours: Colormap, labe
 
 
 def _without_black(name: str) -> Colormap:
-    """Return a colour map that ends in black, cut where the mesh is still visible on it."""
+    """Return a colour map without its black end, on which the mesh would be invisible."""
     return LinearSegmentedColormap.from_list(name, mpl.colormaps[name](np.linspace(0, 0.85, 256)))
 
 
 def _logarithmic(shares: Floats, areas: Floats) -> LogNorm:
     last = shares[-1]
-    # The colours of dissipation ignore this share (``singular``) of the area that dissipates more
-    # than the share ``dissipates`` of the largest value, which is infinite at corners. They span
-    # ``decades`` powers of ten.
+    # The dissipation is infinite at corners. So the range of colours ignores the most dissipating
+    # cells up to this share (``singular``) of the area that dissipates more than the share
+    # ``dissipates`` of the largest value. It spans ``decades`` powers of ten.
     dissipates, singular, decades = 1e-3, 0.01, 2.0
     order = np.argsort(last)[np.count_nonzero(last < dissipates) :]
     below = np.cumsum(areas[order])
@@ -215,7 +218,7 @@ def compose(
     dpi: float = 140,
     curve: Callable[[Axes], None] | None = None,
 ) -> Figure:
-    """Put words and colour bars around the images of panels.
+    """Return a figure with words and colour bars around the images of panels.
 
     Args:
         shown: Panels of the images.
@@ -223,7 +226,7 @@ def compose(
         words: Title and subtitle.
         view: Direction of view.
         dpi: Pixels in 1/5.9 of the figure's height.
-        curve: Function that draws into a last panel.
+        curve: Function that draws into an additional last panel.
     """
     columns = len(shown) + (curve is not None)
     figure = Figure(figsize=(5.4 * columns, 5.9), dpi=dpi)
@@ -250,7 +253,7 @@ def compose(
             )
             bar.set_label(drawable(label), fontsize=10, parse_math=False)
             bar.ax.tick_params(labelsize=9)
-    # in the corner below the first image, at the left of its colour bar
+    # in the corner below the first image, to the left of its colour bar
     draw_axes(figure.add_axes((0.002, 0.0, 0.1 * width, 0.11)), view)
     if curve is not None:
         axes = figure.add_axes((1 - 0.84 * width, 0.14, 0.78 * width, 0.68))
@@ -261,11 +264,11 @@ def compose(
 
 @dataclass(frozen=True)
 class Acting:
-    """Factors of loads and motions.
+    """Return the collapse mechanism, if the limit load has been found.
 
     Attributes:
         zeta: Load factor.
-        factors: Factors of stages by name; empty without stages.
+        factors: Factors of stages by name; empty if there are no stages.
     """
 
     zeta: float = 0.0
@@ -280,21 +283,21 @@ class Acting:
         return -1.0 if self.zeta < 0 else 1.0
 
     def of_obstacle(self, obstacle: Obstacle) -> float:
-        """Return the share of its ``move`` that an obstacle has made."""
+        """Return the share of its ``move`` by which an obstacle has moved."""
         if not self.factors:
             return self.zeta
         return self.factors.get(obstacle.name or obstacle.on, 0.0)
 
 
 def acting(reports: Sequence[LevelReport | None]) -> list[Acting]:
-    """Return the factors of levels, and of the unloaded bodies for None."""
+    """Return the factors of levels; None stands for the unloaded bodies."""
     names = next((report.factors for report in reports if report), {})
     at_rest = Acting(factors=dict.fromkeys(names, 0.0))
     return [Acting(report.zeta, report.factors) if report else at_rest for report in reports]
 
 
 def shares(states: Sequence[Acting], loads: Sequence[Load]) -> Floats:
-    """Return the factors of loads relative to the largest one of each.
+    """Return the factors of each load in all states, relative to the load's largest factor.
 
     Shape (num_states, num_loads).
     """
@@ -311,14 +314,14 @@ DARK = 17
 """Value of red, green and blue in the colour of load arrows."""
 
 IN_FRONT = 1e-3
-"""In the plane, distance of overlays in front of the bodies, relative to their size."""
+"""Distance of overlays in front of plane bodies, relative to the size of the bodies."""
 
 
 class Renderer:
     """The bodies and their surroundings, seen from one direction.
 
-    The frames of an animation differ in the deformation, the arrows and the colours. They share one
-    camera, which shows all of them.
+    The frames of an animation differ in deformation, arrows and colours. They share one camera that
+    shows all frames completely.
 
     Attributes:
         view: Direction of view.
@@ -337,14 +340,14 @@ class Renderer:
         Args:
             frames: One skin in one or more states.
             scene: Surroundings of the bodies.
-            scale: Scale of the displacements.
+            scale: Factor of the displacements in the picture.
             pixels: Width and height of each image.
-            states: States of loads and obstacles in the frames.
+            states: Factors of loads and obstacles in the frames.
         """
         self._skin = skin = frames[-1]
         self._pixels, self._flat, self._size = pixels, skin.plane, skin.size
         self._frames = np.array([a.points + scale * a.at_points["displacement"] for a in frames])
-        # on the same facets in all frames, so that arrows move with the bodies and do not jump
+        # On the same facets in all frames, so arrows move with the bodies and do not jump.
         lengths = shares(states, scene.on_surfaces)
         self._arrows = [
             load_arrows(skin, moved, scene.on_surfaces, lengths[number])
@@ -390,7 +393,7 @@ class Renderer:
         self._aim(plotter)
         plotter.enable_anti_aliasing("ssaa")
         image = np.asarray(plotter.screenshot(return_img=True))[..., :3]
-        if shows_loads:  # hidden loads show faintly through the bodies
+        if shows_loads:  # hidden loads are faintly visible through the bodies
             plotter.clear_actors()
             self._add_loads(plotter, frame)
             plotter.render()
@@ -406,7 +409,7 @@ class Renderer:
         plotter.add_arrows(arrows.starts, arrows.vectors, color=(DARK,) * 3, lighting=False)
 
     def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
-        most_edges = 40_000  # largest number of triangles with which the mesh is drawn
+        most_edges = 40_000  # largest number of triangles for which edges are drawn
         plotter.add_mesh(
             _mesh(points, self._skin.triangles),
             scalars=colours,
@@ -423,13 +426,13 @@ class Renderer:
     def _add_contact(
         self, plotter: pv.Plotter, points: Floats, colours: Floats, chosen: npt.NDArray[np.bool_]
     ) -> None:
-        """Add the chosen facets over transparent bodies: triangles, or thick lines with a rim."""
+        """Add selected facets over transparent bodies: triangles, or thick lines with a rim."""
         skin = self._skin
-        # Opacity of bodies in the plane, and of skins in space.
+        # Opacity of plane bodies, and of skins in space.
         opacities = {True: 0.2, False: 0.12}
         for body in range(len(skin.names)):
             glass = skin.body == body
-            if not self._flat:  # two skins at the same position would be mixed
+            if not self._flat:  # VTK would mix two skins at the same position
                 glass &= ~(chosen | skin.marks["opposite"])
             if glass.any():
                 mesh = _mesh(points, skin.triangles[glass])
@@ -460,12 +463,12 @@ class Renderer:
     def _obstacle(
         self, distances: Floats, corner: Floats, spacing: Floats
     ) -> list[tuple[pv.DataSet, Paint]]:
-        """Return meshes of an obstacle near the bodies with their options, given distances."""
+        """Return the meshes of an obstacle near the bodies from its distances, with options."""
         if distances.min() >= 0:
             return []
         grid = pv.ImageData(dimensions=distances.shape, spacing=spacing, origin=corner)
         grid.point_data["distance"] = distances.ravel(order="F")
-        # in space slightly inside, since it would be mixed with the surface that touches it
+        # in space slightly inside, since VTK would mix it with the touching surface
         depth = 0.0 if self._flat else IN_FRONT * self._size
         skin = grid.contour([-depth], scalars="distance")
         if not self._flat:
@@ -486,7 +489,7 @@ class Renderer:
         return [(mesh, paint) for mesh, paint in parts if mesh.n_points]
 
     def _aim(self, plotter: pv.Plotter) -> None:
-        """Fill the image with everything visible, loads included, in the same way in all panels."""
+        """Fit all visible objects with their loads into the image, equally in all panels."""
         axes, towards = self.view.frame[:2], self.view.frame[2]
         around = [mesh.points for parts in self._obstacles for mesh, _ in parts]
         arrows = [end for a in self._arrows for end in (a.starts, a.starts + a.vectors)]
@@ -501,7 +504,7 @@ class Renderer:
         plotter.reset_camera_clipping_range()
 
     def _outlines(self, points: Floats) -> list[tuple[pv.PolyData, pv.PolyData]]:
-        """Return edges of the bodies before and after a deformation."""
+        """Return the edges of the bodies before and after the deformation."""
         if self._flat:
             return [(_mesh(self._skin.points, self._skin.facets), _mesh(points, self._skin.facets))]
         found = []
@@ -512,10 +515,10 @@ class Renderer:
         return found
 
     def _sharp_edges(self, body: int) -> pv.PolyData:
-        """Return the sharp edges of a body, found before it deforms."""
+        """Return the sharp edges of an undeformed body."""
         mesh = _mesh(self._skin.points, self._skin.triangles[self._skin.body == body])
         mesh.point_data["number"] = np.arange(len(self._skin.points))
-        # Angle (degrees) between facets above which their common edge is drawn; a cylinder of ten
+        # Angle (degrees) between facets above which their common edge is drawn. A cylinder with ten
         # facets has no such edges.
         sharp = 40.0
         return mesh.clean().extract_feature_edges(
@@ -524,9 +527,9 @@ class Renderer:
 
 
 def _axis(skin: Surface) -> pv.PolyData:
-    """Return the axis of revolution next to the bodies as a dash-dotted line."""
+    """Return the axis of revolution as a dash-dotted line next to the bodies."""
     low, high = skin.points[:, 1].min(), skin.points[:, 1].max()
-    # Number of dashes of an axis of revolution, and its extension beyond the bodies relative to
+    # Number of dashes of the axis of revolution, and its extension beyond the bodies, relative to
     # their height.
     dashes, axis_beyond = 24, 0.05
     margin = axis_beyond * (high - low)

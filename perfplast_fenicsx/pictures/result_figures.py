@@ -1,7 +1,7 @@
 """Draw the pictures of a result folder (:mod:`perfplast_fenicsx.io.results.result_files`).
 
-Modules that need matplotlib or VTK are imported on use. So the loading curve is drawn without VTK,
-and a message names a missing package.
+Modules that need matplotlib or VTK are imported on use. So the loading curve needs no VTK, and an
+error message can name a missing package.
 """
 
 import dataclasses
@@ -24,17 +24,20 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
 
     Args:
         folder: The results of the run, which may still be running.
-        output: Folder for the pictures; by default the result folder.
+        output: Folder for the pictures; the result folder by default.
 
     Yields:
-        The path of each picture once it is drawn, and a sentence for each that lacks data.
+        The path of each picture after it is drawn, and a sentence for each picture whose data are
+        missing.
 
     Raises:
         InputError: If the folder has no results, or if nothing can be drawn or written.
     """
     reader, target = ResultReader(folder), Path(output or folder)
     if not reader.reports and reader.limit is None:
-        raise InputError(f"the run in '{folder}' has solved no level yet; wait for its first one.")
+        raise InputError(
+            f"the run in '{folder}' has solved no level yet; wait for its first level."
+        )
     for figure in figures():
         with _drawing(target / figure.file) as path:
             draw = figure.of(reader)
@@ -69,7 +72,7 @@ def seepage(reader: ResultReader) -> Drawing | str | None:
     if flow is None:
         return None
     if flow.points.shape[1] == 3:
-        return "The flow of water in space is drawn by ParaView: seepage.vtkhdf."
+        return "Water flow in space is not drawn; open seepage.vtkhdf in ParaView."
 
     def draw(picture: Path) -> str | None:
         from perfplast_fenicsx.pictures.flow_figure import save_flow
@@ -116,7 +119,7 @@ def strength(reader: ResultReader) -> Drawing | None:
 
 
 def envelope(reader: ResultReader) -> Drawing | None:
-    """Return a function that draws ``envelope.png``: the combinations of loads that are carried."""
+    """Return a function that draws ``envelope.png``: the carried combinations of loads."""
     pairs = _asked(reader, "envelope")
     if not pairs:
         return None
@@ -151,7 +154,7 @@ def mechanism(reader: ResultReader) -> Drawing | str | None:
     if found is None:
         if reader.reports:
             return None
-        return "No mechanism is on file: it needs a limit load, and [output] fields."
+        return "There is no mechanism to draw: it needs a limit load and [output] fields."
     moving, largest, caption = found
 
     def draw(picture: Path) -> None:
@@ -164,7 +167,7 @@ def mechanism(reader: ResultReader) -> Drawing | str | None:
 
 
 def _asked(reader: ResultReader, what: str) -> Mapping[str, Any] | None:
-    """Return a table of the limit load of a run without levels; None if it has no such table."""
+    """Return a table in the limit load of a run without levels; None if it has no such table."""
     table: Mapping[str, Any] | None = None
     if reader.limit is not None and not reader.reports:
         table = getattr(reader.limit, what)
@@ -173,7 +176,7 @@ def _asked(reader: ResultReader, what: str) -> Mapping[str, Any] | None:
 
 @lru_cache(maxsize=1)
 def _last(reader: ResultReader) -> Surface:
-    """Return the surface of the last level that has fields."""
+    """Return the skin at the last level that has fields."""
     return reader.surface(reader.levels[-1])
 
 
@@ -182,17 +185,17 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
 
     Args:
         folder: The results of a run, which may still be running.
-        output: A GIF or WebP file; by default ``loading.gif`` in the folder.
+        output: A GIF or WebP file; ``loading.gif`` in the folder by default.
 
     Yields:
-        The path of the file once it is drawn.
+        The path of the file after it is drawn.
 
     Raises:
         InputError: If the folder has no fields, or if nothing can be drawn or written.
     """
     reader = ResultReader(folder)
     target = Path(output) if output else reader.path / "loading.gif"
-    formats = (".gif", ".webp")  # of animations
+    formats = (".gif", ".webp")  # supported formats of animations
     if target.suffix.lower() not in formats:
         raise InputError(
             f"the animation '{target}' ends in '{target.suffix}', which is not a supported format;"
@@ -212,14 +215,14 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
 
 
 def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
-    """Draw the bodies of a geometry with the numbers of their free faces.
+    """Draw the bodies of a geometry, with the numbers of their free faces.
 
     Args:
         skin: An .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         output: A PNG file.
 
     Yields:
-        The path of the picture once it is drawn.
+        The path of the picture after it is drawn.
 
     Raises:
         InputError: If the picture cannot be drawn or written.
@@ -232,14 +235,14 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
 
 
 def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
-    """Draw a case before it is solved: loaded, held, touching and free surfaces.
+    """Draw a case before the run: loaded, held, touching and free surfaces.
 
     Args:
         arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
         output: A PNG file.
 
     Yields:
-        The path of the picture once it is drawn.
+        The path of the picture after it is drawn.
 
     Raises:
         InputError: If the picture cannot be drawn or written.
@@ -252,15 +255,15 @@ def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
 
 
 def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:
-    """Return the mechanism: that of the limit load, otherwise the last increment of levels.
+    """Return the mechanism at the limit load, or else the last increment between levels.
 
     Args:
         reader: The results.
         surface: The last level, if there is any.
 
     Returns:
-        The velocity with the stress of the last level or its own, the largest dissipation and a
-        caption; None if there is only one level, or no plastic cell.
+        The velocity with a stress (that of the last level, or the mechanism's own), the largest
+        dissipation, and a caption. None if there is only one level or no plastic cell.
     """
     found = reader.mechanism(surface)
     if found is not None:
@@ -270,7 +273,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
     if surface is None or len(levels) < 2 or levels[-1].report.plastic_cells == 0:
         return None
     if levels[-1].report.factors:
-        return None  # no level of a history is near collapse
+        return None  # the levels of a history need not be near collapse
     before, last = levels[-2:]
     work = last.report.alpha - before.report.alpha
     earlier = reader.surface(before).at_points["displacement"]
@@ -281,7 +284,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 
 
 def _collapse(limit: StoredLimit) -> str:
-    """Return the limit load in words: for the body if its bracket is known, or for the mesh."""
+    """Return the limit load in words: of the body if both bounds are known, else of the mesh."""
     if not limit.theorem:
         return f"velocity at the end of this path, ζ = {rounded_down(limit.lower)}"
     if limit.strength:
@@ -314,7 +317,7 @@ def _drawing(path: Path) -> Iterator[Path]:
     """Create the folder of a picture, and turn failures into messages.
 
     Raises:
-        InputError: With the cause.
+        InputError: If the picture cannot be drawn or written; the message names the cause.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """Read the results of a run from its files, for pictures. Single-process: it reads whole fields.
 
-The run may still be running. It replaces files as a whole and reopens none, so that reading does
-not disturb it. HDF5's locks are not used, since some file systems have none.
+The run may still be in progress. It replaces files as a whole and never reopens them, so reading
+does not disturb it. The module does not use HDF5's file locks, since some file systems lack locks.
 """
 
 import csv
@@ -47,7 +47,7 @@ from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.proof.stored_file import check_regular, stored_file
 
 FAR = 30.0
-"""Ratio of the last α to the first one above which its axis is logarithmic."""
+"""Ratio of the last to the first α above which the axis of α is logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -55,15 +55,16 @@ class StoredLimit:
     """A limit load of a result folder (:class:`limit_load.LimitLoad`).
 
     Attributes:
-        lower: Static side of the mesh's limit load, no bound of the body; −∞ if it is not known.
+        lower: Static side of the mesh's limit load; not a bound for the body; −∞ if it is not
+            known.
         estimate: Estimate of the mesh's limit load.
-        upper: Kinematic side of the mesh's limit load, no bound of the body.
-        body: Table of the body in ``summary.json``, if any.
-        theorem: Whether limit theorems hold; if not, a path loses equilibrium between both sides.
-        standing: Whether constant loads alone are carried, in a sentence, if that was sought.
-        strength: A factor of safety, if sought (:meth:`safety_factor.FactorOfSafety.table`).
-        envelope: Combinations of loads that are carried, if sought.
-        shakedown: A shakedown load, if sought (:class:`shakedown_load.ShakedownLoad`).
+        upper: Kinematic side of the mesh's limit load; not a bound for the body.
+        body: Table ``body`` in ``summary.json``; empty if it is missing.
+        theorem: Whether limit theorems hold. If not, a path loses equilibrium between both sides.
+        standing: Sentence on whether the constant loads alone are carried, if this was requested.
+        strength: Factor of safety, if requested (:meth:`safety_factor.FactorOfSafety.table`).
+        envelope: Carried combinations of loads, if requested.
+        shakedown: Shakedown load, if requested (:class:`shakedown_load.ShakedownLoad`).
     """
 
     lower: float
@@ -78,7 +79,7 @@ class StoredLimit:
 
 
 def stored_limit(table: Mapping[str, Any]) -> StoredLimit:
-    """Return the limit load of ``limit`` in ``summary.json``.
+    """Return the limit load from the table ``limit`` of ``summary.json``.
 
     Raises:
         KeyError: If a key is missing.
@@ -124,15 +125,15 @@ class StoredLevel:
 
 @dataclass(frozen=True)
 class StoredFlow:
-    """Water that flows through the ground.
+    """The flow of water through the ground.
 
     Attributes:
         points: Coordinates, shape (num_points, d).
-        cells: Points of each cell, shape (num_cells, d + 1).
+        cells: Indices of each cell's points, shape (num_cells, d + 1).
         pressure: Pore pressure at the points (stress).
         head: Total head at the points (length).
         saturation: Saturation at the points; 1 below the free surface, 0 above it.
-        axis: Number of the coordinate that points upwards.
+        axis: Index of the coordinate that points upwards.
     """
 
     points: npt.NDArray[np.float64]
@@ -155,7 +156,7 @@ class ResultReader:
         """Check that the folder has results.
 
         Raises:
-            InputError: If it has none.
+            InputError: If it has no results.
         """
         self.path = Path(path)
         if not self.path.is_dir():
@@ -189,7 +190,7 @@ class ResultReader:
 
     @cached_property
     def interrupted(self) -> str:
-        """The signal that has ended the run, such as SIGTERM; empty if none has."""
+        """The signal that ended the run, such as SIGTERM; empty if no signal ended it."""
         log = self.path / "run.log"
         text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
         last = text[text.rfind(f" {BEGUN} ") :]
@@ -203,7 +204,7 @@ class ResultReader:
 
     @cached_property
     def limit(self) -> StoredLimit | None:
-        """The limit load, if it has been found."""
+        """The limit load; None if it has not been found."""
         found = self.summary.limit
         if not found:
             return None
@@ -212,12 +213,12 @@ class ResultReader:
 
     @cached_property
     def reports(self) -> list[LevelReport]:
-        """All levels so far, without the reactions, which no picture shows."""
+        """All levels so far, without their reactions, which no picture shows."""
 
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
                 table = csv.DictReader(file)
-                if {"mesh", "factor", "angle"} & set(table.fieldnames or ()):  # without levels
+                if {"mesh", "factor", "angle"} & set(table.fieldnames or ()):  # has no levels
                     return []
                 return [_report(row) for row in table]
 
@@ -234,7 +235,7 @@ class ResultReader:
 
         names = self.read(SERIES, files)
         numbers = [int(self._arrays(name, LEVEL)[0][0]) for name in names]
-        return [  # a level has fields on file before its row is in path.csv
+        return [  # the fields of a level are written before its row in path.csv
             StoredLevel(number, self.reports[number - 1], name)
             for number, name in zip(numbers, names, strict=True)
             if number <= len(self.reports)
@@ -264,12 +265,12 @@ class ResultReader:
         """Return the collapse mechanism, if the limit load has been found.
 
         Args:
-            surface: The last level, whose stress and contact pressure are shown with it; None if
-                the mechanism was found without a level and has its own.
+            surface: Skin at the last level, whose stress and contact pressure are shown with the
+                mechanism; None if the mechanism was found without a level and has its own stress.
 
         Returns:
             The skin with the velocity as ``displacement`` and, unless bodies are rigid blocks, the
-            ``dissipation``, and the largest dissipation of all cells; None without a mechanism.
+            ``dissipation``; and the largest dissipation of all cells. None without a mechanism.
         """
         if self.limit is None or not (self.path / MECHANISM).exists():
             return None
@@ -297,7 +298,7 @@ class ResultReader:
         """The skin without fields."""
         names = (POINTS, CONNECTIVITY, OFFSETS, BODY, SURFACES, SURFACE_TAGS)
         points, corners, offsets, body, facets, tags = self._arrays(MESH, *names)
-        cells = corners.reshape(len(offsets) - 1, -1)  # all cells have the same number of nodes
+        cells = corners.reshape(len(offsets) - 1, -1)  # all cells have equally many nodes
         return make_skin(points, cells, body, facets, tags, self.named)
 
     @cached_property
@@ -340,7 +341,7 @@ class ResultReader:
         path = self.path / str(name)
         try:
             if not path.resolve().is_relative_to(self.path.resolve()):
-                raise OSError("it lies outside of the result folder")
+                raise OSError("it lies outside the result folder")
             check_regular(path)
             return read(path)
         except InputError:
@@ -351,18 +352,18 @@ class ResultReader:
 
 
 def _remembers(path: Path) -> bool:
-    """Return whether a file has a history of plastic flow."""
+    """Return whether a result file contains a history of plastic flow."""
     return _has(path, ACCUMULATED)
 
 
 def _has(path: Path, place: str) -> bool:
-    """Return whether a file has an array."""
+    """Return whether a file contains an array."""
     with stored_file(path, BESIDE) as file:
         return place in file
 
 
 def _report(row: dict[str, Any]) -> LevelReport:
-    """Return the report of a row of path.csv; columns that later versions added may be absent."""
+    """Return the report in a row of path.csv; columns from later versions may be missing."""
     values: dict[str, Any] = {}
     for key in NAMED:
         begin = f"{key}_"

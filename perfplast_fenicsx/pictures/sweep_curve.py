@@ -13,7 +13,7 @@ LINES = {
     "lower": ("^-", "lower bound, proven"),
     "estimate": (".:", "estimate of the mesh"),
     "upper": ("v-", "upper bound, proven"),
-    "zeta": ("o-", "last level that is solved"),
+    "zeta": ("o-", "last solved level"),
 }
 """Columns that are drawn, with their markers and labels."""
 
@@ -21,7 +21,7 @@ LINES = {
 def save_sweep(
     rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, path: Path
 ) -> bool:
-    """Draw the results over the first key, with a line for each value of the other keys.
+    """Draw the results over the first key, with a line for each combination of other values.
 
     Args:
         rows: Rows of the sweep's table.
@@ -30,7 +30,7 @@ def save_sweep(
         path: The PNG file.
 
     Returns:
-        Whether a picture was drawn, which needs numbers as values of the first key.
+        Whether a picture was drawn. A picture needs numbers as values of the first key.
 
     Raises:
         OSError: If the file cannot be written.

@@ -10,8 +10,8 @@ from perfplast_fenicsx.pictures.picture_file import LONGEST, heading, remark_on
     [
         ("Two blocks, ζ = 1", "Two blocks, ζ = 1", None),
         ("$\\frac{a}", "$\\frac{a}", None),
-        ("支架 bracket", "?? bracket", "lacks characters"),
-        ("a" * 30_000, "a" * (LONGEST - 3) + "...", f"cut to {LONGEST} characters"),
+        ("支架 bracket", "?? bracket", "that their font lacks"),
+        ("a" * 30_000, "a" * (LONGEST - 3) + "...", f"only {LONGEST} characters"),
     ],
 )
 def test_headings(title: str, shown: str, says: str | None) -> None:
