@@ -479,8 +479,8 @@ def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
         pressure: Mean stress p (stress), shape (count,).
 
     Returns:
-        Strengths (stress), shape (count,): ∞ in elastic bodies, and at cohesionless points where p
-        is not compressive.
+        Strengths (stress), shape (count,). They are ∞ in elastic bodies, and at cohesionless points
+        where p is not compressive.
     """
     heads = -cones.slopes * pressure
     own = np.where(heads > 0, heads, np.inf)
