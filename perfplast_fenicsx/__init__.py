@@ -1,6 +1,6 @@
-"""Analyse elastic–plastic bodies in contact, and the loads at which they collapse.
+"""Analyse elastic–plastic bodies in contact, and compute the loads at which they collapse.
 
-Names are imported on first use, so that code that needs no mesh does not start MPI.
+Names are imported on first use, so code that needs no mesh does not start MPI.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
 """Run the command line: ``perfplast run CASE.toml -o DIR``, and the other commands.
 
-MPI, PETSc and DOLFINx are imported when a command begins. Help, the version and shell completion
-need none of them.
+Commands import MPI, PETSc and DOLFINx when they begin. Help, the version and shell completion do
+not import them.
 """
 
 import io
@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Collective, except for help, the version and the doctor.
 
     Args:
-        argv: Arguments; those of the process by default.
+        argv: Arguments; by default those of the process.
 
     Returns:
         The exit status, the same on every rank.
@@ -47,11 +47,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str], answer: Answer | None) -> int:
-    """Run a command, and return the exit status.
+    """Run a command, and return its exit status.
 
     Args:
         arguments: The arguments.
-        answer: The answer that is printed as JSON; None without ``--json``.
+        answer: The answer to print as JSON; None without ``--json``.
     """
     kept = answer or Answer()
     kept.command = next((word for word in arguments if word in FIELDS), "")
@@ -67,7 +67,7 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
 
             return serve(chosen.folders)
         fault = prepare(chosen, arguments)
-        if fault is not None:  # MPI itself may be the cause
+        if fault is not None:  # the fault may be MPI itself
             kept.refuse(InputError(fault))
             if launched_first():
                 print(f"perfplast: {fault}", file=sys.stderr, flush=True)
@@ -82,27 +82,27 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
         if _world().rank == 0:
             print(f"perfplast: {error}", file=sys.stderr, flush=True)
         status = BAD_INPUT
-    except SystemExit as end:  # --help and --version
+    except SystemExit as end:  # from --help and --version
         return int(end.code or 0)
     except KeyboardInterrupt as stop:
         number = signal.Signals(stop.args[0] if stop.args else signal.SIGINT)
-        told = f"perfplast: ended at once by {number.name}; levels that were solved are on file."
+        told = f"perfplast: ended at once by {number.name}; solved levels are on file."
         kept.fail("interrupted", told)
         return _at_once(told, 128 + number)
     except Exception as error:
-        # a form that is not among the compiled ones, while nothing can be compiled
+        # a form that is not among the compiled forms, on a machine that cannot compile
         fault = forms_fault() if _while_compiling(error) else None
         if fault is not None:
             kept.refuse(InputError(fault))
             return _at_once(f"perfplast: {fault}", BAD_INPUT)
         kept.fail("fault", f"{type(error).__name__}: {error}")
         return _at_once(traceback.format_exc().rstrip(), FAULT)
-    _world().barrier()  # a launcher may end the other ranks as soon as one has ended
+    _world().barrier()  # a launcher may end all ranks as soon as one ends
     return status
 
 
 def _world() -> "MPI.Intracomm":
-    """Return all ranks; the first call starts MPI."""
+    """Return the communicator of all ranks; the first call starts MPI."""
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
@@ -115,7 +115,7 @@ def _while_compiling(error: Exception) -> bool:
 
 
 def _at_once(told: str, status: int) -> int:
-    """Print why this rank ends, and end the others, which may wait for it."""
+    """Print why this rank ends, and end the other ranks, which may be waiting for it."""
     print(told, file=sys.stderr, flush=True)
     if _world().size > 1:
         _world().Abort(status)

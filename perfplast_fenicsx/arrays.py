@@ -1,4 +1,4 @@
-"""Define types of NumPy arrays by content, and convert Mandel vectors. NumPy only."""
+"""Define types of NumPy arrays by their content, and convert Mandel vectors. NumPy only."""
 
 import math
 
@@ -9,18 +9,18 @@ Floats = npt.NDArray[np.float64]
 """Coordinates, normals, lengths, forces."""
 
 Ints = npt.NDArray[np.int32]
-"""Local numbers, as in DOLFINx."""
+"""Local indices, as in DOLFINx."""
 
 Longs = npt.NDArray[np.int64]
-"""Global numbers, and NumPy's indices."""
+"""Global indices, and indices of NumPy."""
 
 PairFlags = npt.NDArray[np.bool_]
-"""Flags of the contact pairs hosted by this rank, shape (num_pairs,). ``active`` pairs are closed
-and push; ``held`` pairs are held closed by a linear system."""
+"""Flags of the contact pairs that this rank hosts, shape (num_pairs,). ``active`` pairs are closed
+and push; a linear system keeps ``held`` pairs closed."""
 
 
 SHEARS = {4: ((0, 1),), 6: ((1, 2), (0, 2), (0, 1))}
-"""Components that follow the diagonal ones, by the length of a vector."""
+"""Off-diagonal components, which follow the diagonal ones, by the length of a Mandel vector."""
 
 
 def matrices(mandel: Floats) -> Floats:

@@ -1,18 +1,18 @@
-"""Replace files as a whole, so that a crash or a full disk does not damage an existing file."""
+"""Replace files as a whole, so a crash or a full disk cannot damage an existing file."""
 
 import os
 from pathlib import Path
 
 
 def replace(path: Path, content: bytes) -> None:
-    """Write a file so that a reader finds the old one or the new one, after any crash.
+    """Write a file such that a reader finds either the old or the new content after any crash.
 
     Raises:
-        OSError: If the system refuses; the old file is then unchanged.
+        OSError: If the system refuses; then the old file is unchanged.
     """
     part = path.with_name(path.name + ".part")
     try:
-        part.unlink(missing_ok=True)  # it may be a link to another place
+        part.unlink(missing_ok=True)  # an old file may be a link to another place
         with part.open("xb") as file:
             file.write(content)
             file.flush()
@@ -24,7 +24,7 @@ def replace(path: Path, content: bytes) -> None:
 
 
 def put(part: Path, path: Path, before: Path | None = None) -> None:
-    """Give a complete file its final name; an older file of that name gets ``before``, if given.
+    """Give a complete file its final name; an older file of that name becomes ``before``, if given.
 
     Raises:
         OSError: If the system refuses.

@@ -1,18 +1,19 @@
-"""Hide the differences between DOLFINx 0.9 and its successors that this package meets.
+"""Hide the differences between DOLFINx 0.9 and later versions that concern this package.
 
-The tests pass with 0.9 and 0.11; with 0.10 a part of them was run (docs/howto/install.md).
+The tests pass with 0.9 and 0.11; only a part of them was run with 0.10 (docs/howto/install.md).
 
-Three more differences are avoided by the form of a call, the same for all versions:
+Calls avoid three more differences by a form that is the same for all versions:
 
 - ``create_mesh(comm, cells, x=..., e=...)`` with keywords, because the order of ``x`` and ``e``
   changed in 0.10;
-- ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities``, a C++ object in 0.9 and a
-  Python object later;
-- ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value by position, because its name is
-  ``diagonal`` in 0.9 and ``diag`` later.
+- ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities``, which is a C++ object in 0.9
+  and a Python object in later versions;
+- ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value as a positional argument, because
+  its name is ``diagonal`` in 0.9 and ``diag`` in later versions.
 
-:mod:`tagged_mesh` distributes gmsh's arrays. ``dolfinx.io.gmshio`` is not used (``dolfinx.io.gmsh``
-from 0.10, with another return value), since its checks stop one rank and leave the others waiting.
+:mod:`tagged_mesh` distributes gmsh's arrays. It does not use ``dolfinx.io.gmshio``
+(``dolfinx.io.gmsh`` from 0.10 on, with another return value), whose checks stop one rank while the
+others wait.
 """
 
 from collections.abc import Callable
@@ -31,13 +32,14 @@ from perfplast_fenicsx.parallel import lasting
 
 
 def interpolation_points(element: Any) -> Floats:
-    """Return the points of the reference cell where an ``Expression`` is evaluated.
+    """Return the points of the reference cell at which an ``Expression`` is evaluated.
 
     Args:
         element: ``V.element`` of a function space.
 
     Returns:
-        Points, shape (num_points, tdim). DOLFINx has a method up to 0.9, a property from 0.10.
+        Points, shape (num_points, tdim). They are a method in DOLFINx up to 0.9, and a property
+        from 0.10 on.
     """
     points = element.interpolation_points
     return points() if callable(points) else points
@@ -46,8 +48,8 @@ def interpolation_points(element: Any) -> Floats:
 def geometry_dofmap(mesh: Mesh) -> Ints:
     """Return the local geometry nodes of each local cell, shape (num_cells, nodes_per_cell).
 
-    They are ``geometry.dofmap`` up to 0.10, and the first of the list ``geometry.dofmaps`` in 0.11,
-    which still has the other name, but warns of its use.
+    They are ``geometry.dofmap`` up to 0.10, and the first entry of the list ``geometry.dofmaps`` in
+    0.11. Version 0.11 still has the old name, but warns when it is used.
     """
     dofmaps = getattr(mesh.geometry, "dofmaps", None)
     return dofmaps[0] if isinstance(dofmaps, list) else mesh.geometry.dofmap
@@ -56,25 +58,25 @@ def geometry_dofmap(mesh: Mesh) -> Ints:
 def coordinate_map(mesh: Mesh) -> Any:
     """Return the coordinate element of the cells.
 
-    It is ``geometry.cmap`` up to 0.10, and the first of the list ``geometry.cmaps`` in 0.11.
+    It is ``geometry.cmap`` up to 0.10, and the first entry of the list ``geometry.cmaps`` in 0.11.
     """
     cmaps = getattr(mesh.geometry, "cmaps", None)
     return cmaps[0] if isinstance(cmaps, list) else mesh.geometry.cmap
 
 
 def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
-    """Return local geometry nodes of entities, shape (num_entities, nodes_per_entity).
+    """Return the local geometry nodes of entities, shape (num_entities, nodes_per_entity).
 
     Not collective.
 
-    The function ``entities_to_geometry`` of 0.9 ends the process if ``entities`` is empty, as it
-    often is on some ranks. (Closure dofs are counted, because 0.11 has no
-    ``num_entity_closure_dofs``.)
+    The function ``entities_to_geometry`` of 0.9 ends the process if ``entities`` is empty, which is
+    common on some ranks. The number of closure dofs is counted here, because 0.11 has no
+    ``num_entity_closure_dofs``.
 
     Args:
-        mesh: The mesh, with the connectivities between ``dim`` and the cells' dimension.
+        mesh: The mesh, with the connectivities between ``dim`` and the dimension of the cells.
         dim: Dimension of the entities.
-        entities: Local indices.
+        entities: Local indices of the entities.
     """
     if entities.size:
         return entities_to_geometry(mesh, dim, entities)
@@ -83,10 +85,10 @@ def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
 
 
 def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
-    """Return a vector of zeros for the unknowns of a space. Collective.
+    """Return a zero vector for the unknowns of a space. Collective.
 
-    DOLFINx has ``dolfinx.la.create_petsc_vector`` in 0.9, ``dolfinx.la.petsc.create_vector`` from
-    0.10.
+    DOLFINx has ``dolfinx.la.create_petsc_vector`` in 0.9, and ``dolfinx.la.petsc.create_vector``
+    from 0.10 on.
 
     Args:
         V: The space.
@@ -104,11 +106,11 @@ def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Ma
 
     Collective.
 
-    DOLFINx creates its matrix on the communicator of the mesh.
+    The interpolation matrix of DOLFINx itself is on the communicator of the mesh.
 
     Args:
-        V: Space of the functions that are interpolated: columns.
-        W: The other space: rows.
+        V: Space of the interpolated functions, for the columns.
+        W: Target space, for the rows.
     """
     made = fem_petsc.interpolation_matrix(V, W)
     made.assemble()
@@ -119,16 +121,16 @@ def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Ma
 
 
 def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) -> None:
-    """Evaluate an expression into a function at the points of some cells. Not collective.
+    """Evaluate an expression into a function, at the points of given cells. Not collective.
 
-    ``Function.interpolate`` does the same, but defines its dispatch on types at each call. This
-    takes 0.2 ms, as long as the evaluation in 2 000 cells. The C++ method has a different name from
+    ``Function.interpolate`` does the same, but builds its dispatch on types in each call. This
+    takes 0.2 ms, as long as the evaluation in 2 000 cells. The C++ method has another name from
     0.10 on.
 
     Args:
         expression: Expression compiled for the interpolation points of the function's element.
         function: Function of a space on the expression's mesh.
-        cells: Local indices.
+        cells: Local indices of the cells.
     """
     target = function._cpp_object
     method = getattr(target, "interpolate_expr", None) or target.interpolate
@@ -138,10 +140,11 @@ def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) ->
 def sent_to(ranks: Ints) -> Callable[..., Any]:
     """Return a partitioner that sends cells to given ranks.
 
-    The partitioner returns a C++ object: that of ``adjacencylist`` up to 0.9, a member of it later.
+    The partitioner returns a C++ object: the result of ``adjacencylist`` up to 0.9, and a member of
+    this result in later versions.
 
     Args:
-        ranks: Destination ranks of this rank's cells.
+        ranks: Destination rank of each of this rank's cells.
     """
     lists: Any = adjacencylist(ranks.astype(np.int32)[:, None])
     return lambda *_: getattr(lists, "_cpp_object", lists)

@@ -1,4 +1,4 @@
-"""Compile C kernels with cffi on first use, and cache them next to DOLFINx's forms."""
+"""Compile C kernels with cffi on first use, and cache them beside DOLFINx's compiled forms."""
 
 import hashlib
 import importlib.util
@@ -20,17 +20,17 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def compiled(comm: MPI.Intracomm, source: str) -> tuple[Any, FFI]:
-    """Return the functions of a C source, compiled for this processor on first use. Collective.
+    """Return the functions of a C source, compiled on first use for this processor. Collective.
 
-    Files of other processors in the same folder remain. A rank that does not see the file of the
-    first rank compiles it too.
+    Files for other processors in the same folder remain. A rank that does not see the first rank's
+    file compiles the source too.
 
     Args:
         comm: The ranks.
-        source: Definitions; functions that are not static begin at the left margin.
+        source: C definitions; functions that are not static begin at the left margin.
 
     Returns:
-        The cffi module with these functions, and the object that converts arrays to arguments.
+        The cffi module with the functions, and the object that converts arrays to arguments.
     """
     module = _load(comm, source)
     return module.lib, module.ffi
@@ -55,7 +55,7 @@ def _load(source: str) -> Any:
 
 
 def _compile(name: str, source: str, folder: str) -> str:
-    """Compile for this processor; without optimisation for it if the compiler lacks that option."""
+    """Compile for this processor, or without optimisation for it if the compiler cannot do this."""
     heads = re.findall(r"^(?!static)\w+ \w+\([^{;]*\)(?= \{)", source, re.MULTILINE)
     flags = ["-O3", "-fno-math-errno", "-g0"]
     for own in (["-march=native"], []):
@@ -71,7 +71,7 @@ def _compile(name: str, source: str, folder: str) -> str:
 
 
 def _processor() -> str:
-    """Return a text that differs between processors which need different files."""
+    """Return a text that differs between processors that need different files."""
     told = Path("/proc/cpuinfo")
     lines = told.read_text().splitlines() if told.exists() else []
     flags = [line for line in lines if line.startswith(("flags", "Features"))]
@@ -80,7 +80,7 @@ def _processor() -> str:
 
 def aligned(size: int) -> Floats:
     """Return an uninitialised array that begins at a cache line, shape (size,)."""
-    line = 8  # number of entries
+    line = 8  # entries in a cache line
     room = np.empty(size + line)
     first = -(room.ctypes.data // room.itemsize) % line
     return room[first : first + size]

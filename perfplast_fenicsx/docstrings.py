@@ -5,7 +5,7 @@ import re
 
 
 def arguments(documented: object) -> dict[str, str]:
-    """Return the ``Args`` of a Google docstring: name to text, on one line.
+    """Return the ``Args`` section of a Google docstring: text by name, each text on one line.
 
     Args:
         documented: A class or a function with a docstring.

@@ -1,8 +1,8 @@
-"""Find faults of the environment before anything compiled is imported; prepare that of processes.
+"""Find faults of the environment before compiled modules are imported, and prepare processes.
 
-DOLFINx, PETSc and MPI each exist once in a process. A mixture of two versions ends in a crash or a
-hang far from its cause. So the metadata of installed packages are checked first. This module needs
-only the standard library.
+A process needs exactly one version of DOLFINx, PETSc and MPI. A mixture of two versions ends in a
+crash or a hang far from its cause. So this module first checks the metadata of installed packages.
+It needs only the standard library.
 """
 
 import os
@@ -18,7 +18,7 @@ from pathlib import Path
 INSTALL = "docs/howto/install.md"
 
 WHEEL = "dolfinx-solver-real"
-"""Distribution of DOLFINx with a real PETSc, on PyPI."""
+"""Distribution of DOLFINx on PyPI with a PETSc of real numbers."""
 
 COMPLEX = "dolfinx-solver-complex"
 
@@ -26,19 +26,19 @@ FOREIGN = ("petsc", "petsc4py", "slepc", "slepc4py")
 """Distributions that overwrite or shadow files of :data:`WHEEL`."""
 
 SPACE = 100e6
-"""Disk space for compiled forms (bytes)."""
+"""Disk space that compiled forms need (bytes)."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Parts of an environment that decide whether the program can start.
+    """Properties of an environment that decide whether the program can start.
 
     Attributes:
         python: Version of Python.
         system: Name of the operating system (:func:`platform.system`).
         machine: Name of the processor (:func:`platform.machine`).
         libc: Name and version of the C library.
-        distributions: Installed distributions among the relevant ones.
+        distributions: Installed distributions among those that matter.
         dolfinx: Folder of the package ``dolfinx``; None if it is missing.
         petsc4py: Folder of the package ``petsc4py``; None if it is missing.
     """
@@ -52,7 +52,7 @@ class Surroundings:
     petsc4py: Path | None
 
     def fault(self) -> str | None:
-        """Return why the program cannot start, in one sentence; None if it can."""
+        """Return why the program cannot start, in one sentence; None if it can start."""
         if {WHEEL, COMPLEX} <= self.distributions:
             return (
                 f"{WHEEL} and {COMPLEX} are both installed and overwrite each other's files;"
@@ -60,7 +60,7 @@ class Surroundings:
             )
         if COMPLEX in self.distributions:
             return (
-                f"{COMPLEX} has a PETSc of complex numbers, and real ones are needed here; pip"
+                f"{COMPLEX} has a PETSc of complex numbers, but real numbers are needed; pip"
                 f" uninstall {COMPLEX}, then pip install {WHEEL}."
             )
         foreign = [name for name in FOREIGN if name in self.distributions]
@@ -75,7 +75,7 @@ class Surroundings:
         shadowed = self.petsc4py is not None and self.petsc4py.parent != self.dolfinx.parent
         if WHEEL in self.distributions and shadowed:
             return (
-                f"petsc4py would be imported from {self.petsc4py}, and not from {WHEEL}; remove"
+                f"Python would import petsc4py from {self.petsc4py}, not from {WHEEL}; remove"
                 " that folder from PYTHONPATH."
             )
         return None
@@ -85,11 +85,11 @@ class Surroundings:
         elsewhere = f"take it from conda-forge or from Debian 13 ({INSTALL})"
         if self.system != "Linux" or self.machine != "x86_64":
             where = f"{self.system} on {self.machine}"
-            return f"DOLFINx is missing, and PyPI has none for {where}; {elsewhere}."
+            return f"DOLFINx is missing, and PyPI has no DOLFINx for {where}; {elsewhere}."
         name, version = self.libc
         if name != "glibc":
             return (
-                "DOLFINx is missing, and PyPI's needs glibc, which this system does not have (musl,"
+                "DOLFINx is missing, and PyPI's version needs glibc, which this system lacks (musl,"
                 f" as in Alpine?); {elsewhere}."
             )
         if _numbers(version) < [2, 34]:
@@ -97,7 +97,7 @@ class Surroundings:
         if self.python < (3, 12):
             return (
                 f"DOLFINx is missing, and PyPI's needs Python ≥ 3.12, not {self.python[0]}."
-                f"{self.python[1]} ({sys.executable}); make the virtual environment with a newer"
+                f"{self.python[1]} ({sys.executable}); create the virtual environment with a newer"
                 " Python."
             )
         return "DOLFINx is missing; pip install 'perfplast-fenicsx[all]'."
@@ -126,57 +126,57 @@ def version_of(distribution: str) -> str | None:
 
 
 def forms_folder() -> Path:
-    """Return the folder in which DOLFINx keeps compiled forms."""
+    """Return the folder in which DOLFINx caches compiled forms."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics"
 
 
 def forms_fault() -> str | None:
-    """Return why forms cannot be compiled and cached, in one sentence; None if they can."""
+    """Return why forms cannot be compiled or cached, in one sentence; None if they can."""
     folder = forms_folder()
     existing = folder
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         return (
-            f"compiled forms cannot be kept in {folder}, as {existing} is not writable; set"
+            f"compiled forms cannot be stored in {folder}: {existing} is not writable; set"
             " XDG_CACHE_HOME to a writable folder."
         )
     free = shutil.disk_usage(existing).free
     if free < SPACE:
         return (
-            f"the disk of {existing} has {free / 1e6:.0f} MB left, too few for compiled forms; free"
+            f"the disk of {existing} has {free / 1e6:.0f} MB left, too little for forms; free"
             f" {SPACE / 1e6:.0f} MB, or set XDG_CACHE_HOME to a folder on another disk."
         )
     return compiler_fault()
 
 
 def compiler_fault() -> str | None:
-    """Return why C cannot be compiled, in one sentence; None if it can."""
+    """Return why C code cannot be compiled, in one sentence; None if it can."""
     compiler = c_compiler()
     if shutil.which(compiler) is None:
         return (
-            f"there is no C compiler {compiler}, which forms are compiled with; install gcc"
-            " (Debian: apt-get install gcc libc6-dev), or set CC to another one."
+            f"there is no C compiler {compiler}, which is needed to compile forms; install gcc"
+            " (Debian: apt-get install gcc libc6-dev), or set CC to another compiler."
         )
     places = [sysconfig.get_path("include")]
     for name in ("CPATH", "C_INCLUDE_PATH"):
         places += filter(None, os.environ.get(name, "").split(os.pathsep))
     if not any(Path(place, "Python.h").exists() for place in places):
         return (
-            f"Python.h is missing in {places[0]}, and forms are compiled with it; install Python's"
+            f"Python.h is missing in {places[0]}, but forms need it to compile; install Python's"
             " headers (Debian: apt-get install python3-dev)."
         )
     return None
 
 
 def c_compiler() -> str:
-    """Return the C compiler that forms are compiled with: that of ``CC``, or Python's own."""
+    """Return the C compiler for forms: that of ``CC``, or that of Python's configuration."""
     given = os.environ.get("CC", "").split()
     return (given or (sysconfig.get_config_var("CC") or "cc").split())[0]
 
 
 def _folder(package: str) -> Path | None:
-    """Return the folder that a package would be imported from; None if it is not installed."""
+    """Return the folder from which Python would import a package; None if it is not installed."""
     try:
         found = util.find_spec(package)
     except (ImportError, ValueError):
@@ -185,16 +185,16 @@ def _folder(package: str) -> Path | None:
 
 
 def _numbers(version: str) -> list[int]:
-    """Return the numbers of a version."""
+    """Return the numbers in a version."""
     return [int(part) for part in version.split(".") if part.isdigit()]
 
 
 REFUSED = 2
-"""Exit status of our own programs whose last line of output is an error message."""
+"""Exit status of this package's own processes if their last output is an error message."""
 
 
 def environment_apart() -> dict[str, str]:
-    """Return an environment for such a process, without the variables of MPI launchers."""
+    """Return an environment for an auxiliary process, without the variables of MPI launchers."""
     hidden = ("OMPI_", "PMIX_", "PRTE_", "PMI_", "MPI_", "HYDRA_")
     return {key: value for key, value in os.environ.items() if not key.startswith(hidden)}
 
@@ -203,7 +203,7 @@ def environment_for_gmsh(home: Path) -> dict[str, str]:
     """Return such an environment for gmsh, which writes settings into the home folder.
 
     Args:
-        home: A folder that serves as home.
+        home: A folder that replaces the home folder.
     """
     homes = {"HOME": str(home), "XDG_CONFIG_HOME": str(home)}
     return environment_apart() | homes | {"PYTHONUSERBASE": site.getuserbase()}

@@ -1,10 +1,11 @@
-"""Report bad input in one sentence, the same on every rank.
+"""Report wrong input in one sentence that is the same on every rank.
 
-Every mistake of a user ends in an :class:`InputError`. A fault that only some ranks can see is
-first shared by :func:`raise_together`, so that no rank raises while another waits in a collective
-call.
+Every mistake of a user raises an :class:`InputError`. If only some ranks can see a fault,
+:func:`raise_together` shares it first. So no rank raises an error while another rank waits in a
+collective call.
 
-Every place that refuses or warns has a code in ``codes.csv``, which ``docs/refusals.py`` keeps.
+Every place that refuses input or warns has a code in ``codes.csv``, which ``docs/refusals.py``
+maintains.
 """
 
 import csv
@@ -18,35 +19,35 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-if TYPE_CHECKING:  # reading results for pictures does not start MPI
+if TYPE_CHECKING:  # so that reading results for pictures does not start MPI
     from mpi4py import MPI
 
 T = TypeVar("T")
 
 HAND_ON = ("__init__", "raise_together", "on_all_ranks", "on_rank0", "alone")
-"""Functions of this module that raise the errors of others."""
+"""Functions of this module that raise errors of their callers."""
 
 LONGEST_MESSAGE = 3000
-"""Largest number of characters of a message; a longer one is cut in the middle."""
+"""Largest number of characters of a message; a longer message is cut in the middle."""
 
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Magnitudes of numbers other than 0 whose squares and products can be computed with."""
+"""Limits of the magnitude of nonzero numbers, whose squares and products must not overflow."""
 
 
 UNLISTED = "unlisted"
-"""Code of a refusal or warning that comes from no place in ``codes.csv``, as from an extension."""
+"""Code of a refusal or warning that is not in ``codes.csv``, for example from an extension."""
 
 NAMED_PLACE = re.compile(r"[^:;\n]*?(?:\.[A-Za-z]\w*'?|\]|--[a-z-]+)(?: \d+)?(?:, [^:;\n]*)?: ")
-"""The beginning of a message that names a file, a table or an option."""
+"""Beginning of a message that names a file, a table or an option."""
 
 NAMED_FIELD = re.compile(r"(\w+) = |.*?(?<!\w)'([^']+)'(?!\w)")
-"""The beginning of a message that names a field, or a thing in quotes."""
+"""Beginning of a message that names a field, or an object in quotes."""
 
 
 class InputError(ValueError):
     """Input that cannot be used; the message is one sentence with place, value and remedy.
 
-    A message may quote any text. Therefore control characters are written as escapes, and very long
+    A message may quote any text. So control characters are replaced by escapes, and very long
     messages are cut.
     """
 
@@ -62,12 +63,12 @@ class InputError(ValueError):
 
     @property
     def code(self) -> str:
-        """Return the code of the refusal, which stays when its words change."""
+        """Return the code of the refusal, which remains the same when the message is edited."""
         return code_of(*self._raised_in, str(self))
 
     @property
     def where(self) -> str:
-        """Return the file, table and field that the message names, as far as it names them."""
+        """Return the file, table and field that the message names; empty if it names no place."""
         message, found = str(self), []
         while named := NAMED_PLACE.match(message):
             found.append(named.group()[:-2])
@@ -78,22 +79,22 @@ class InputError(ValueError):
 
     @property
     def remedy(self) -> str:
-        """Return the last part of the message, which names a remedy; empty if it names none."""
+        """Return the last part of the message, which names a remedy; empty without a remedy."""
         _, mark, remedy = str(self).rpartition("; ")
         return remedy.rstrip(".") if mark else ""
 
     def table(self) -> dict[str, str]:
-        """Return message, code, place and remedy for JSON."""
+        """Return the message, its code, place and remedy, for JSON."""
         named = {"code": self.code, "where": self.where, "remedy": self.remedy}
         return {"message": str(self), **named}
 
 
 def code_of(module: str, function: str, message: str) -> str:
-    """Return the code of a refusal or warning; of several in a function the most similar one's.
+    """Return the code of a refusal or warning; the one with the most similar text, if several.
 
     Args:
         module: Name of the module, without the package.
-        function: Name of the function in it.
+        function: Name of the function in the module.
         message: The message.
     """
     words = set(re.findall("[A-Za-z]{3,}", message))
@@ -108,7 +109,7 @@ def code_of(module: str, function: str, message: str) -> str:
 
 
 def code_of_record(record: logging.LogRecord) -> str:
-    """Return the code of a warning; of one that repeats an error the error's."""
+    """Return the code of a warning; if the warning repeats an error, the code of the error."""
     for argument in record.args if isinstance(record.args, tuple) else ():
         if isinstance(argument, InputError):
             return argument.code
@@ -118,7 +119,7 @@ def code_of_record(record: logging.LogRecord) -> str:
 
 @cache
 def _codes() -> dict[tuple[str, str], list[tuple[str, str]]]:
-    """Return codes and texts by module and function."""
+    """Return the codes and texts of messages, by module and function."""
     found: dict[tuple[str, str], list[tuple[str, str]]] = {}
     with (Path(__file__).parent / "codes.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -128,7 +129,7 @@ def _codes() -> dict[tuple[str, str], list[tuple[str, str]]]:
 
 
 def _raising_function() -> tuple[str, str]:
-    """Return module and function that made an error; those that hand it on do not count."""
+    """Return the module and function that made an error, skipping functions that pass it on."""
     frame = sys._getframe(2)
     while frame.f_back is not None:
         name, module = frame.f_code.co_name, frame.f_globals["__name__"]
@@ -140,7 +141,7 @@ def _raising_function() -> tuple[str, str]:
 
 
 def place_of(x: Iterable[float]) -> str:
-    """Return a point for a message, such as ``(1, 0.25)``.
+    """Return a point in the form of messages, such as ``(1, 0.25)``.
 
     Args:
         x: Coordinates of the point.
@@ -149,11 +150,11 @@ def place_of(x: Iterable[float]) -> str:
 
 
 def visible(text: str, lines: bool = False) -> str:
-    """Return a text with escapes instead of control characters, which a terminal would execute.
+    """Return a text in which escapes replace control characters, which a terminal would execute.
 
     Args:
         text: Any text.
-        lines: Whether the text may have several lines; line ends then remain.
+        lines: Whether the text may have several lines; then line ends remain.
     """
     return "".join(
         shown if shown.isprintable() or (lines and shown == "\n") else ascii(shown)[1:-1]
@@ -162,12 +163,12 @@ def visible(text: str, lines: bool = False) -> str:
 
 
 def check_magnitude(field: str, value: float) -> None:
-    """Refuse a number that is so large or small that results would overflow or vanish.
+    """Refuse a number whose size would make results overflow or vanish.
 
-    Numbers that are not finite are left to checks that know their meaning.
+    Numbers that are not finite are accepted here; other checks know their meaning.
 
     Raises:
-        InputError: With the field and the value.
+        InputError: If the number is refused; the message has the field and the value.
     """
     size = abs(value)
     if math.isfinite(size) and size and not SMALLEST <= size <= LARGEST:
@@ -181,7 +182,7 @@ def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
     """Refuse a value that is not one of the choices.
 
     Raises:
-        InputError: With the field, the value and the choices.
+        InputError: If the value is refused; the message has the field, the value and the choices.
     """
     if value not in choices:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")
@@ -191,17 +192,17 @@ def check_finite(what: str, value: float) -> None:
     """Refuse a prescribed load or work that is not finite.
 
     Raises:
-        InputError: With the name and the value.
+        InputError: If the value is refused; the message has its name and the value.
     """
     if not math.isfinite(value):
         raise InputError(f"{what} = {value} is not finite; give a number.")
 
 
 def check_end(tolerance: float, max_iterations: int) -> None:
-    """Refuse limits with which no iteration could end.
+    """Refuse a tolerance or number of iterations with which no iteration could end.
 
     Raises:
-        InputError: With the field and the value.
+        InputError: If a limit is refused; the message has the field and the value.
     """
     if not 0 < tolerance < 1:
         raise InputError(f"tolerance = {tolerance} is not between 0 and 1; try 1e-8.")
@@ -210,14 +211,14 @@ def check_end(tolerance: float, max_iterations: int) -> None:
 
 
 def raise_together(comm: "MPI.Intracomm", fault: "str | InputError | None") -> None:
-    """Raise on every rank if any rank has found a fault. Collective.
+    """Raise an error on every rank if any rank has found a fault. Collective.
 
     Args:
-        comm: Communicator whose ranks decide together.
-        fault: The fault that this rank found, or None. The lowest rank's fault is reported.
+        comm: Communicator of the ranks that decide together.
+        fault: The fault that this rank found, or None. The error reports the lowest rank's fault.
 
     Raises:
-        InputError: With the same message and code on every rank.
+        InputError: If any rank has found a fault; with the same message and code on every rank.
     """
     own = InputError(fault) if isinstance(fault, str) else fault
     told = None if own is None else (str(own), own._raised_in)
@@ -229,7 +230,7 @@ def raise_together(comm: "MPI.Intracomm", fault: "str | InputError | None") -> N
 
 
 def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
-    """Run an action on every rank, and raise its InputError on all ranks if any has one.
+    """Run an action on every rank; if it raises InputError on any rank, raise it on all ranks.
 
     Collective.
 
@@ -241,8 +242,8 @@ def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
         The result of the action.
 
     Raises:
-        InputError: The error of the action, on every rank; that of the lowest rank if there are
-            several.
+        InputError: If the action raised it on any rank; if on several, the error of the lowest
+            rank.
     """
     fault = None
     try:
@@ -254,17 +255,17 @@ def on_all_ranks(comm: "MPI.Intracomm", action: Callable[[], T]) -> T:
 
 
 def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
-    """Run an action on rank 0, and raise its InputError on all ranks. Collective.
+    """Run an action on rank 0; if it raises InputError, raise it on all ranks. Collective.
 
     Args:
         comm: The ranks.
         action: A function that does not communicate with other ranks.
 
     Returns:
-        The result of the action on rank 0, None on the others.
+        The result of the action on rank 0, and None on the other ranks.
 
     Raises:
-        InputError: The error of the action, on every rank.
+        InputError: If the action raised it.
     """
 
     def alone() -> T | None:
@@ -274,7 +275,7 @@ def on_rank0(comm: "MPI.Intracomm", action: Callable[[], T]) -> T | None:
 
 
 def nearest(word: object, known: Iterable[str]) -> str:
-    """Return the remedy for an unknown word: the nearest known one, or all of them."""
+    """Return the remedy for an unknown word: the most similar known word, or all known words."""
     words = list(known)
     close = difflib.get_close_matches(str(word)[:100], words, n=1)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."

@@ -1,8 +1,8 @@
-"""Load laws, loads, controls and other parts that installed packages add to the command line.
+"""Load laws, loads, controls and other parts that installed packages add to the program.
 
-A package names a module under the entry points of the group ``GROUP``. The module is imported
-before a command reads its case. It adds its classes to the tables that case files choose from, such
-as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
+A package names a module under the entry points of the group ``GROUP``. The program imports this
+module before a command reads its case. The module adds its classes to the tables from which case
+files choose, such as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
 """
 
 from collections.abc import Iterator
@@ -16,11 +16,12 @@ GROUP = "perfplast_fenicsx.extensions"
 
 
 def loaded(group: str, refusal: str) -> Iterator[tuple[metadata.EntryPoint, Any]]:
-    """Yield the entry points of a group, by name, with the loaded objects. Not collective.
+    """Yield the entry points of a group, sorted by name, with the loaded objects. Not collective.
 
     Args:
-        group: The group.
-        refusal: Beginning of the message, such as "the extension '{name}' cannot be imported".
+        group: Name of the group.
+        refusal: Beginning of the error message, such as "the extension '{name}' cannot be
+            imported".
 
     Raises:
         InputError: If an entry point cannot be loaded.
@@ -31,7 +32,7 @@ def loaded(group: str, refusal: str) -> Iterator[tuple[metadata.EntryPoint, Any]
         except Exception as error:
             reason = f"{type(error).__name__}: {error}".rstrip(". ")
             raise InputError(
-                f"{refusal.format(name=entry.name)} from {entry.value} ({reason}); mend or"
+                f"{refusal.format(name=entry.name)} from {entry.value} ({reason}); repair or"
                 f" uninstall {entry.dist.name if entry.dist else 'the package'}."
             ) from error
         yield entry, found
@@ -39,7 +40,7 @@ def loaded(group: str, refusal: str) -> Iterator[tuple[metadata.EntryPoint, Any]
 
 @cache
 def load_extensions() -> None:
-    """Import the modules of ``GROUP``, once. Not collective.
+    """Import the modules of ``GROUP`` once. Not collective.
 
     Raises:
         InputError: If a module cannot be imported.
@@ -48,6 +49,6 @@ def load_extensions() -> None:
 
 
 def extensions() -> str:
-    """Return the distributions that add modules, with their versions; "none" without any."""
+    """Return the distributions that add modules, with versions; "none" if there are none."""
     added = {entry.dist for entry in metadata.entry_points(group=GROUP) if entry.dist}
     return ", ".join(sorted(f"{one.name} {one.version}" for one in added)) or "none"

@@ -1,14 +1,13 @@
 """Check formulas in the coordinates, evaluate them, and enclose them by linear functions.
 
-A formula is parsed and compared with a list of allowed parts. Its syntax tree is then evaluated
-with NumPy's functions; Python itself never evaluates it.
+A formula is parsed, and its parts are compared with a list of allowed parts. NumPy's functions then
+evaluate its syntax tree; Python itself never evaluates the formula.
 
-Compute linear functions below and above a formula, in each of several simplices.
-Each part of a formula is enclosed by a pair of functions that are linear in the simplex and given
-at its vertices. The maximum of two linear functions is convex: its chord lies above it, and both
-functions lie below it. A product of two linear functions differs from its chord by
-Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ is at most a quarter. A formula that is linear in a simplex is
-enclosed by itself.
+The enclosure consists of a linear function below and a linear function above the formula in each of
+several simplices. Each part of a formula is enclosed by such a pair, given at the vertices. The
+maximum of two linear functions is convex: its chord lies above it, and both functions lie below it.
+A product of two linear functions differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ is
+at most a quarter. A formula that is linear in a simplex is its own enclosure.
 """
 
 import ast
@@ -33,7 +32,7 @@ FUNCTIONS = (
 """NumPy functions that formulas may call by these names; they act point by point."""
 
 ARGUMENTS = {"arctan2": 2, "fmod": 2, "maximum": 2, "minimum": 2, "where": 3}
-"""Number of arguments of a function, if it is not one."""
+"""Number of arguments of functions that do not have exactly one argument."""
 
 OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
     ast.Add: ("+", operator.add),
@@ -56,10 +55,10 @@ OPERATORS: dict[type[ast.AST], tuple[str, Callable[..., Any]]] = {
 """Symbol and function of each operator."""
 
 LONGEST = 1000
-"""Largest number of characters of a formula; it limits the parser's recursion."""
+"""Largest number of characters of a formula; this limits the parser's recursion."""
 
 SHOWN = 60
-"""Number of characters of a formula that a message shows."""
+"""Number of characters of a formula that a message quotes."""
 
 _SILENT: tuple[type[ast.AST], ...] = (
     *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare),
@@ -74,10 +73,10 @@ _FAILURES = (
 
 
 class WordedFormula(str):
-    """A formula that the program has written, with words for it.
+    """A formula that the program has written, with words that describe it.
 
     Attributes:
-        words: Words that replace the formula for a reader, with the unit.
+        words: Words, with the unit, that a reader sees instead of the formula.
     """
 
     words: str
@@ -89,12 +88,12 @@ class WordedFormula(str):
         return made
 
     def __reduce__(self) -> tuple[type["WordedFormula"], tuple[str, str]]:
-        """Return the class and arguments of a copy."""
+        """Return the class and the arguments for a copy."""
         return type(self), (str(self), self.words)
 
 
 def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
-    """Return values of a formula in x, y, z at points.
+    """Return the values of a formula in x, y, z at points.
 
     Not collective: every rank refuses the same formulas, but only the rank with the point sees a
     value that is not finite.
@@ -105,7 +104,7 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
         place: Place of the formula in the input, for messages.
 
     Returns:
-        Shape (num_points,).
+        Values, shape (num_points,).
 
     Raises:
         InputError: If a formula cannot be read, has parts other than numbers, x, y, z, pi,
@@ -127,13 +126,13 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     if wrong.any():
         at = place_of(x[np.argmax(wrong)])
         raise InputError(
-            f"{place}: {_quoted(formula)} is {values[wrong][0]} at {at}; give a number or formula"
+            f"{place}: {_quoted(formula)} is {values[wrong][0]} at {at}; give a number or a formula"
             " that is finite wherever it is needed."
         )
     largest = np.abs(values).max(initial=0)
     if largest > LARGEST:
         raise InputError(
-            f"{place}: {_quoted(formula)} is as large as {largest:.6g}, too large to compute with;"
+            f"{place}: {_quoted(formula)} has the size {largest:.6g}, too large to compute with;"
             f" stay below {LARGEST:g}."
         )
     return values
@@ -143,7 +142,8 @@ def check(formula: str, place: str) -> None:
     """Refuse a formula with parts that are not allowed.
 
     Raises:
-        InputError: With the first such part, and the allowed ones.
+        InputError: If a part is not allowed; the message names the first such part and the allowed
+            parts.
     """
     if len(formula) > LONGEST:
         raise InputError(
@@ -163,7 +163,7 @@ def check(formula: str, place: str) -> None:
 
 
 def _fault(node: ast.AST, called: bool) -> str | None:
-    """Return the fault of one node of the syntax tree, or None."""
+    """Return the fault of a node of the syntax tree, or None."""
     if isinstance(node, ast.Name):
         if called and node.id not in FUNCTIONS:
             return f"calls '{node.id}'"
@@ -190,9 +190,10 @@ def _fault(node: ast.AST, called: bool) -> str | None:
 
 
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
-    """Return the value of a part of a formula that has been checked.
+    """Return the value of a part of a formula that has passed the check.
 
-    Integers count as floats: 9**9**9 overflows at once and does not occupy the machine.
+    Integers are converted to floats: then 9**9**9 overflows at once and does not occupy the
+    machine.
     """
     match node:
         case ast.Constant(value=number):
@@ -228,19 +229,20 @@ def _refusal(formula: str, place: str, fault: str) -> InputError:
 
 
 ROUNDING = 1e-12
-"""Relative difference of the two sides of a comparison below which they count as equal. It decides
-in simplices where the sign changes between vertices.
+"""Relative difference below which the two sides of a comparison count as equal. It decides in
+simplices in which the sign of the difference changes between vertices.
 """
 
 Pair = tuple[Floats, Floats]
-"""Values at the vertices of two linear functions: one that is nowhere above, and one nowhere below.
+"""Values at the vertices of two linear functions, one nowhere above and one nowhere below a
+formula.
 """
 
 TRUE, SOMETIMES, FALSE = 1.0, 0.5, 0.0
 
 
 class _UnknownFormula(Exception):
-    """A part of a formula without an enclosure."""
+    """A part of a formula has no enclosure."""
 
 
 def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
@@ -252,7 +254,7 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
         place: Place of the formula in the input, for messages.
 
     Returns:
-        Values at the vertices, each of shape (n, k); None if the formula has parts other than sums,
+        Values at the vertices, both of shape (n, k). None if the formula has parts other than sums,
         products, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons.
 
     Raises:
@@ -276,7 +278,7 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
 
 
 def _enclosed_value(node: ast.AST, names: dict[str, Any]) -> Any:
-    """Return a number for a constant part, and a pair otherwise."""
+    """Return a number for a constant part, and a pair for other parts."""
     match node:
         case ast.Constant(value=number):
             return float(number)
@@ -298,7 +300,7 @@ def _enclosed_value(node: ast.AST, names: dict[str, Any]) -> Any:
 
 
 def _function(name: str, values: list[Any]) -> Any:
-    """Return a function of numbers and pairs."""
+    """Return the value of a function of numbers and pairs."""
     if not any(isinstance(it, tuple) for it in values):
         with np.errstate(all="ignore"):
             return float(getattr(np, name)(*values))
@@ -312,7 +314,7 @@ def _function(name: str, values: list[Any]) -> Any:
 
 
 def _combined(sign: ast.operator, one: Any, other: Any) -> Any:
-    """Return a sum, difference, product, quotient or power."""
+    """Return the sum, difference, product, quotient or power of two values."""
     numbers = not isinstance(one, tuple) and not isinstance(other, tuple)
     if numbers and type(sign) in OPERATORS:
         with np.errstate(all="ignore"):
@@ -335,7 +337,7 @@ def _pair(value: Any) -> Any:
 
 
 def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
-    """Return a function of both sides; one array for both if each pair is linear."""
+    """Return a function of both members of pairs; one array for both if each pair is linear."""
     low = function(*(it[0] for it in pairs))
     linear = all(it[0] is it[1] for it in pairs)
     return low, low if linear else function(*(it[1] for it in pairs))
@@ -346,7 +348,7 @@ def _negative(value: Any) -> Any:
 
 
 def _larger(one: Any, other: Any) -> Any:
-    """Return an enclosure of the maximum of two values, at least one of which is a pair."""
+    """Return an enclosure of the maximum of two values, of which at least one is a pair."""
     (a, b), (c, d) = _pair(one), _pair(other)
     high = np.maximum(b, d)
     a, c = np.broadcast_to(a, high.shape), np.broadcast_to(c, high.shape)
@@ -355,7 +357,7 @@ def _larger(one: Any, other: Any) -> Any:
 
 
 def _product(one: Any, other: Any) -> Any:
-    """Return an enclosure of a product."""
+    """Return an enclosure of the product of two values."""
     if not isinstance(one, tuple):
         one, other = other, one
     if not isinstance(other, tuple):
@@ -369,8 +371,8 @@ def linear_product(f: Floats, g: Floats) -> Pair:
     """Return linear functions below and above the product of two linear functions.
 
     Args:
-        f: Values of one at the vertices of simplices, shape (n, k).
-        g: Values of the other one.
+        f: Values of the first function at the vertices of simplices, shape (n, k).
+        g: Values of the second function, same shape.
     """
     low, high = f * g, f * g
     for i, j in combinations(range(f.shape[1]), 2):
@@ -381,7 +383,7 @@ def linear_product(f: Floats, g: Floats) -> Pair:
 
 
 def _holds(node: ast.AST, names: dict[str, Any]) -> Any:
-    """Return where a condition is true in a whole simplex, in a part of it, or nowhere."""
+    """Return whether a condition holds in a whole simplex, in a part of it, or nowhere."""
     match node:
         case ast.Compare(left=left, ops=[sign], comparators=[right]):
             one, other = _enclosed_value(left, names), _enclosed_value(right, names)

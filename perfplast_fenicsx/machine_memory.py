@@ -1,4 +1,4 @@
-"""Measure the memory of the machines that the ranks run on."""
+"""Measure the memory of the machines on which the ranks run."""
 
 import math
 import os
@@ -15,8 +15,8 @@ def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
         needed: Memory that this rank needs (bytes).
 
     Returns:
-        Whether each machine has as much as its ranks need; the need of all ranks; the memory of all
-        machines.
+        Whether each machine has as much memory as its ranks need, the memory that all ranks need,
+        and the memory of all machines (both in bytes).
     """
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     has = physical_memory()
@@ -33,9 +33,9 @@ def physical_memory() -> int:
 
 
 def spare_memory(comm: MPI.Intracomm) -> float:
-    """Return the memory that each rank may use if all use as much (MB). Collective.
+    """Return the memory that each rank may use if all ranks use equally much (MB). Collective.
 
-    It is the least of all machines; ∞ if it is not known.
+    It is the least value over all machines; ∞ if it is not known.
     """
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     spare, table = math.inf, Path("/proc/meminfo")

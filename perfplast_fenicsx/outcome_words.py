@@ -1,14 +1,14 @@
 """Write outcomes in words: factors of safety, estimates of meshes, brackets of paths, forces.
 
-Write the limit load of a mesh in words: an estimate for the body, and no bound of it.
-A mesh has a static side, the load of a stress in equilibrium and within yield at its points. Its
-kinematic side is the power of a mechanism. They bound the limit load of the finite elements from
-below and above, but bound that of the body on neither side. So only their distance is printed, and
-the estimate in few digits.
+The limit load of a mesh is an estimate for the body, and no bound. A mesh has a static side: the
+load of a stress that is in equilibrium and within yield at certain points. Its kinematic side is
+the power of a mechanism. The two sides bound the limit load of the finite element model from below
+and above, but bound the limit load of the body on neither side. So the program prints only the
+distance of the sides, and the estimate with few digits.
 
-Write in words the load at which a loading path loses equilibrium, between two of its levels.
-If no limit theorem holds, as with Coulomb's friction, only tried levels bound such a load. One is
-solved, and one ended with the verdict that there is no equilibrium.
+A loading path loses equilibrium between two of its levels. If no limit theorem holds, as with
+Coulomb's friction, only tried levels bound this load. One level is solved, and one ended with the
+verdict that no equilibrium exists.
 """
 
 import math
@@ -29,18 +29,18 @@ def force_rows(
     moments: bool = False,
     zeta: str = "zeta",
 ) -> list[Row]:
-    """Return the rows of loads at ζ = 1 and at collapse, and of supports at the lower bound.
+    """Return rows for loads at ζ = 1 and at collapse, and for supports at the lower bound.
 
     Args:
         loads: Tables of :class:`resultants.LoadResultant`.
-        lower: Load factor that the bodies are proven to carry.
-        upper: Load factor at which they are proven to collapse.
+        lower: Load factor that the bodies provably carry.
+        upper: Load factor at which they provably collapse.
         at_limit: Table of :class:`limit_forces.LimitForces`, in which loads and supports balance,
-            for the strict lower bound or the limit load of the mesh.
+            for the strict lower bound or for the limit load of the mesh.
         moments: Whether to return moments instead of forces.
         zeta: Name of the load factor.
 
-    Returns:
+    Pairs of words and numbers; empty without loads.
         Words and numbers; empty without loads.
     """
     rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
@@ -93,9 +93,9 @@ class MeshEstimate:
     """Loads that bracket or estimate the limit load of a mesh.
 
     Attributes:
-        static: Load factor ζ of the static side, or the largest one that a loading path has
-            reached; −∞ if none is known.
-        estimate: The limit load; None if none was found.
+        static: Load factor ζ of the static side, or the largest load factor that a loading path has
+            reached; −∞ if neither is known.
+        estimate: The limit load; None if it was not found.
         kinematic: Load factor of the kinematic side; None if no mechanism was found.
     """
 
@@ -105,9 +105,9 @@ class MeshEstimate:
 
     @property
     def apart(self) -> float | None:
-        """Distance of the two sides, relative to the static one.
+        """Distance of the two sides, relative to the static side.
 
-        None with one side, or if that is 0.
+        None if a side is missing, or if the static side is 0.
         """
         if self.kinematic is None or self.static == 0 or not math.isfinite(self.static):
             return None
@@ -115,21 +115,21 @@ class MeshEstimate:
 
     @property
     def shown(self) -> str:
-        """The estimate in a few digits; "none" without one."""
+        """The estimate with a few digits; "none" if there is no estimate."""
         if self.estimate is None:
             return "none"
         # Relative distance of the sides above which an estimate has one digit less.
         widest = 0.01
         wide = self.apart is not None and self.apart > widest
-        # Number of significant digits of an estimate; a mesh is hardly ever fine enough for more.
+        # Number of significant digits of an estimate; meshes are hardly ever fine enough for more.
         digits = 4
         return f"{self.estimate:.{digits - wide}g}"
 
     def in_words(self, zeta: str = "") -> str:
-        """Return the estimate and its reliability, as the rest of a sentence about the mesh.
+        """Return the estimate and its reliability, as a predicate for the mesh.
 
         Args:
-            zeta: Text before loads, such as "ζ = ".
+            zeta: Text before load factors, such as "ζ = ".
         """
         if self.estimate is None:
             known = self.static != 0 and math.isfinite(self.static)
@@ -145,8 +145,8 @@ class MeshEstimate:
 
 
 def percent(share: float) -> str:
-    """Return a share in percent with two digits: "0.74 %", "430 %"."""
-    touching = 1e-5  # relative distance of the sides below which its number has no meaning
+    """Return a share in percent with two digits, such as "0.74 %" or "430 %"."""
+    touching = 1e-5  # relative distance below which the number has no meaning
     if share < touching:
         return f"less than {100 * touching:g} %"
     return f"{float(f'{100 * share:.2g}'):g} %"
@@ -154,13 +154,13 @@ def percent(share: float) -> str:
 
 SAID = (
     "No limit theorem holds with Coulomb's friction. These loads hold only for this mesh and this"
-    " loading path, which starts from rest with all constant loads; another path may end at"
+    " loading path, which starts from rest with all constant loads. Another path may end at"
     " another load."
 )
 """Sentences on the scope of the bracket."""
 
 NO_PAIR = (
-    "Drucker's bounds were not sought: they need loads that all grow, and a problem that the"
+    "Drucker's bounds were not sought: they need a problem without constant loads that the"
     " interior point method accepts."
 )
 """The sentence for results without Drucker's bounds."""
@@ -171,18 +171,18 @@ class PathBracket:
     """Load factors of one path between which equilibrium is lost.
 
     Attributes:
-        carried: Largest load factor of a solved level; 0 without one.
-        refused: Least load factor of a level without equilibrium; None without one.
+        carried: Largest load factor of a solved level; 0 if no level is solved.
+        refused: Least load factor of a level without equilibrium; None if there is no such level.
     """
 
     carried: float
     refused: float | None
 
     def in_words(self, zeta: str = "") -> str:
-        """Return the load at which equilibrium is lost, as the rest of a sentence about the path.
+        """Return the load at which equilibrium is lost, as a predicate for the path.
 
         Args:
-            zeta: Text before loads, such as "ζ = ".
+            zeta: Text before load factors, such as "ζ = ".
         """
         low = f"{zeta}{rounded_down(self.carried)}"
         if self.refused is None:
@@ -199,8 +199,8 @@ def factor_words(
 
     Args:
         lower: Factor with which the bodies stand; None if it is not known.
-        upper: Factor at which they fall; None if it is not known.
-        estimate: Whether both are estimates, computed for other bodies.
+        upper: Factor at which the bodies fall; None if it is not known.
+        estimate: Whether both factors are estimates, computed for other bodies.
         many: Whether the sentence has a plural subject.
     """
     ending, sides = "" if many else "s", []

@@ -16,13 +16,13 @@ _LASTING: list[MPI.Intracomm] = [MPI.COMM_WORLD, MPI.COMM_SELF]
 def lasting(comm: MPI.Intracomm | PETSc.Comm) -> MPI.Intracomm:
     """Return a communicator of the same ranks that is never freed. Collective.
 
-    PETSc gives each communicator that it meets a duplicate. On several ranks, an object that Python
-    drops waits for :func:`drop_garbage` on this duplicate, and keeps it. A mesh's own communicator
-    ends with the mesh, and then nobody can find what waits there. MPICH has 2048 communicators at
-    most, so that a program with many meshes would end.
+    PETSc duplicates each communicator that it receives. On several ranks, an object that Python
+    drops stays on this duplicate until :func:`drop_garbage`, and keeps the duplicate alive. A
+    mesh's own communicator ends with the mesh, after which the garbage on it is unreachable. MPICH
+    has at most 2048 communicators, so a program with many meshes would fail.
 
     Args:
-        comm: Communicator of any ranks, such as a mesh's.
+        comm: Communicator of any ranks, for example of a mesh.
     """
     if isinstance(comm, PETSc.Comm):
         comm = comm.tompi4py()
@@ -34,10 +34,10 @@ def lasting(comm: MPI.Intracomm | PETSc.Comm) -> MPI.Intracomm:
 
 
 def drop_garbage(comm: MPI.Intracomm) -> None:
-    """Destroy the objects of PETSc that Python has dropped on all ranks. Collective.
+    """Destroy the PETSc objects that Python has dropped on all ranks. Collective.
 
     Args:
-        comm: Communicator of any ranks; the objects are on its :func:`lasting` one.
+        comm: Communicator of any ranks; the objects are on its :func:`lasting` communicator.
     """
     if comm.size > 1:  # on one rank there is no garbage
         PETSc.garbage_cleanup(lasting(comm))
@@ -50,21 +50,21 @@ def send_rows(
 
     Args:
         comm: The ranks.
-        rows: Rows, shape (num_rows, ...), of any type, also structured; the type and the shape of a
-            row are the same on every rank.
+        rows: Rows, shape (num_rows, ...), of any type, including structured types. The type and the
+            shape of a row must be the same on every rank.
         destination: Destination rank of each row, shape (num_rows,).
 
     Returns:
-        The rows that have arrived here, in the order of their source ranks.
+        The rows that arrived at this rank, in the order of their source ranks.
     """
     return Exchange(comm, destination).forward(rows)
 
 
 class Exchange:
-    """An exchange of rows with other ranks, and of one answer for each row."""
+    """An exchange of rows between ranks, with one answer for each row."""
 
     def __init__(self, comm: MPI.Intracomm, destination: npt.NDArray[np.integer]) -> None:
-        """Exchange the numbers of rows. Collective.
+        """Exchange the numbers of rows between ranks. Collective.
 
         Args:
             comm: The ranks.
@@ -77,11 +77,11 @@ class Exchange:
         comm.Alltoall(self._sent, self._received)
 
     def forward(self, rows: npt.NDArray) -> npt.NDArray:
-        """Send this rank's rows, and return the rows that arrive here. Collective."""
+        """Send this rank's rows, and return the rows that arrive at this rank. Collective."""
         return exchange_rows(self._comm, rows[self._order], self._sent, self._received)
 
     def back(self, rows: npt.NDArray) -> npt.NDArray:
-        """Send one answer for each arrived row, and return those to the sent rows. Collective."""
+        """Send an answer for each arrived row; return the answers to the sent rows. Collective."""
         arrived = exchange_rows(self._comm, rows, self._received, self._sent)
         answers = np.empty_like(arrived)
         answers[self._order] = arrived
@@ -91,7 +91,7 @@ class Exchange:
 def exchange_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, sent: Longs, received: Longs
 ) -> npt.NDArray:
-    """Send rows whose numbers from and to each rank are known. Collective.
+    """Send rows, if the number of rows from and to each rank is known. Collective.
 
     Args:
         comm: The ranks.
@@ -100,7 +100,7 @@ def exchange_rows(
         received: Number of rows from each rank, shape (comm.size,).
 
     Returns:
-        The rows that have arrived here, in the order of their source ranks.
+        The rows that arrived at this rank, in the order of their source ranks.
     """
     rows = np.ascontiguousarray(rows)
     arrived = np.empty((int(received.sum()), *rows.shape[1:]), dtype=rows.dtype)
@@ -113,15 +113,15 @@ def exchange_rows(
 def fetch_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, numbers: npt.NDArray[np.integer]
 ) -> npt.NDArray:
-    """Return rows with given numbers of an array distributed over the ranks. Collective.
+    """Return rows with given indices of an array distributed over the ranks. Collective.
 
     Args:
         comm: The ranks.
-        rows: This rank's rows, shape (num_rows, ...). Their numbers continue from rank to rank.
-        numbers: Numbers of the rows to return here, in any order, shape (n,).
+        rows: This rank's rows, shape (num_rows, ...). Row indices continue from rank to rank.
+        numbers: Indices of the rows to return on this rank, in any order, shape (n,).
 
     Returns:
-        Shape (n, ...).
+        The rows, shape (n, ...).
     """
     ends = np.cumsum(comm.allgather(len(rows)))
     asked = Exchange(comm, np.searchsorted(ends, numbers, side="right"))
@@ -135,7 +135,7 @@ def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
 
 
 def bounding_box(comm: MPI.Intracomm, points: Floats) -> tuple[Floats, Floats]:
-    """Return the smallest and largest coordinates of the points of all ranks. Collective."""
+    """Return the smallest and largest coordinates of the points on all ranks. Collective."""
     low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)

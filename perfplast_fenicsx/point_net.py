@@ -1,8 +1,9 @@
-"""Values at points, also of a ``.vtu`` file, linear in triangles or tetrahedra between them.
+"""Interpolate values at points linearly in triangles or tetrahedra, and read ``.vtu`` files.
 
-Read values at the points of a ``.vtu`` file, with its triangles or tetrahedra. NumPy only.
-Content may be text, base64 or raw bytes, in the arrays themselves or appended, and compressed by
-zlib (VTK file formats, https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html).
+The module reads values at the points of a ``.vtu`` file with triangles or tetrahedra. It needs only
+NumPy for this. Data may be text, base64 or raw bytes, stored in the array elements or appended, and
+compressed by zlib (VTK file formats,
+https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html).
 """
 
 import base64
@@ -23,37 +24,37 @@ from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.formulas import Pair
 
 OUTSIDE = 1e-9
-"""Barycentric coordinate below zero that counts as none, which rounding may be."""
+"""Largest size of a negative barycentric coordinate that counts as rounding."""
 
 PLACES_AT_ONCE = 2000
-"""Places that are looked for together, for the memory."""
+"""Number of places that are located together, limited by memory."""
 
 
 class Triangulation:
-    """Points of a file, the values there, and triangles or tetrahedra between them.
+    """Points of a file, values at the points, and triangles or tetrahedra between them.
 
     Attributes:
-        name: Of the file, for messages.
-        values: Shape (num_points,).
-        simplices: Points of each, shape (num_simplices, d + 1).
-        corners: Their coordinates, shape (num_simplices, d + 1, d).
-        digest: SHA-256 of points, values and the simplices of the file.
+        name: Name of the file, for messages.
+        values: Values at the points, shape (num_points,).
+        simplices: Indices of each simplex's points, shape (num_simplices, d + 1).
+        corners: Coordinates of these points, shape (num_simplices, d + 1, d).
+        digest: SHA-256 of the points, the values, and the simplices of the file.
     """
 
     def __init__(
         self, name: str, points: Floats, values: Floats, cells: Longs | None = None
     ) -> None:
-        """Store the simplices of a file, or compute those of Delaunay.
+        """Store the simplices of a file, or compute a Delaunay triangulation.
 
         Args:
-            name: Of the file.
-            points: Shape (num_points, d), d = 2 or 3.
-            values: Shape (num_points,).
-            cells: Points of the triangles or tetrahedra of the file, shape (num_cells, d + 1); none
-                if there are only points.
+            name: Name of the file.
+            points: Coordinates, shape (num_points, d) with d = 2 or 3.
+            values: Values at the points, shape (num_points,).
+            cells: Points of the file's triangles or tetrahedra, shape (num_cells, d + 1); None if
+                the file has only points.
 
         Raises:
-            InputError: If the points span no area, two of them are the same, or cells of the file
+            InputError: If the points span no area, if two points coincide, or if cells of the file
                 have no area or overlap.
         """
         self.name, self.values = name, values
@@ -69,10 +70,10 @@ class Triangulation:
             self._check_cells()
 
     def _by_delaunay(self, points: Floats) -> None:
-        """Triangulate the points.
+        """Compute a Delaunay triangulation of the points.
 
         Raises:
-            InputError: As the constructor.
+            InputError: If the points span no area, or if two points coincide.
         """
         from scipy.spatial import Delaunay, QhullError  # slow to import, and few cases need it
 
@@ -80,24 +81,24 @@ class Triangulation:
             self._net = net = Delaunay(points)
         except (QhullError, ValueError) as error:
             raise InputError(
-                f"the {len(points)} points of '{self.name}' span no area (in space no volume), so"
-                " that nothing is known between them; give points all around the body."
+                f"the {len(points)} points of '{self.name}' span no area (no volume in space), so"
+                " values between them are unknown; give points all around the body."
             ) from error
         if len(net.coplanar):
             where = place_of(points[net.coplanar[0, 0]])
             raise InputError(f"'{self.name}' has the point {where} twice; give one value there.")
         x: Floats = points[net.simplices]
-        thin = 1e-12  # of a flat simplex at the hull, relative to its size
+        thin = 1e-12  # relative height of a flat simplex at the hull
         size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
         kept = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) > thin * size
         self.simplices = net.simplices[kept].astype(np.int64)
         self.corners = x[kept]
 
     def _check_cells(self) -> None:
-        """Refuse cells of a file that have no area or overlap, and duplicate points.
+        """Refuse cells of a file that have no area or overlap, and coinciding points.
 
         Raises:
-            InputError: Naming the place of the first one.
+            InputError: If one is refused; the message names the first such place.
         """
         middles = self.corners.mean(axis=1)
         size = np.ptp(self.corners, axis=1).max(axis=1) ** middles.shape[1]
@@ -105,7 +106,7 @@ class Triangulation:
         flat = np.abs(np.linalg.det(edges)) <= 1e-12 * size
         if flat.any():
             where = place_of(middles[np.argmax(flat)])
-            raise InputError(f"'{self.name}' has a cell without area at {where}; leave it out.")
+            raise InputError(f"'{self.name}' has a cell without area at {where}; remove it.")
         d = middles.shape[1]
         near_sides = np.full((d + 1, d + 1), 0.9 / d)
         np.fill_diagonal(near_sides, 0.1)
@@ -115,7 +116,7 @@ class Triangulation:
         if (around > 1).any():
             where = place_of(inside[np.argmax(around > 1)])
             raise InputError(
-                f"'{self.name}' has cells that overlap at {where}, so that its values there are not"
+                f"'{self.name}' has cells that overlap at {where}, so its values there are not"
                 " known; correct its mesh."
             )
         used = np.unique(self.simplices)
@@ -131,14 +132,14 @@ class Triangulation:
             )
 
     def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
-        """Return pairs of a place and a simplex whose box contains it.
+        """Return pairs of a place and a simplex whose bounding box contains the place.
 
         Args:
             x: Places, shape (n, d).
 
         Returns:
-            Number of the place and of the simplex of each pair, shape (num_pairs,), and shares of
-            the simplex's vertices, shape (num_pairs, d + 1).
+            Index of the place and of the simplex in each pair, shape (num_pairs,), and the
+            barycentric coordinates of the place, shape (num_pairs, d + 1).
         """
         from scipy.spatial import cKDTree  # slow to import, and few cases need it
 
@@ -159,15 +160,15 @@ class Triangulation:
         return places, simplices, np.column_stack([1 - shares.sum(axis=1), shares])
 
     def at(self, x: Floats, place: str) -> Floats:
-        """Return the values at places, linear between the points.
+        """Return the values at places, interpolated linearly between the points.
 
         Raises:
-            InputError: If a place is in none of the simplices.
+            InputError: If a place lies in no simplex.
         """
         if x.shape[1] != self.corners.shape[2]:
             raise InputError(
-                f"{place}: '{self.name}' has points in {self.corners.shape[2]} dimensions, and the"
-                f" body has {x.shape[1]}; give points in as many."
+                f"{place}: '{self.name}' has points in {self.corners.shape[2]} dimensions, but the"
+                f" body has {x.shape[1]}; give points in as many dimensions."
             )
         vertices, shares = self._in_net(x) if self._net is not None else self._in_cells(x)
         outside = shares.min(axis=1) < -OUTSIDE
@@ -180,9 +181,9 @@ class Triangulation:
         return np.asarray(np.einsum("ni,ni->n", shares, self.values[vertices]))
 
     def _in_net(self, x: Floats) -> tuple[Longs, Floats]:
-        """Return the vertices of Delaunay's simplex at each place, and its barycentric coordinates.
+        """Return the vertices of the Delaunay simplex at each place, and barycentric coordinates.
 
-        Those of a place outside are -1.
+        The coordinates are -1 for a place outside the triangulation.
         """
         found, d = self._net.find_simplex(x, tol=OUTSIDE), x.shape[1]
         maps = self._net.transform[found]
@@ -191,30 +192,30 @@ class Triangulation:
         return self._net.simplices[found], np.where((found < 0)[:, None], -1.0, shares)
 
     def _in_cells(self, x: Floats) -> tuple[Longs, Floats]:
-        """Return the vertices of the file's simplex at each place, and its coordinates there."""
+        """Return the vertices of the file's simplex at each place, and barycentric coordinates."""
         found = np.zeros(len(x), dtype=np.int64)
         shares = np.full((len(x), x.shape[1] + 1), -1.0)
         for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
             places, simplices, given = self._candidates(x[some])
-            order = np.lexsort((given.min(axis=1), places))  # the last one of a place is its own
+            order = np.lexsort((given.min(axis=1), places))  # a place's last simplex contains it
             found[some[places[order]]] = simplices[order]
             shares[some[places[order]]] = given[order]
         return self.simplices[found], shares
 
     def deviations(self, corners: Floats, chords: Floats) -> Pair:
-        """Return by how much the values are below and above linear functions in simplices, at most.
+        """Return the range of differences between the values and linear functions in simplices.
 
         Args:
             corners: Vertices of the simplices, shape (n, d + 1, d).
-            chords: Values of the linear functions there, shape (n, d + 1).
+            chords: Values of the linear functions at these vertices, shape (n, d + 1).
 
         Returns:
-            The least difference (zero or negative) and the largest one, each of shape (n,).
+            The least difference (zero or negative) and the largest difference, both of shape (n,).
         """
         least, most = np.zeros((2, len(corners)))
         boxes = [(x.min(axis=1), x.max(axis=1)) for x in (corners, self.corners)]
         (low, high), (others_low, others_high) = boxes
-        at_once = 200  # simplices whose neighbours are sought together, limited by memory
+        at_once = 200  # simplices whose neighbours are found together, limited by memory
         for some in np.array_split(np.arange(len(corners)), len(corners) // at_once + 1):
             apart = (low[some, None] > others_high).any(axis=2)
             apart |= (high[some, None] < others_low).any(axis=2)
@@ -230,27 +231,27 @@ class Triangulation:
 
 
 def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Return barycentric coordinates of places whose convex hull is the overlap of two simplices.
+    """Return barycentric coordinates of points whose convex hull is the overlap of two simplices.
 
-    They are the ends of the part of each edge of either simplex that lies in the other. Every
-    vertex of the overlap is such an end.
+    The points are the ends of the part of each edge of either simplex that lies in the other
+    simplex. Every vertex of the overlap is such an end.
 
     Args:
-        ones: Vertices of simplices, shape (num_pairs, d + 1, d).
-        others: Vertices of the adjacent simplices, of the same shape.
+        ones: Vertices of the first simplices, shape (num_pairs, d + 1, d).
+        others: Vertices of the second simplices, same shape.
 
     Returns:
-        Coordinates in both simplices, each of shape (num_pairs, n, d + 1), and flags of the places
+        Coordinates in both simplices, both of shape (num_pairs, n, d + 1), and flags of the points
             that exist.
     """
-    rounding, count = 1e-9, ones.shape[1]  # of barycentric coordinates
+    rounding, count = 1e-9, ones.shape[1]  # tolerance for barycentric coordinates
     pairs = np.array(list(combinations(range(count), 2)))
     own = np.eye(count)
     found: list[tuple[Floats, Floats]] = []
     inside = []
     for x, y, swapped in ((ones, others, False), (others, ones, True)):
         inverse = np.linalg.inv(y[:, 1:] - y[:, :1])
-        shares = (x - y[:, :1]) @ inverse  # of the vertices of x in y
+        shares = (x - y[:, :1]) @ inverse  # coordinates in y of the vertices of x
         shares = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)
         start, rates = shares[:, pairs[:, 0]], shares[:, pairs[:, 1]] - shares[:, pairs[:, 0]]
         enters, leaves = rates > rounding, rates < -rounding
@@ -268,10 +269,10 @@ def _overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Floats, npt.NDA
 
 
 SIMPLICES = {5: 3, 10: 4}
-"""Numbers of corners by VTK's types of cells: triangles and tetrahedra."""
+"""Numbers of vertices by VTK's types of cells: triangles and tetrahedra."""
 
 LOWER = {1, 2, 3}
-"""Types of cells that have no area: vertices and lines."""
+"""VTK's types of cells without area: vertices and lines."""
 
 
 @dataclass(frozen=True)
@@ -279,9 +280,9 @@ class PointArray:
     """Values at the points of a mesh.
 
     Attributes:
-        points: Shape (num_points, 3).
+        points: Coordinates, shape (num_points, 3).
         cells: Points of each triangle or tetrahedron, shape (num_cells, 3 or 4).
-        values: Shape (num_points,).
+        values: Values at the points, shape (num_points,).
     """
 
     points: Floats
@@ -294,11 +295,11 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
 
     Args:
         path: The file.
-        name: Name of an array at its points, with one component.
+        name: Name of a point data array with one component.
 
     Raises:
-        InputError: If the file cannot be read, has no such array, or has cells that are neither
-            triangles nor tetrahedra.
+        InputError: If the file cannot be read, if it has no such array, or if it has cells other
+            than triangles and tetrahedra.
     """
     try:
         file = _File(path.read_bytes())
@@ -340,13 +341,13 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
 
 
 class _File:
-    """A file whose arrays are decoded when they are requested."""
+    """A file that decodes its arrays on request."""
 
     def __init__(self, content: bytes) -> None:
-        """Parse the elements.
+        """Parse the XML elements of a file.
 
         Raises:
-            ParseError, ValueError: If it is not VTK's, or has several pieces.
+            ParseError, ValueError: If the file is not a VTK file, or has several pieces.
         """
         begin = re.search(rb"<AppendedData[^>]*>\s*_", content)
         self.appended = b"" if begin is None else content[begin.end() :]
@@ -362,22 +363,22 @@ class _File:
         self.order, self.header = order, np.dtype(f"{order}u{int(header) // 8}")
         compressor = self.root.get("compressor", "")
         if compressor not in ("", "vtkZLibDataCompressor"):
-            raise ValueError(f"it is compressed by {compressor}, and zlib alone is known")
+            raise ValueError(f"it is compressed by {compressor}, but only zlib is supported")
         self.compressed = bool(compressor)
 
     def names(self, group: str) -> list[str]:
-        """Return the names of the arrays of a group."""
+        """Return the names of the arrays in a group."""
         return [one.get("Name", "") for one in self.piece.findall(f"{group}/DataArray")]
 
     def array(self, group: str, name: str | None) -> npt.NDArray[Any]:
-        """Return an array, flat.
+        """Return an array of a group, flattened.
 
         Args:
-            group: Such as ``PointData``.
+            group: Name of the group, such as ``PointData``.
             name: Name of the array; by default the first one.
 
         Raises:
-            ValueError, KeyError: If it is missing or damaged.
+            ValueError, KeyError: If the array is missing or damaged.
         """
         for one in self.piece.findall(f"{group}/DataArray"):
             if name is None or one.get("Name") == name:
@@ -409,7 +410,7 @@ class _File:
         return content[size : size + int(np.frombuffer(content[:size], self.header)[0])]
 
     def _uncompressed(self, content: bytes, coded: bool) -> bytes:
-        """Return the content of blocks; their number and sizes are before them."""
+        """Return the uncompressed content of blocks; their number and sizes precede them."""
         size = self.header.itemsize
 
         def head(count: int) -> Longs:
@@ -419,7 +420,7 @@ class _File:
         blocks = int(head(1)[0])
         numbers = head(3 + blocks)
         length = len(numbers) * size
-        if coded:  # head and blocks are encoded separately
+        if coded:  # header and blocks are encoded separately
             content = content[4 * -(-length // 3) :]
             content = _decoded_bytes(content, int(numbers[3:].sum()))
         else:
@@ -434,5 +435,5 @@ class _File:
 
 
 def _decoded_bytes(content: bytes, count: int) -> bytes:
-    """Return the first bytes of base64 data."""
+    """Return the first ``count`` bytes of base64 data."""
     return base64.b64decode(content[: 4 * -(-count // 3)])[:count]

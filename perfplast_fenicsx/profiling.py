@@ -1,4 +1,4 @@
-"""Record phases of a run as events of PETSc's log, for ``-log_view`` and the benchmarks."""
+"""Record phases of a run as events in PETSc's log, for ``-log_view`` and the benchmarks."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -15,11 +15,11 @@ PHASES = (
 
 
 def phase(name: str) -> Callable[[Function], Function]:
-    """Decorate a function whose time counts as one of :data:`PHASES`."""
+    """Return a decorator that counts the time of a function as one of :data:`PHASES`."""
     assert name in PHASES
     return PETSc.Log.EventDecorator(f"perfplast {name}")
 
 
 def seconds() -> dict[str, float]:
-    """Return the time in each phase on this rank (s), since PETSc's logging was started."""
+    """Return the time in each phase on this rank (s) since PETSc's logging was started."""
     return {name: PETSc.Log.Event(f"perfplast {name}").getPerfInfo()["time"] for name in PHASES}

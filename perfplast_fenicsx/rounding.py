@@ -1,10 +1,10 @@
-"""Define thresholds of rounding, and round bounds to a few digits so that they remain bounds."""
+"""Define tolerances for rounding, and round bounds to a few digits such that they remain bounds."""
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 ROUNDING = 1e-9
-"""Share of the largest number of its kind below which a number counts as zero, where sums of
-doubles are compared. It is far above their rounding, and far below any intended value."""
+"""Share of the largest number of its kind below which a number counts as zero, in comparisons of
+sums of doubles. It is far above their rounding errors, and far below any intended value."""
 
 TINY = 1e-300
 """Smallest divisor; avoids 0/0."""
@@ -14,12 +14,12 @@ DIGITS = 6
 
 
 def rounded_up(value: float, digits: int = DIGITS) -> str:
-    """Return the value rounded up to some significant digits."""
+    """Return the value rounded up to a number of significant digits."""
     return _rounded(value, ROUND_CEILING, digits)
 
 
 def rounded_down(value: float, digits: int = DIGITS) -> str:
-    """Return the value rounded down to some significant digits."""
+    """Return the value rounded down to a number of significant digits."""
     return _rounded(value, ROUND_FLOOR, digits)
 
 

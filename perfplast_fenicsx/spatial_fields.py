@@ -1,8 +1,8 @@
-"""Numbers that vary in space: formulas, tables over depth, and values at scattered points.
+"""Define numbers that vary in space: formulas, tables over depth, and values at scattered points.
 
-A strength that varies is evaluated at the point. Strict bounds need linear functions in each cell,
-one that is nowhere above the field and one that is nowhere below it (:meth:`SpatialField.between`).
-Both are the field itself where that is linear in the cell.
+A strength that varies is evaluated at each point. Strict bounds need two linear functions in each
+cell: one nowhere above the field, and one nowhere below it (:meth:`SpatialField.between`). Both
+equal the field where the field is linear in the cell.
 """
 
 import csv
@@ -21,17 +21,17 @@ from perfplast_fenicsx.point_net import Triangulation, read_vtu_points
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialField:
-    """The base of numbers that vary in space: a profile times a number.
+    """Base class of numbers that vary in space: a profile times a number.
 
     Args:
-        scale: The number that the profile is multiplied by.
+        scale: Number by which the profile is multiplied.
     """
 
     scale: float = 1.0
 
     @property
     def profile(self) -> Self:
-        """Return the field whose scale is 1."""
+        """Return the field with scale 1."""
         return replace(self, scale=1.0)
 
     def __mul__(self, factor: float) -> Self:
@@ -48,14 +48,14 @@ class SpatialField:
         return words if self.scale == 1 else f"{self.scale:{spec or '.6g'}} times ({words})"
 
     def at(self, x: Floats, place: str) -> Floats:
-        """Return the values at points. Not collective.
+        """Return the values of the field at points. Not collective.
 
         Args:
             x: Coordinates, shape (n, d).
             place: Name of the object that has the field, for messages.
 
         Returns:
-            Shape (n,).
+            Values, shape (n,).
 
         Raises:
             InputError: If the field has no finite value at a point.
@@ -70,18 +70,18 @@ class SpatialField:
             place: Name of the object that has the field, for messages.
 
         Returns:
-            Values at the vertices of both functions, each of shape (n, k). The arrays are equal
+            Values of both functions at the vertices, both of shape (n, k). The arrays are equal
             where the field is linear in the simplex.
 
         Raises:
-            InputError: If such functions are not known.
+            InputError: If no such functions are known for the field.
         """
         low, high = self._between(corners, place)
         both = self.scale * low, self.scale * high
         return both if self.scale >= 0 else (both[1], both[0])
 
     def in_words(self) -> str:
-        """Return a description of the field in a few words."""
+        """Return a short description of the field."""
         raise NotImplementedError
 
     def _at(self, x: Floats, place: str) -> Floats:
@@ -92,11 +92,12 @@ class SpatialField:
 
 
 if TYPE_CHECKING:
-    # Arithmetic is alike for both kinds, and most users of a number know that it is one.
+    # For type checkers. Both kinds share their arithmetic, and most code knows that its number is
+    # constant.
     Strength: TypeAlias = Any
 else:
     Strength = float | SpatialField
-"""A number of a material that may vary in space."""
+"""Number of a material that may vary in space."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +105,11 @@ class Formula(SpatialField):
     """A formula in the coordinates.
 
     Args:
-        text: Such as ``"20 + 1.5*(12 - y)"``, with x, y, z, pi and NumPy's functions.
-        scale: The number that it is multiplied by.
+        text: Formula such as ``"20 + 1.5*(12 - y)"``, with x, y, z, pi and NumPy's functions.
+        scale: Number by which the formula is multiplied.
 
     Raises:
-        InputError: If the formula has anything else in it.
+        InputError: If the formula has any other parts.
     """
 
     text: str
@@ -140,13 +141,13 @@ class DepthTable(SpatialField):
     """Values at some heights, linear between them.
 
     Args:
-        rows: Pairs of the vertical coordinate and the value, at least two. The coordinate is y in
+        rows: At least two pairs of the vertical coordinate and the value. The coordinate is y in
             the plane and z in space.
-        scale: The number that the values are multiplied by.
+        scale: Number by which the values are multiplied.
 
     Raises:
-        InputError: If there are fewer than two pairs, a number is not finite, or two pairs have
-            the same coordinate.
+        InputError: If there are fewer than two pairs, if a number is not finite, or if two pairs
+            have the same coordinate.
     """
 
     rows: Sequence[tuple[float, float]]
@@ -172,11 +173,11 @@ class DepthTable(SpatialField):
 
     @property
     def heights(self) -> Floats:
-        """Return the coordinates, sorted."""
+        """Return the coordinates in ascending order."""
         return np.array(self.rows)[:, 0]
 
     def in_words(self) -> str:
-        """Return how many values there are, and from where to where."""
+        """Return the number of values, and the coordinates and values at the ends, in words."""
         (low, first), *_, (high, last) = self.rows
         return f"table of {len(self.rows)} values, {first:g} at {low:g} to {last:g} at {high:g}"
 
@@ -187,7 +188,7 @@ class DepthTable(SpatialField):
         if outside.any():
             where = place_of(x[np.argmax(outside)])
             raise InputError(
-                f"{place}: the table over depth goes from {heights[0]:g} to {heights[-1]:g}, but "
+                f"{place}: the table over depth covers {heights[0]:g} to {heights[-1]:g}, but "
                 f"there is material at {where}; give values for its whole depth."
             )
         return np.interp(s, heights, values)
@@ -218,17 +219,17 @@ _ENDS = (np.argmin, np.argmax)
 
 @dataclass(frozen=True)
 class PointValues(SpatialField):
-    """Values at points of a file, linear in triangles or tetrahedra between them.
+    """Values at points of a file, linear in triangles or tetrahedra between the points.
 
     Args:
-        net: The points, the values, and the triangles.
-        scale: The number that the values are multiplied by.
+        net: The points with their values and simplices.
+        scale: Number by which the values are multiplied.
     """
 
     net: Triangulation
 
     def in_words(self) -> str:
-        """Return the file, and how many values it has."""
+        """Return the name of the file and its number of values, in words."""
         return f"{len(self.net.values)} values of '{self.net.name}', linear between them"
 
     def _at(self, x: Floats, place: str) -> Floats:
@@ -245,11 +246,11 @@ class PointValues(SpatialField):
 
 
 def read_points(path: Path, column: str) -> PointValues:
-    """Return the field of a CSV file of points.
+    """Return the field of a CSV file with points.
 
     Args:
-        path: A file whose first line names its columns: x, y, in space z, and values.
-        column: Name of the column of the values.
+        path: File whose first line names the columns: x, y, z in space, and values.
+        column: Name of the column with the values.
 
     Raises:
         InputError: If the file cannot be read, a column is missing, or an entry is not a number.
@@ -286,11 +287,11 @@ def read_vtu(path: Path, name: str) -> PointValues:
 
     Args:
         path: The file.
-        name: Of the array.
+        name: Name of the array.
 
     Raises:
-        InputError: If the file cannot be read, has no such array, or its cells overlap, have no
-            area, are not simplices, or (triangles) are not in a plane z = constant.
+        InputError: If the file cannot be read, if it has no such array, or if its cells overlap,
+            have no area, or are not simplices. Also if triangles are not in a plane z = constant.
     """
     found = read_vtu_points(path, name)
     points = found.points
@@ -307,15 +308,15 @@ def read_vtu(path: Path, name: str) -> PointValues:
 
 
 def spatial_field(value: object, folder: Path) -> SpatialField:
-    """Return the field that a case file gives.
+    """Return the field that a value in a case file describes.
 
     Args:
-        value: A formula, a list of pairs, or a table with a file and the column of its values. The
-            column of a .vtu file is an array at its points.
-        folder: Where files are, if their paths are relative.
+        value: A formula, a list of pairs, or a table with a file and the column of its values. For
+            a .vtu file, the column is the name of an array at its points.
+        folder: Folder of the case file, for relative paths.
 
     Raises:
-        InputError: If it is neither, or not a field.
+        InputError: If the value has another form, or does not describe a field.
     """
     if isinstance(value, SpatialField):
         return value
@@ -325,7 +326,7 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
         file, column = value["file"], value["column"]
         if isinstance(file, str) and isinstance(column, str):
             path = folder / file
-            if path.exists() and not path.is_file():  # a pipe would never end
+            if path.exists() and not path.is_file():  # reading a pipe would never end
                 raise InputError(f"'{file}' is not a regular file; give a .csv or .vtu file.")
             by_cells = file.lower().endswith(".vtu")
             return read_vtu(path, column) if by_cells else read_points(path, column)
@@ -347,7 +348,7 @@ def varying(material: object) -> dict[str, SpatialField]:
     """Return the fields of a material that vary in space, by name.
 
     Args:
-        material: A dataclass, or a body of another class, which has none.
+        material: A dataclass, or an instance of another class, which has no such fields.
     """
     if not hasattr(material, "__dataclass_fields__"):
         return {}

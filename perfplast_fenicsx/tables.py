@@ -23,7 +23,7 @@ COLOURS = {"lower": "#3b6ea5", "upper": "#d62020"}
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows with the same keys as CSV: commas, points in numbers, all digits.
+    """Return rows with the same keys as CSV: commas, decimal points, all digits.
 
     Unknown values are empty. A table without rows gives an empty file.
     """
@@ -69,11 +69,11 @@ def data_frame(rows: Sequence[Mapping[str, Any]]) -> "DataFrame":
 
 
 class NotebookResult(ABC):
-    """A result that a notebook shows as a table, and that becomes a data frame or a plot."""
+    """A result that a notebook shows as a table, and that converts to a data frame or a plot."""
 
     @abstractmethod
     def rows(self) -> list[Row]:
-        """Return the numbers as rows with the same keys."""
+        """Return the numbers of the result as rows with the same keys."""
 
     @abstractmethod
     def in_words(self) -> str:
@@ -89,7 +89,7 @@ class NotebookResult(ABC):
 
     @property
     def dimensions(self) -> int:
-        """Number of dimensions of the axes in which the result is drawn."""
+        """Number of dimensions of the axes for the plot."""
         return 2
 
     def to_dataframe(self) -> "DataFrame":
@@ -101,15 +101,15 @@ class NotebookResult(ABC):
         return data_frame(self.rows())
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw the result, and return the axes of matplotlib.
+        """Draw the result, and return the matplotlib axes.
 
-        Collective where the result has a mesh; each rank then has the whole plot.
+        Collective if the result has a mesh; then each rank has the whole plot.
 
         Args:
-            axes: Axes to draw into; by default those of a new figure.
+            axes: Axes to draw into; axes of a new figure by default.
 
         Raises:
-            InputError: If matplotlib is not installed, or the result has no such plot.
+            InputError: If matplotlib is not installed, or if the result has no such plot.
         """
         if axes is None:
             try:
@@ -125,7 +125,7 @@ class NotebookResult(ABC):
         return axes
 
     def _repr_html_(self) -> str:
-        """Return the result as a table, and in words."""
+        """Return the result as HTML: a table, and sentences."""
         rows = self.rows()
         columns = list(rows[0]) if rows else []
         head = "".join(f"<th>{escape(name)}</th>" for name in columns)
@@ -139,7 +139,7 @@ class NotebookResult(ABC):
 
 
 def _cell(value: object) -> str:
-    """Return a value in few digits; empty if it is unknown."""
+    """Return a value with few digits; empty if it is unknown."""
     if value is None:
         return ""
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,6 +1,6 @@
-"""Define units of a case: consistent systems, in which a force is a stress times an area.
+"""Define the units of a case: consistent systems, in which a force is a stress times an area.
 
-No result depends on them: they only give numbers a meaning.
+No result depends on the units; they only give the numbers a meaning.
 """
 
 from dataclasses import dataclass
@@ -34,11 +34,11 @@ class System:
     Attributes:
         length: Unit of lengths.
         force: Unit of forces.
-        stress: Unit of stresses, force / length².
-        metres: The unit of length (m).
-        pascals: The unit of stress (Pa).
+        stress: Unit of stresses, which is force / length².
+        metres: Unit of lengths in metres.
+        pascals: Unit of stresses in pascals.
         arm: Unit of lever arms in printed moments.
-        arm_metres: This unit (m).
+        arm_metres: Unit of lever arms in metres.
     """
 
     length: str
@@ -61,18 +61,19 @@ SYSTEMS: dict[Name, System] = {
     "ft-lbf-psf": System("ft", "lbf", "psf", FOOT, POUND_FORCE / FOOT**2, "ft", FOOT),
     "ft-kip-ksf": System("ft", "kip", "ksf", FOOT, 1e3 * POUND_FORCE / FOOT**2, "ft", FOOT),
 }
-"""Systems by their names in case files."""
+"""Systems of units by their names in case files."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """The units of the numbers of a case; nothing is converted.
+    """The units of a case's numbers; the program converts nothing.
 
     Args:
-        length: Length of the mesh, such as "mm"; known if there is a system.
-        stress: Stress of the materials and loads, such as "MPa"; known if there is a system.
-        system: A consistent system: lengths, forces and stresses. "in-lbf-psi", "in-kip-ksi",
-            "ft-lbf-psf" and "ft-kip-ksf" are those with inches and feet.
+        length: Unit of length of the mesh, such as "mm"; not needed if there is a system.
+        stress: Unit of stress of the materials and loads, such as "MPa"; not needed if there is a
+            system.
+        system: A consistent system of lengths, forces and stresses. The systems with inches and
+            feet are "in-lbf-psi", "in-kip-ksi", "ft-lbf-psf" and "ft-kip-ksf".
     """
 
     length: str = ""
@@ -80,10 +81,10 @@ class Units:
     system: Name | None = None
 
     def __post_init__(self) -> None:
-        """Check that length and stress agree with the system.
+        """Check that the units of length and stress agree with the system.
 
         Raises:
-            InputError: If one does not.
+            InputError: If one of them does not agree.
         """
         if self.system is None:
             return
@@ -95,12 +96,12 @@ class Units:
             if given not in ("", meant):
                 raise InputError(
                     f"{key} = '{given}' contradicts system = '{self.system}', whose {key} is in"
-                    f" {meant}; leave {key} out, or choose another system."
+                    f" {meant}; remove {key}, or choose another system."
                 )
 
     @property
     def name(self) -> Name | None:
-        """The named system, or the one with this length and stress; None for others."""
+        """Name of the system that is given or has this length and stress; None for other units."""
         if self.system is not None:
             return self.system
         for name, system in SYSTEMS.items():
@@ -110,20 +111,20 @@ class Units:
 
     @property
     def known(self) -> System | None:
-        """The system of this name."""
+        """The system with this name; None without a name."""
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:
         """Return the unit of each quantity for ``summary.json``.
 
         Args:
-            whole: Whether bodies are finite in all directions; otherwise forces and works are per
+            whole: Whether bodies are finite in all directions. Otherwise forces and works are per
                 unit of depth.
 
         Returns:
             Units of ``length``, ``stress``, ``force``, ``work``, ``moment`` and ``force_density``
-            (force per volume), and the ``system``; empty texts for unknown ones. In a system,
-            moments have arms in metres or feet (:meth:`moment_scale`).
+            (force per volume), and the ``system``. Unknown units are empty texts. In a system,
+            lever arms of moments are in metres or feet (:meth:`moment_scale`).
         """
         system = self.known
         length = system.length if system else self.length
@@ -153,7 +154,7 @@ class Units:
         """Return the factor that converts moments (force × length) to the unit of :meth:`table`.
 
         Args:
-            whole: As in :meth:`table`; N mm per millimetre of depth equals N m per metre.
+            whole: As for :meth:`table`; N mm per millimetre of depth equals N m per metre.
         """
         system = self.known
         return system.metres / system.arm_metres if system and whole else 1.0
@@ -171,7 +172,7 @@ class Units:
         return self.table(whole)["work"]
 
     def in_words(self, whole: bool = True) -> str:
-        """Return the units in words, without a full stop; empty if none is known."""
+        """Return the units in words, without a full stop; empty if no unit is known."""
         table = self.table(whole)
         kinds = {"length": "lengths", "force": "forces", "stress": "stresses", "work": "works"}
         if table["moment"] != table["work"]:
