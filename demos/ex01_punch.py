@@ -1,8 +1,8 @@
 """The limit load of a square punch, and how it collapses.
 
-A square punch rests without friction on a base of the same metal; the mesh is a quarter of both.
-The interior point method computes the limit load of the mesh and the collapse mechanism together,
-without load steps.
+A square punch rests without friction on a base of the same metal; the mesh is a quarter of both
+bodies. The interior point method computes the limit load of the mesh and the collapse mechanism
+together, without load steps.
 
 Exact: the punch yields first, in uniform compression, at its yield stress 400 √(3/2).
 """

@@ -1,8 +1,8 @@
 """Strict bounds on the limit load of a plate, with a proof.
 
-A square plate with a square hole is pulled in plane strain; the mesh is a quarter of it.
+A square plate with a square hole is pulled in plane strain; the mesh is a quarter of the plate.
 `adaptive_bounds` computes a lower and an upper bound on the limit load of the plate, not only of
-the mesh, and refines the mesh where the two bounds differ. A separate program checks the proof.
+the mesh, and refines the mesh where the bounds differ. A separate program checks the proof.
 
 Known: a mechanism with a plastic hinge in each arm gives the upper bound 0.77846 σ_y / √3.
 """

@@ -1,8 +1,8 @@
 """Two blocks on a rigid floor: load levels with contact.
 
-The floor carries the lower block, and the lower block carries the upper one, both without friction.
-The load rises in steps. Newton's method computes displacements, stresses and contact forces at each
-load factor, and a duality gap certifies each level.
+The floor carries the lower block, and the lower block carries the upper block, without friction.
+The load increases in steps. Newton's method computes displacements, stresses and contact forces at
+each load factor, and a duality gap certifies each level.
 
 Exact: the stress is uniform, so the weaker block yields at its yield stress, 200. The
 displacement of the top is that of two springs in series.

@@ -1,8 +1,8 @@
 """The curve of load over work, up to the plateau.
 
-Above the limit load no solution exists for a prescribed load. With a prescribed work α of the loads
-(ALG3 of Čermák, Haslinger and Sysala) every α has a solution. The load ζ(α) is linear up to first
-yield, then increases more slowly, and levels off at the limit load.
+If the load is prescribed, no solution exists above the limit load. If the work α of the loads is
+prescribed (ALG3 of Čermák, Haslinger and Sysala), every α has a solution. The load ζ(α) is linear
+up to first yield, then increases more slowly, and levels off at the limit load.
 
 Exact: a thick tube in plane strain carries the inner pressure (2/√3) σ_y ln(b/a).
 """

@@ -1,7 +1,7 @@
 """Residual stress of a plate after unloading.
 
 Stages are the parts of a load history. With `Flow` a material keeps its plastic strain from one
-level to the next. After unloading, stress and strain remain where the plate has yielded.
+level to the next. After unloading, residual stress and plastic strain remain in the plate.
 """
 
 from mpi4py import MPI

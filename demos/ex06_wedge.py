@@ -1,8 +1,8 @@
 """Contact on an inclined plane, with an unstructured mesh.
 
-A steel block lies on an aluminium one. They touch on an inclined plane without friction. A pressure
-on top pushes the upper block down the incline, against a wall at x = 0. The mesh is made by gmsh.
-Only the contact supports the upper block in z.
+A steel block lies on an aluminium block. They touch on an inclined plane without friction. A
+pressure on top pushes the upper block down the incline, against a wall at x = 0. Gmsh makes the
+mesh. Only the contact supports the upper block in z.
 
 Exact: the contact forces act along the normal of the incline, and their vertical sum is the load.
 """

@@ -1,10 +1,10 @@
-"""A sliding block with Coulomb's friction.
+"""A sliding block with Coulomb friction.
 
-A constant pressure of 10 acts on a block that lies on another one, and a traction pushes it
-sideways. The coefficient of friction is 0.3, so the block slides at a traction of 3, long before it
-yields.
+A constant pressure of 10 acts on a block that lies on another block, and a traction pushes the
+upper block sideways. The coefficient of friction is 0.3, so the block slides at a traction of 3,
+long before it yields.
 
-With Coulomb's friction no limit theorem holds, because slip is not normal to the friction cone. The
+With Coulomb friction no limit theorem holds, because slip is not normal to the friction cone. The
 load at which this path loses equilibrium is therefore the result, and not a bound of other paths.
 """
 

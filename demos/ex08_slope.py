@@ -1,10 +1,10 @@
-"""The factor of safety of a slope, with a proof of each side.
+"""The factor of safety of a slope, with a proof of each bound.
 
-The program divides all strengths of the soil by a factor F, and finds two values of F. At the
+The program divides all strengths of the soil by a factor F, and computes two values of F. At the
 smaller value the slope is certainly stable; at the larger value it certainly collapses.
 
 This is the first slope of Griffiths and Lane (Géotechnique 49 (1999), 387): 2:1, friction angle
-20°, c/γH = 0.05. Finite elements gave 1.4 there, and log spirals give at most 1.3978.
+20°, c/γH = 0.05. There finite elements gave 1.4, and log spirals give at most 1.3978.
 """
 
 from mpi4py import MPI

@@ -5,7 +5,7 @@ responds elastically. Above this load it yields in every cycle. Melan's theorem 
 for the mesh.
 
 Exact: alternating yield at the inner radius limits thick tubes, at twice the elastic limit.
-Collapse limits thin ones, at (2/√3) σ_y ln(b/a). The two are equal at b/a = 2.2.
+Collapse limits thin tubes, at (2/√3) σ_y ln(b/a). Both limits are equal at b/a = 2.2.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Write the page of published numbers before a proof."""
+"""Write the page that compares published numbers with proven bounds."""
 
 import tomllib
 from collections import Counter
@@ -35,21 +35,21 @@ PICTURES = "pictures/tribunal"
 MOST_NAMED = 15
 """Number of problems that are named beside published numbers."""
 
-ABOVE_ALL = """# Published numbers before a proof
+ABOVE_ALL = """# Published numbers and proven bounds
 
 <!-- written by demos/tribunal/tribunal.py; edit that -->
 
-Programs, papers and books give factors of safety of the same slopes, or limit loads of the same
-bodies, and they differ. This page compares each number with two bounds that a file proves. With
-strengths divided by the lower bound on a factor of safety, a stress carries the weight, and no cell
-yields. With strengths divided by the upper bound, a mechanism moves, and the weight does more work
-than the ground can take up. Bounds on a load factor multiply the loads instead.
+Programs, papers and books give different factors of safety for the same slopes, and different limit
+loads for the same bodies. This page compares each number with two bounds, each proven by a file. If
+strengths are divided by the lower bound on a factor of safety, an admissible stress balances the
+weight. If strengths are divided by the upper bound, the weight does more work on a mechanism than
+the ground can dissipate. Bounds on a load factor multiply the loads instead.
 
 ```bash
 make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case files
 ```
 
-- [Case files](../demos/tribunal) of at most 25 lines have coordinates and strengths.
+- [Case files](../demos/tribunal) have coordinates and strengths, in at most 25 lines each.
 - [published.csv](../demos/tribunal/published.csv) has the numbers and their sources.
 - [bounds.csv](../demos/tribunal/bounds.csv) has the bounds and the checksums of their proofs.
 - [verdicts.csv](../demos/tribunal/verdicts.csv) has a verdict for each number.
@@ -59,52 +59,51 @@ make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case 
 PROBLEMS = """
 ## Problems
 
-Bounds are those of the factor of safety, unless the title names k_c, γH/c or another load factor,
-which the case file explains. The column s has the processor time. The column of numbers counts
-published ones: impossible/possible/below/not decided. The pictures show the mechanism that proves
-the upper bound: grey parts are at rest, and darker colours move faster. Black lines are boundaries
-of the bodies and of different strengths. `make tribunal` draws them from the proof files
-(`demos/tribunal/picture.py`). """
+Bounds are on the factor of safety, unless the title names k_c, γH/c or another load factor, which
+the case file defines. The column "s" has the processor time in seconds. The column "numbers" counts
+published numbers: impossible/possible/below/not decided. The pictures show the mechanism that
+proves the upper bound: grey parts are at rest, and darker colours move faster. Black lines are
+boundaries of bodies and of regions with different strengths. `make tribunal` draws the pictures
+from the proof files (`demos/tribunal/picture.py`). """
 
 EXPLAINED = """
 ## What is proven, and what is not
 
-- A number is **impossible** if it is above the upper bound by more than its rounding. Then it is
-  wrong for the ground as written, whatever the flow rule is. Ground that dilates less than its
-  angle of friction has no larger factor (D. Radenkovic, 1961).
-- A number is **below what associated ground carries for certain** if it is below the lower bound by
-  more than its rounding. Ground that dilates less may fall there. Limit equilibrium may rest on a
-  cautious assumption.
-- A number is **possible** if it is neither. A number that its source calls a lower or an upper
-  bound is wrong only if it is on the wrong side of both bounds.
+- A number is **impossible** if it exceeds the upper bound by more than its rounding. It is then
+  wrong for the ground as written, for any flow rule: ground that dilates less than its friction
+  angle has no larger factor (D. Radenkovic, 1961).
+- A number is **below what associated ground carries for certain** if it is less than the lower
+  bound by more than its rounding. Ground that dilates less may collapse at this number, and limit
+  equilibrium may rest on a conservative assumption.
+- A number is **possible** if it is neither impossible nor below. A number that its source calls a
+  lower or an upper bound is wrong only if it is on the wrong side of both bounds.
 - A number is **not decided** if a bound is missing, or if it is not certain which problem was
   solved.
-- The rounding is half a unit of the last printed digit. The percentage is the least one within it.
-  A percentage below 0.01 % has two significant digits. Such a verdict holds only if the source has
-  rounded to the nearest digit.
+- The rounding is half a unit of the last printed digit. The percentage is the smallest that is
+  consistent with the rounding. A percentage below 0.01 % has two significant digits. Such a verdict
+  holds only if the source has rounded to the nearest digit.
 
-The bounds hold for plane strain, the law in the case file (Mohr–Coulomb's without a limit of
-tension, or von Mises'), associated flow, and the geometry as written. In slopes this includes the
-base, which is fixed, and the ends, which cannot move along x. A published number may belong to
-other ends or to another base. Nothing is proven of cracks, of progressive failure, or of the ground
-in the field.
+The bounds hold for plane strain, the law in the case file (Mohr–Coulomb without a tension limit, or
+von Mises), associated flow, and the geometry as written. For slopes this includes the fixed base,
+and the ends, which cannot move along x. A published number may belong to other ends or to another
+base. Cracks, progressive failure and the ground in the field are outside the proofs.
 
 Most sources were read in a transcription, which `published.csv` names in each row. So a verdict may
-also mean a misprint in the source or in its transcription. Problems with a geometry that only a
-figure has are left out, such as that of Zolfaghari and others (2005), and so are factors of one
-given slip surface.
+also mean a misprint in the source or in its transcription. The page omits problems whose geometry
+is only in a figure, such as that of Zolfaghari and others (2005), and factors of one given slip
+surface.
 
-Factors of bearing capacity in textbooks are empirical or for design. "Impossible" then means that
-no footing of this kind on such ground carries that much, and says nothing of a footing in the
-field.
+Bearing capacity factors in textbooks are empirical, or are meant for design. "Impossible" then
+means that no footing of this kind carries that much on such ground. The verdict does not apply to a
+footing in the field.
 
-The last column of the table of slopes is independent of the other bounds. It is the best log spiral
-of `log_spiral.py`, with NumPy and SciPy alone: an upper bound of homogeneous slopes, with water in
-the pores or without. Without friction the spiral is a slip circle. The script that writes this page
-fails if a lower bound is above it.
+The last column of the table of slopes is independent of the other bounds. It is an upper bound for
+homogeneous slopes, with or without pore water, from the best log spiral that `log_spiral.py` finds
+with only NumPy and SciPy. Without friction the spiral is a slip circle. The script that writes this
+page fails if a lower bound exceeds the log spiral.
 
-Five of the loads were also bounded with another solver, Clarabel (`[solve] conic = "clarabel"`), on
-meshes that it adapted itself. Each of its brackets overlaps the one above:
+For five of the loads another solver, Clarabel (`[solve] conic = "clarabel"`), also computed bounds,
+with its own adaptive meshes. Each of its brackets overlaps the bracket above:
 
 | problem | lower | upper |
 |---|---:|---:|
@@ -114,7 +113,7 @@ meshes that it adapted itself. Each of its brackets overlaps the one above:
 | `footing_nc_20` | 14.82315 | 14.88340 |
 | `footing_at_slope_45` | 3.56258 | 3.57802 |
 
-To check the proofs of a problem, solve it and call the checker, which needs NumPy and h5py alone:
+To check the proofs of a problem, solve it and call the checker, which needs only NumPy and h5py:
 
 ```bash
 ./fenicsx python3 demos/tribunal/tribunal.py --only pruska_01 -o build/tribunal
@@ -154,7 +153,7 @@ def page(
             with_spirals(kinds, solved),
             "\n\n",
             filtered(of_problems(kinds, titles, verdicts, solved)),
-            "\n## Beside what is published\n\n",
+            "\n## Comparison with published bounds and numbers\n\n",
             beside(titles, published, solved),
             EXPLAINED,
             "\n## All numbers\n\nPercentages are above the upper or below the lower bound. The"
@@ -174,8 +173,8 @@ def with_spirals(kinds: Mapping[str, str], solved: Mapping[str, Solved]) -> str:
     rows = [row for name, row in solved.items() if kinds.get(name) == "slopes"]
     found = sum(bool(row.spiral) for row in rows)
     return (
-        f"{found} of {len(rows)} slopes have a log spiral, and no lower bound is above one; the"
-        " other slopes have layers, or water above the surface."
+        f"{found} of {len(rows)} slopes have a log spiral, and no lower bound exceeds it; the other"
+        " slopes have layers, or water above the surface."
     )
 
 
@@ -195,7 +194,7 @@ def in_short(
     widths = {name: width for name, row in solved.items() if (width := row.width) is not None}
     both = Counter(kinds[name] for name in widths if name in kinds)
     said = [
-        f"{len(widths)} of {len(kinds)} problems have bounds on both sides: {both['slopes']}"
+        f"{len(widths)} of {len(kinds)} problems have both bounds: {both['slopes']}"
         f" slopes, {both['ground']} other problems of ground, {both['metal']} of metal.",
         f"Of {len(verdicts)} published numbers {counts[IMPOSSIBLE]} are impossible,"
         f" {counts[POSSIBLE]} possible, {counts[BELOW]} below what associated ground carries for"
@@ -206,17 +205,17 @@ def in_short(
         narrow = 100 * sum(width <= NARROW for width in widths.values()) // len(widths)
         said.insert(
             1,
-            f"The median distance of the two bounds is {median(widths.values()):.2f} %, the largest"
-            f" {max(widths.values()):.2f} %; {narrow} % of the problems have at most {NARROW} %. A"
-            f" problem takes {median(seconds):.0f} s of one core in the median, all together"
+            f"The median distance of the bounds is {median(widths.values()):.2f} %, the largest"
+            f" {max(widths.values()):.2f} %; {narrow} % of the problems have at most {NARROW} %."
+            f" The median time for a problem is {median(seconds):.0f} s on one core, the total time"
             f" {sum(seconds) / 60:.0f} minutes.",
         )
     above = [it.percent for _, it in verdicts if it.word == IMPOSSIBLE and it.percent is not None]
     tiny = sum(it < TINY for it in above)
     if above:
         said.append(
-            f"Impossible numbers are {median(above):.1f} % above the upper bound in the median,"
-            f" and {max(above):.1f} % at most; {tiny} of them by less than {TINY} %."
+            f"Impossible numbers exceed the upper bound by {median(above):.1f} % in the median and"
+            f" by {max(above):.1f} % at most, {tiny} of them by less than {TINY} %."
         )
     return " ".join(said) + "\n"
 
@@ -286,10 +285,17 @@ def beside(
             most = max(ends(it.value)[0] for it in mine)
             spreads.append((name, 100 * (most / least - 1), row.width))
     said = (
-        f"We know published pairs of bounds of {len(pairs)} problems. Our two bounds are closer in"
-        f" {sum(width < theirs for *_, theirs, _, width, _ in pairs)} of them:\n\n"
+        f"We know published pairs of bounds for {len(pairs)} problems. Our bounds are closer"
+        f" together in {sum(width < theirs for *_, theirs, _, width, _ in pairs)} of them:\n\n"
     )
-    heads = ["problem", "published pair", "width, %:", "here", "width, %:", "source of the pair"]
+    heads = [
+        "problem",
+        "published pair",
+        "width, %:",
+        "our pair",
+        "width, %:",
+        "source of the pair",
+    ]
     lines = [
         [titles[name], printed, f"{theirs:.2f}", here, f"{width:.2f}", sources]
         for name, printed, theirs, here, width, sources in pairs
@@ -310,11 +316,11 @@ def beside_numbers(
     ratio = median(spread / width for _, spread, width in finer) if finer else 0
     named = finer[:MOST_NAMED]
     said = (
-        "\nFor the other problems we know no published pair of bounds, only numbers."
-        f" {len(spreads)} problems have numbers of at least three programs, methods or authors. In"
-        f" {len(finer)} of these problems our two bounds are closer to each other than the least"
-        f" and the largest number, by a factor of {ratio:.0f} in the median. Rounding is deducted"
-        f" from the distance of the numbers. These {len(named)} problems have the largest factors;"
+        "\nFor the other problems we know only published numbers."
+        f" {len(spreads)} problems have numbers from at least three programs, methods or authors."
+        f" In {len(finer)} of them our bounds are closer together than the smallest and the largest"
+        f" number, by a factor of {ratio:.0f} in the median. The difference of the numbers excludes"
+        f" their rounding. These {len(named)} problems have the largest factors;"
         " `published.csv` has the sources:\n\n"
     )
     cells = [

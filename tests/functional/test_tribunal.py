@@ -174,7 +174,7 @@ def test_the_page_and_the_verdicts_are_those_of_the_stored_bounds(tmp_path: Path
 def test_the_page_shows_each_problem_and_number(tmp_path: Path) -> None:
     row = Solved("pruska_01", "", "1.21440", "1.22280", "1.22490", "818", "21", "a", "b")
     page = tribunal.page(CASES, PUBLISHED, {"pruska_01": row})
-    assert f"1 of {len(CASES)} problems have bounds on both sides: 1 slopes, 0 other" in page
+    assert f"1 of {len(CASES)} problems have both bounds: 1 slopes, 0 other" in page
     (line,) = (line for line in page.splitlines() if "(../demos/tribunal/pruska_01.toml)" in line)
     assert " | slopes | 1.21440 | 1.22280 | 0.69 | 21 | 2/4/0/0 | 1.22490 |" in line
     assert line.startswith("| ![](pictures/tribunal/pruska_01.png) | ")
