@@ -1,1 +1,1 @@
-"""Collect cells, facets and interfaces of the body of a bound."""
+"""Collect the cells, facets and interfaces of the bodies for strict bounds."""

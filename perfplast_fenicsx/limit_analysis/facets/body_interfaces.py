@@ -1,24 +1,25 @@
-"""Collect the interfaces of the bodies of a bound: pairs of facets, and tractions they can bear.
+"""Collect the interfaces of the bodies for strict bounds: facet pairs and admissible tractions.
 
-The strength of an interface defines the tractions that it bears, for any kind of interface. This
-module defines the facets of an interface, and the unknowns of its jumps.
+For any kind of interface, the strength defines the admissible tractions. This module defines the
+facets of an interface and the unknowns of its jumps.
 
-Define the tractions that a contact can bear, for strict bounds: a yield set of zero thickness.
-A surface bears the tractions r = (r_n, r_t) of
+For strict bounds, the admissible tractions of a contact form a yield set of zero thickness. A
+surface can transmit the tractions r = (r_n, r_t) with
 
     r_n ≤ 0,   ‖r_t‖ ≤ c − μ r_n,
 
 with the adhesion c (stress), Tresca's constant shear stress, and the coefficient of friction μ. Let
-w = v_b − v_a be the jump, with w_n along the normal out of a. If slip followed the normal of that
-set, w_n ≥ μ‖w_t‖ would hold, and the jump would dissipate c‖w_t‖. For the set is the sum of the
-cone ‖r_t‖ ≤ −μ r_n, whose support function is 0 there and ∞ elsewhere, and the disc ‖r_t‖ ≤ c.
+w = v_b − v_a be the jump, with w_n along the outward normal of body a. If slip is normal to the
+set, w_n ≥ μ‖w_t‖, and the jump dissipates c‖w_t‖. The reason is that the set is the sum of the cone
+‖r_t‖ ≤ −μ r_n and the disc ‖r_t‖ ≤ c. The support function of the cone is 0 for such jumps and ∞
+for others.
 
-With μ = 0 slip follows the normal, and both limit theorems hold. With Coulomb's friction, μ > 0, it
-does not, but Drucker's two theorems hold (J. Appl. Mech. 21 (1954), 71). True tractions are in the
-set, so that its upper bound also holds for real slip. True friction dissipates (c + μp)‖w_t‖, no
-less than tractions of the set with μ = 0 do. So the lower bound with c only also holds. If a
-contact declares that slip follows the normal, as for a joint that dilates, both theorems hold for
-the whole set.
+With μ = 0, slip is normal to the set, and both limit theorems hold. With Coulomb's friction, μ > 0,
+slip is not normal to the set, but Drucker's two theorems hold (J. Appl. Mech. 21 (1954), 71). True
+tractions are in the set, so the upper bound of this set also holds for real slip. Real slip
+dissipates (c + μp)‖w_t‖, which is at least the dissipation with μ = 0. So a lower bound with the
+adhesion c alone also holds. If a contact declares associated slip, for example a joint that
+dilates, both theorems hold for the whole set.
 """
 
 from dataclasses import dataclass, replace
@@ -38,19 +39,20 @@ from perfplast_fenicsx.parallel import bounding_box, send_rows
 from perfplast_fenicsx.problem.problem import Problem
 
 REACH = 1e-6
-"""Distance of the midpoints of facets that touch, relative to the size of their surfaces."""
+"""Largest distance between the midpoints of touching facets, relative to the size of their
+surfaces."""
 
 
 def facing_vertices(
     one: Floats, other: Floats, normals: Floats, turned: bool = False
 ) -> tuple[Longs, Floats]:
-    """Return the vertex of the other facet opposite each vertex, and its distance along the facet.
+    """Return the opposite facet's vertex for each vertex, and its distance along the facet.
 
     Args:
         one: Vertices of facets, shape (n, d, d).
         other: Vertices of the opposite facets, shape (n, d, d).
-        normals: Unit normals out of the first ones, shape (n, d).
-        turned: Whether they are sections of rings, which face each other only at equal radii.
+        normals: Outward unit normals of the facets ``one``, shape (n, d).
+        turned: Whether the facets are sections of rings, which face each other only at equal radii.
 
     Returns:
         Shapes (n, d) and (n,) (length).
@@ -70,7 +72,7 @@ def facing_vertices(
 
 
 def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArray[np.bool_]:
-    """Return flags of the facets that coincide with their opposite to rounding, shape (n,).
+    """Return flags of facets that coincide with the opposite facet to rounding, shape (n,).
 
     Args:
         one: Vertices of facets, shape (n, d, d).
@@ -78,7 +80,7 @@ def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArra
         normals: Unit normals of the facets, shape (n, d).
         others: Unit normals of the opposite facets, shape (n, d).
     """
-    # Distance of vertices, relative to the facet, and difference of normals.
+    # Limit for the distance of vertices, relative to the facet, and for the difference of normals.
     rounding = 1e-8
     size = np.ptp(one, axis=1).max(axis=1)
     askew = np.linalg.norm(normals + others, axis=1)
@@ -89,21 +91,18 @@ def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArra
 Flags = npt.NDArray[np.bool_]
 
 FacetRows = npt.NDArray[np.void]
-"""Facets of a surface, rows of :func:`facet_type`."""
+"""Array of a surface's facets, with rows of the type :func:`facet_type`."""
 
 
 def facet_type(gdim: int) -> np.dtype:
-    """Return the type of a row.
+    """Return the data type of a row that describes a facet.
 
     The fields are:
 
-    - ``x``: the midpoint (3 numbers),
-    - ``normal``: the outward unit normal,
-    - ``corners``: the vertices in the order of their global numbers,
-    - ``rank``: the rank that owns the facet,
-    - ``facet`` and ``number``: its local and its global number,
-    - ``held``: flags of the components that supports hold,
-    - ``free``: whether supports leave it free along the normal.
+    - ``x``: the midpoint (3 numbers), - ``normal``: the outward unit normal, - ``corners``: the
+    vertices in the order of their global numbers, - ``rank``: the rank that owns the facet, -
+    ``facet`` and ``number``: its local and its global number, - ``held``: flags of the components
+    that supports prescribe, - ``free``: whether supports leave the facet free along its normal.
     """
     return np.dtype(
         [
@@ -125,12 +124,12 @@ class FacetPairs:
 
     Attributes:
         host: Owned facets whose velocity along the normal becomes a jump, shape (num_pairs,).
-        guest: Unknown along the normal that the jump is relative to, at each of the host's
-            vertices, shape (num_pairs, d); −1 where supports hold the other side.
-        aligned: Flags of components that supports hold on either side, by host, shape (num_pairs,
+        guest: Normal velocity unknown of the opposite facet, to which the jump is relative, at each
+            vertex of the host, shape (num_pairs, d); −1 where supports hold the guest.
+        aligned: Flags of components that supports hold on either side of a host, shape (num_pairs,
             d).
-        turned: Owned facets that are guests, whose normal becomes that of the host.
-        turned_aligned: The flags of ``aligned``, by guest.
+        turned: Owned guest facets, which take over the normal of their host.
+        turned_aligned: The same flags as ``aligned``, for each guest.
         both_held: Whether supports hold components on both sides of any pair of this rank.
     """
 
@@ -151,7 +150,7 @@ def pair_facets(
         comm: The ranks.
         primary: Facets of one surface that this rank owns.
         secondary: Facets of the other surface that this rank owns.
-        turned: Whether they are sections of rings, which match only at equal radii.
+        turned: Whether the facets are sections of rings, which match only at equal radii.
 
     Returns:
         The pairs; None if the surfaces do not match facet by facet.
@@ -169,9 +168,10 @@ def pair_facets(
 
 
 def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
-    """Send pairs to the owners of both facets. Collective.
+    """Send each pair to the ranks that own its facets. Collective.
 
-    The host is the first facet, unless supports hold more of its components than of the other's.
+    The host is the facet of the first surface, unless supports hold more components of it than of
+    the opposite facet.
     """
     gdim = order.shape[1]
     flags = ("aligned", np.bool_, gdim)
@@ -204,13 +204,13 @@ def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) ->
 
 @dataclass(frozen=True)
 class ContactStrength:
-    """The set of one contact or obstacle.
+    """The set of tractions that a contact or an obstacle can transmit.
 
     Attributes:
         adhesion: Adhesion c ≥ 0 (stress).
         friction: Coefficient μ ≥ 0.
-        associated: Whether slip follows the normal of the set.
-        reduced: Whether a factor of safety divides both.
+        associated: Whether slip is normal to the set.
+        reduced: Whether a factor of safety divides the adhesion and the friction coefficient.
     """
 
     adhesion: float
@@ -220,7 +220,7 @@ class ContactStrength:
 
     @property
     def loose(self) -> bool:
-        """Whether it can slip and separate without dissipation."""
+        """Whether the surfaces can slip and separate without dissipation."""
         return self.friction > 0 and self.adhesion == 0
 
 
@@ -245,9 +245,9 @@ class Interface:
     """A pair of bodies, or a body and an obstacle, that cannot penetrate each other.
 
     Attributes:
-        surfaces: Names of the surfaces, that of the primary body first; one for an obstacle.
-        strength: Tractions that the interface bears.
-        obstacle: The obstacle; None between bodies.
+        surfaces: Names of the surfaces, the primary surface first; a single name for an obstacle.
+        strength: Tractions that the interface can transmit.
+        obstacle: The obstacle; None for an interface between bodies.
         into: Unit normal into the obstacle if it is a half space, shape (d,); otherwise None.
         dilation: Coefficient μ if bodies separate as they slip, otherwise 0.
     """
@@ -261,25 +261,27 @@ class Interface:
 
 @dataclass(eq=False)
 class InterfaceFacets:
-    """Interfaces on the local facets, ghosts included.
+    """Interface data of the local facets, including ghosts.
 
     Attributes:
-        axes: Directions of a facet's components, shape (num_facets, d, d). On surfaces in contact
-            and on roller supports the first one is along the normal.
+        axes: Directions of the components on each facet, shape (num_facets, d, d). On contact
+            surfaces and roller supports, the first direction is the normal.
         held: Flags of the components that supports hold, shape (num_facets, d).
         hosts: Owned facets whose first component is a jump.
-        twins: Unknowns that the jumps are relative to, −1 for none, shape (num_facets, d, d): for
-            the components at each vertex, only for the first component without friction.
+        twins: Unknowns to which the jumps are relative, −1 for none, for each component at each
+            vertex, shape (num_facets, d, d). Without friction, only the first component is a jump.
         in_contact: Owned facets of surfaces in contact.
-        adhesion: Shear stress that slip has to overcome on a host facet, shape (num_facets,).
+        adhesion: Shear strength that resists slip on a host facet (stress), shape (num_facets,).
         friction: Coefficient μ on host facets that separate as they slip, shape (num_facets,); 0 on
-            others. In the plane their two components are the jumps a and b of
+            other facets. In two dimensions, the components on these facets are the jumps a and b of
             :mod:`entering`.
-        rubbing: Owned facets of both sides with shear tractions by such a resistance.
-        oblique: Whether supports hold any surface obliquely to its normal, on this rank.
+        rubbing: Owned facets, on both sides of interfaces, with shear tractions from adhesion or
+            friction.
+        oblique: Whether supports hold any contact surface of this rank in a direction oblique to
+            its normal.
         matched: Whether all surfaces match facet by facet.
-        both_held: Whether supports hold surfaces with friction, on both sides or along their
-            normal.
+        both_held: Whether supports hold both sides of a surface with friction, or such a surface
+            along its normal.
     """
 
     axes: Floats
@@ -299,14 +301,15 @@ class InterfaceFacets:
         """Return the data of facets without any interface.
 
         Args:
-            held: Components that supports hold, shape (num_facets, d).
-            guided: Further directions that are held, 0 for none, shape (num_facets, d).
+            held: Flags of components that supports hold, shape (num_facets, d).
+            guided: Further directions along which supports hold facets, 0 for none, shape
+                (num_facets, d).
         """
         count, d = held.shape
         axes, held = np.tile(np.eye(d), (count, 1, 1)), held.copy()
         along = np.where(held, 0.0, guided)
         sizes = np.linalg.norm(along, axis=1, keepdims=True)
-        # directions that roller supports add to the others, except for rounding
+        # directions from roller supports whose size exceeds rounding
         on = np.flatnonzero(sizes > 1e-9)
         axes[on], held[on] = turned_axes(along[on] / sizes[on], held[on], np.zeros_like(held[on]))
         held[on, 0] = True
@@ -358,7 +361,7 @@ class InterfaceFacets:
 
     def _free(self, on: Ints, normal: Floats) -> Flags:
         """Return flags of the facets that supports leave free along a normal."""
-        along = 1e-10  # component of a unit normal that is rounding
+        along = 1e-10  # largest component of a unit normal that counts as zero
         part = np.linalg.norm(np.where(self.held[on], 0.0, normal), axis=1)
         free: Flags = part > along
         self.oblique |= bool((free & (part < 1 - along)).any())
@@ -368,7 +371,7 @@ class InterfaceFacets:
         self.axes[on], self.held[on] = turned_axes(normal, self.held[on], aligned)
 
     def _rub(self, host: Longs, interface: Interface, *others: Longs) -> bool:
-        """Give facets adhesion or friction, and return whether they have any."""
+        """Set the adhesion of facets; return whether they have adhesion or associated slip."""
         adhesion = interface.strength.adhesion
         rubs = adhesion > 0 or interface.dilation > 0
         if rubs:
@@ -377,7 +380,7 @@ class InterfaceFacets:
         return rubs
 
     def _dilate(self, host: Longs, friction: float, *others: Longs) -> None:
-        """Let facets separate as they slip; in the plane w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
+        """Let facets separate as they slip; in 2D, w = a(n/2 + t/2μ) + b(n/2 − t/2μ)."""
         if friction > 0:
             self.friction[host] = friction
             for on in (host, *others):
@@ -388,7 +391,7 @@ class InterfaceFacets:
 
 
 def by_friction_alone(problem: Problem) -> bool:
-    """Return whether surfaces have friction that is not associated, and no adhesion."""
+    """Return whether any surface has nonassociated friction and no adhesion."""
     found = [it for it in interfaces_of(problem) if it.dilation == 0]
     return any(it.strength.loose for it in found)
 
@@ -407,7 +410,7 @@ def interfaces_of(problem: Problem) -> tuple[Interface, ...]:
 
 
 def _rows(problem: Problem, facets: FacetGeometry, on: Ints, held: Flags, free: Flags) -> FacetRows:
-    """Return facets as rows that are exchanged for matching."""
+    """Return facets as rows that the ranks exchange for matching."""
     rows = np.zeros(len(on), dtype=facet_type(facets.tdim))
     rows["corners"] = facets.corners(on)
     rows["x"][:, : facets.tdim] = rows["corners"].mean(axis=1)

@@ -1,14 +1,14 @@
-"""Read the bodies of a strict bound from a problem, with their loads, as arrays of a rank.
+"""Convert the bodies and loads of a problem to a rank's arrays for strict bounds.
 
 Supports, loads and interfaces determine the conditions on cells and on the tractions of each facet.
 Stress and velocity programs, error indicators, the division of corners and the proof file use them.
 
-Let all velocities on facets of rigid surfaces follow a few unknowns.
-For a body that is glued to such a surface, only force and moment of the tractions are known. So the
-multiplier of the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. ω is
-divided by the surface's extent, to have the units of the other unknowns. These 3 unknowns (6 in
-space) replace the first ones of one of its facets. The remaining unknowns there, and on its other
-facets, are zero.
+A few unknowns determine all velocities on the facets of a rigid surface. If a body is tied to a
+rigid surface, only the resultant force and moment of the tractions are known. So the multiplier of
+the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. A division of ω by
+the extent of the surface gives ω the units of the other unknowns. These 3 unknowns (6 in three
+dimensions) replace the first unknowns of one facet of the surface. The remaining unknowns of this
+facet, and the unknowns of the other facets of the surface, are zero.
 """
 
 from collections.abc import Sequence
@@ -54,21 +54,21 @@ from perfplast_fenicsx.problem.once import once_a_problem
 from perfplast_fenicsx.problem.problem import Problem
 
 MANY = np.iinfo(np.int64).max
-"""Facet number that is on no rank."""
+"""Facet number that no rank uses."""
 
 
 @dataclass(frozen=True, eq=False)
 class RigidFacets:
-    """Free rigid surfaces as facets of this rank.
+    """Facets of free rigid surfaces on this rank, and the unknowns of these surfaces.
 
     Attributes:
         names: Names of the surfaces.
         surface: Number of the surface of each local facet, −1 for none.
-        lead: Global number of the facet that has the unknowns of each surface.
-        free: 1 for existing unknowns and 0 for others, shape (num_surfaces, 3 or 6).
+        lead: For each surface, the global number of the facet whose unknowns are its rigid motion.
+        free: 1 for unknowns that can move and 0 for others, shape (num_surfaces, 3 or 6).
         middle: Centre c, shape (num_surfaces, d).
         extent: Length by which rotations are scaled.
-        area: Area of each surface; in axisymmetry that of the full turn.
+        area: Area of each surface; in axisymmetry, the area of the full turn.
     """
 
     names: tuple[str, ...]
@@ -80,7 +80,7 @@ class RigidFacets:
     area: Floats
 
     def resultants(self, forces: Floats, moments: Floats) -> Floats:
-        """Return the loads of the unknowns, shape (num_surfaces, 3 or 6).
+        """Return the loads on the unknowns, shape (num_surfaces, 3 or 6).
 
         Args:
             forces: Forces on each surface, shape (num_surfaces, d).
@@ -91,7 +91,7 @@ class RigidFacets:
         return found
 
     def follow(self, number: int, x: Floats) -> Floats:
-        """Return the velocities of points of a surface as linear functions of its unknowns.
+        """Return the matrices from a surface's unknowns to the velocities of points.
 
         Args:
             number: Number of the surface.
@@ -110,14 +110,14 @@ class RigidFacets:
     def followers(
         self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
     ) -> Followers:
-        """Return cells at rigid surfaces. Collective.
+        """Return the cells at rigid surfaces, and how their unknowns follow. Collective.
 
         Args:
             comm: The ranks.
             numbers: Numbers of the facets.
             vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
-            nodes: Nodes of a facet; more than its vertices in axisymmetry, where no surface
-                rotates.
+            nodes: Number of nodes of a facet; in axisymmetry, where no surface rotates, more than
+                its vertices.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
         others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
@@ -127,8 +127,8 @@ class RigidFacets:
         for number in range(count):
             at, side = np.nonzero(of_cells[cells] == number)
             x = vertices[cells[at][:, None], others[side]]
-            # a vertex has area/d of its traction, at the point where this is the integral of its
-            # linear function
+            # the traction at a vertex acts on area/d, at the point for which this product is the
+            # integral of the linear traction function of the vertex
             x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
             x = np.concatenate([x, np.tile(x.mean(axis=1, keepdims=True), (nodes - d, 1))], axis=1)
             follow = self.follow(number, x.reshape(-1, d)).reshape(-1, nodes, d, unknowns)
@@ -180,18 +180,18 @@ BENT = "a formula that is not linear"
 
 @dataclass(frozen=True, eq=False)
 class FacetLoads:
-    """Loads on cells and facets; with pore pressure, stresses are effective stresses.
+    """Loads on cells and facets; with a pore pressure, stresses are effective stresses.
 
     Attributes:
         tractions: Cartesian tractions at the vertices in the facets' own order, shape (num_facets,
             d, d).
         forces: Forces per volume, shape (num_cells, d).
         pores: Pore pressure at the vertices of each cell, shape (num_cells, d + 1).
-        wet: Whether any of the loads is a pore pressure.
+        wet: Whether any load is a pore pressure.
         rigid_forces: Forces on free rigid surfaces, shape (num_surfaces, d).
         rigid_moments: Moments of these forces about the origin, shape (num_surfaces, 1 or 3).
-        resultants: The same in the surfaces' unknowns (:meth:`RigidFacets.resultants`).
-        on_rigid: Largest resultant over the area of its surface.
+        resultants: These loads on the unknowns of the surfaces (:meth:`RigidFacets.resultants`).
+        on_rigid: Largest resultant divided by the area of its surface (stress).
     """
 
     tractions: Floats
@@ -204,15 +204,16 @@ class FacetLoads:
     on_rigid: float
 
     def pushes(self, slopes: Floats, volumes: Floats) -> tuple[Floats, Floats]:
-        """Return the forces of a pore pressure u: u n around each cell, and −∇u inside it.
+        """Return the forces of a pore pressure u: u n on the facets, −∇u inside each cell.
 
         Args:
             slopes: Gradients ∇φ of the barycentric coordinates, shape (num_cells, d + 1, d).
             volumes: Volumes of the cells.
 
         Returns:
-            Forces of the facet opposite each vertex, divided among its vertices in the order of the
-            cell's, shape (num_cells, d + 1, d, d); and forces in each cell, shape (num_cells, d).
+            Forces on the facet opposite each vertex, divided among the vertices of the facet in the
+            cell's order, shape (num_cells, d + 1, d, d); and forces in each cell, shape (num_cells,
+            d).
         """
         corners = range(slopes.shape[1])
         around = [[v for v in corners if v != facet] for facet in corners]
@@ -222,10 +223,11 @@ class FacetLoads:
         return on_facets, inside
 
     def largest(self, extent: float) -> float:
-        """Return the order of the stress that the loads cause on this rank.
+        """Return the order of magnitude of the stress that the loads cause on this rank.
 
-        It is the sum of the largest traction and pressure, of the weight of a column, and of the
-        largest resultant of a rigid surface over its area.
+        The result is the sum of the largest traction, the largest pore pressure, the largest force
+        per volume times the extent, and the largest resultant of a rigid surface divided by its
+        area.
 
         Args:
             extent: Extent of the bodies.
@@ -239,11 +241,11 @@ class FacetLoads:
 def loads_of(
     problem: Problem, facets: FacetGeometry, rigid: RigidFacets, loads: Sequence[Load]
 ) -> tuple[FacetLoads, str | None]:
-    """Return sums of loads, and the load that is not linear, in words. Collective.
+    """Return the sums of loads, and a phrase on the first nonlinear load or None. Collective.
 
     Args:
         problem: The bodies.
-        facets: Geometry of their facets.
+        facets: Geometry of the facets of the bodies.
         rigid: Facets of rigid surfaces.
         loads: Loads of kinds that strict bounds support.
     """
@@ -305,24 +307,24 @@ HELD = "supports hold surfaces that rub or touch, of both sides or along their n
 
 @dataclass(frozen=True, eq=False)
 class BoundBody:
-    """The local facets, ghosts too, and this rank's cells.
+    """Data of the local facets, including ghosts, and of this rank's cells.
 
     Attributes:
         numbers: Numbers of the facets.
         geometry: Geometry of the outer facets.
         vertices: Vertices of the owned cells, in the order of their geometry, shape (num_cells, d +
             1, d).
-        supported: Cartesian components that supports hold, shape (num_facets, d); without free
-            rigid surfaces.
+        supported: Flags of the Cartesian components that supports hold, shape (num_facets, d);
+            False on free rigid surfaces.
         guided: Unit vectors along which roller supports hold facets, 0 for none, shape (num_facets,
             d).
         live: Loads that ζ multiplies, at ζ = 1.
         dead: Permanent loads.
-        rigid: Facets of surfaces that move as rigid ones.
+        rigid: Facets of free rigid surfaces.
         interfaces: Contacts, followed by obstacles.
-        facets: Supports and interfaces of the facets, also of rigid surfaces.
-        why_not: Reasons why results do not hold for the body.
-        prevents: Reason why there can be no result; None without one.
+        facets: Supports and interfaces of the facets, including facets of rigid surfaces.
+        why_not: Reasons why results do not hold for the true bodies.
+        prevents: Reason why no result is possible; None if a result is possible.
         turned: Whether the bodies are of revolution.
     """
 
@@ -343,7 +345,7 @@ class BoundBody:
 
 @once_a_problem
 def bound_body(problem: Problem) -> BoundBody:
-    """Return the bodies of a problem, which are read once and kept with it. Collective."""
+    """Return the bodies of a problem, computed once for each problem. Collective."""
     mesh, given = problem.tagged_mesh.mesh, problem.given
     tdim = mesh.topology.dim
     numbers = facet_numbers(mesh)
@@ -394,7 +396,7 @@ def bound_body(problem: Problem) -> BoundBody:
 
 
 def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
-    """Return directions along which roller supports hold facets, the same on all ranks.
+    """Return the directions along which roller supports hold facets, equal on all ranks.
 
     Collective.
     """
@@ -410,7 +412,7 @@ def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
 
 
 def _held(problem: Problem, facets: FacetGeometry) -> Flags:
-    """Return the Cartesian components that supports hold, the same on all ranks. Collective."""
+    """Return flags of the components that supports hold, equal on all ranks. Collective."""
     tdim = facets.tdim
     flags = la.vector(facets.index_map, tdim)
     array = flags.array.reshape(-1, tdim)

@@ -1,8 +1,8 @@
 """Match facets of surfaces in contact, and evaluate jumps of a velocity on them.
 
-Evaluate jumps of a velocity on the flat faces of contact, as the checker of a proof does.
-The jump w of a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein
-coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b.
+The module evaluates jumps on flat contact faces in the same way as the proof checker. The jump w of
+a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein coefficients are
+its values at the vertices, and 2 w_m − (w_a + w_b)/2 at a midside node m between a and b.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class ContactFacets:
-    """Contact facets of this rank's cells, ghosts too, of dimension d − 1.
+    """Contact facets of this rank's cells, including ghosts.
 
     Attributes:
         nodes: Nodes of each facet, its vertices first, shape (num_facets, num_nodes).
@@ -36,9 +36,9 @@ class ContactFacets:
             shape (num_facets, num_edges); no columns for linear elements.
         cells: Cells of the facets.
         sides: Local vertex opposite to each facet.
-        areas: Areas; in axisymmetry those of the full turn of the facets' midpoints; 0 where
-            another rank owns the cell.
-        normals: Unit normals out of the cells, shape (num_facets, d).
+        areas: Areas; in axisymmetry, areas for the full turn at the radius of the facet's midpoint;
+            0 where another rank owns the cell.
+        normals: Unit normals that point out of the cells, shape (num_facets, d).
         tags: Tags of the surfaces.
     """
 
@@ -51,7 +51,7 @@ class ContactFacets:
     tags: Ints
 
     def edges(self, chosen: PairFlags | slice = slice(None)) -> Ints:
-        """Return midside node and end nodes of each edge of chosen facets, shape (num_edges, 3)."""
+        """Return the midside and end nodes of each edge of chosen facets, shape (num_edges, 3)."""
         nodes, middles = self.nodes[chosen], self.middles[chosen]
         d = self.normals.shape[1]
         between = np.take_along_axis(nodes, middles, axis=1)
@@ -64,7 +64,7 @@ class ContactFacets:
 
 @once_a_problem
 def contact_facets(problem: Problem) -> ContactFacets:
-    """Return the contact facets. Collective."""
+    """Return the contact facets of a problem. Collective."""
     V, tagged_mesh = problem.V, problem.tagged_mesh
     topology = V.mesh.topology
     tdim = topology.dim
@@ -100,7 +100,7 @@ def contact_facets(problem: Problem) -> ContactFacets:
 
 
 def _middles(x: Floats, tdim: int) -> Ints:
-    """Return the columns of the nodes between each two vertices.
+    """Return the columns of the midside nodes, one for each pair of vertices.
 
     Args:
         x: Coordinates of the nodes of facets, shape (num_facets, num_nodes, 3).
@@ -115,10 +115,11 @@ def _middles(x: Floats, tdim: int) -> Ints:
 
 
 SAME = 1e-9
-"""Normals whose components differ by less are equal."""
+"""Normals whose components differ by less than this number count as equal."""
 
 UNSEEN = 5e-13
-"""Penetration, relative to the velocities at a facet, that is allowed: half of the checker's limit.
+"""Largest allowed penetration rate, relative to the velocities at a facet: half of the checker's
+limit.
 """
 
 
@@ -128,15 +129,18 @@ class FaceJumps:
 
     Attributes:
         source: Number of the contact or obstacle among the sources of constraints.
-        normal: Normal of its pairs, shape (d,); a jump along it is positive where bodies penetrate.
+        normal: Normal of the pairs on the face, shape (d,); a jump along the normal is positive
+            where bodies penetrate.
         here: Flags of the contact facets (:func:`contact_facets`) on the face.
-        moves: Flags of local nodes without a pair of this face that supports do not hold
-            completely.
-        w: Bernstein's coefficients of the jump at local nodes, shape (num_nodes, d); 0 where
-            supports prevent penetration.
-        along: Components along the facets' own normals, shape (here.sum(), num_nodes_of_facet).
-        across: Norms of the remaining components, same shape.
-        speeds: Largest velocity component on each facet and the opposite one, shape (here.sum(),).
+        moves: Flags of local nodes that have no pair of this face and are not completely held by
+            supports.
+        w: Bernstein coefficients of the jump at local nodes, shape (num_nodes, d); 0 where supports
+            prevent penetration.
+        along: Components of the jump along the facets' own normals, shape (here.sum(),
+            num_nodes_of_facet).
+        across: Norms of the tangential components of the jump, same shape.
+        speeds: Largest velocity component on each facet and its opposite facet, shape
+            (here.sum(),).
     """
 
     source: int
@@ -149,7 +153,7 @@ class FaceJumps:
     speeds: Floats
 
     def entered(self, friction: float = 0.0) -> float:
-        """Return the largest relative penetration here, or lack of separation for the slip.
+        """Return the largest relative penetration, or shortfall of separation for the slip.
 
         Args:
             friction: Coefficient μ of Coulomb's friction with associated slip.
@@ -164,7 +168,7 @@ def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        velocity: Velocity with updated ghosts.
+        velocity: Velocity whose ghosts are up to date.
     """
     faces = flat_faces(problem)
     if faces is None or not len(faces):
@@ -194,7 +198,7 @@ def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
 
 @once_a_problem
 def has_pair(problem: Problem) -> PairFlags:
-    """Return flags of the local nodes, ghosts too, that have a pair. Collective."""
+    """Return flags of the local nodes, including ghosts, that have a pair. Collective."""
     every = np.ones(len(problem.constraints.host), dtype=bool)
     return at_nodes(problem, np.zeros(len(every)), every)[1]
 
@@ -218,11 +222,12 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
-    """Return the least value by which velocities at facets count. Collective.
+    """Return the lower limit of the speeds that jumps are divided by. Collective.
 
-    Jumps below the rounding of the largest velocity count as zero, however slow a body itself is.
+    With this limit, rounding errors of the largest velocity do not count as penetration of slow
+    bodies.
     """
-    slowest = 1e-8  # share of the largest velocity, as in the checker of jumps
+    slowest = 1e-8  # share of the largest velocity, as in the proof checker
     mine = float(np.abs(velocity.x.array).max(initial=0.0))
     return slowest * float(problem.comm.allreduce(mine, MPI.MAX))
 
@@ -243,25 +248,25 @@ def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
 
 @once_a_problem
 def flat_faces(problem: Problem) -> Floats | None:
-    """Return (number of the contact, normal) of all pairs; None if there are too many. Collective.
+    """Return the distinct (contact number, normal) of all pairs; None if too many. Collective.
 
     Surfaces with too many different normals are not flat.
     """
     constraints = problem.constraints
     mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
-    most_faces = 64  # directions of contact beyond which surfaces count as curved
+    most_faces = 64  # surfaces with more different normals count as curved
     faces = _distinct(np.concatenate(problem.comm.allgather(mine[: most_faces + 1])))
     return faces if len(faces) <= most_faces else None
 
 
 def rows_of(problem: Problem, face: Floats) -> PairFlags:
-    """Return flags of the pairs of a flat face."""
+    """Return flags of the pairs that belong to a flat face."""
     rows = np.column_stack([problem.constraints.surface, problem.constraints.normal])
     return np.asarray((np.abs(rows - face) <= SAME).all(axis=1))
 
 
 def _distinct(rows: Floats) -> Floats:
-    """Return one row of each set of rows that are equal to rounding."""
+    """Return one row from each set of rows that are equal to rounding."""
     _, first = np.unique(np.round(rows / SAME / 100), axis=0, return_index=True)
     return rows[first]
 
@@ -293,11 +298,11 @@ def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats
 
 @dataclass(frozen=True, eq=False)
 class MatchedFacets:
-    """Pairs of facets, each on one rank; nodes are vertices and then, in order, midsides.
+    """Pairs of facets, each on one rank; nodes are the vertices, followed by the midsides.
 
     Attributes:
         first: Global numbers of the primary facet's nodes, shape (n, num_nodes).
-        second: Global numbers of the opposite nodes, in the same order.
+        second: Global numbers of the nodes opposite ``first``, in the same order.
         held_first: Flags of components that supports hold, shape (n, num_nodes, d).
         held_second: The same for the opposite nodes.
         normals: Unit normals out of the primary body, shape (n, d).
@@ -315,7 +320,7 @@ class MatchedFacets:
     speeds: Floats
 
     def edges(self) -> list[tuple[int, int]]:
-        """Return pairs of vertex positions between which the midsides lie, in their order."""
+        """Return the two vertex positions at the ends of each midside's edge, in order."""
         d = self.normals.shape[1]
         return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
 
@@ -328,7 +333,7 @@ class MatchedFacets:
         return found
 
     def entered(self) -> float:
-        """Return the largest penetration relative to the velocities of its facet, on this rank."""
+        """Return this rank's largest penetration, relative to the velocities at its facet."""
         most = self.coefficients().max(axis=1, initial=0.0)
         found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
         return float(found.max(initial=0.0))
@@ -341,7 +346,7 @@ def matched_facets(
 
     Args:
         problem: The bodies and their contact, on straight cells.
-        displacement: Displacement of the jumps; zero by default.
+        displacement: Displacement from which jumps are computed; zero by default.
 
     Returns:
         A list with an entry for each contact; None if facets of a contact do not match.
@@ -383,7 +388,7 @@ def matched_facets(
 
 
 def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np.void]:
-    """Return owned facets in contact as rows that are exchanged between ranks. Collective."""
+    """Return the owned contact facets as rows that the ranks exchange. Collective."""
     facets = contact_facets(problem)
     gdim = facets.normals.shape[1]
     middles = np.take_along_axis(facets.nodes, facets.middles, axis=1)
@@ -415,7 +420,7 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
 
 
 def _with_midsides(order: Longs, count: int) -> Longs:
-    """Return the order of all nodes, given that of the vertices."""
+    """Return the order of all nodes, given the order of the vertices."""
     d = order.shape[1]
     place = np.zeros((d, d), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
@@ -432,17 +437,17 @@ Record = npt.NDArray[np.void]
 
 @dataclass(frozen=True, eq=False)
 class FacingNodes:
-    """Pairs of nodes, each on the rank that owns the first node.
+    """Pairs of opposite nodes; the rank that owns the first node has the pair.
 
     Attributes:
         nodes: Global numbers of both nodes, shape (n, 2).
-        ends: For midsides the pairs at both ends of their edge, −1 for vertices, shape (n, 2, 2).
+        ends: For midsides, the pairs at both ends of the edge, shape (n, 2, 2); −1 for vertices.
         held: Flags of components that supports hold at either node, shape (n, 2, d).
-        normals: Normals of all facets out of the first node's body, shape (n, most, d); without
-            components that supports hold on both sides.
+        normals: Normals of all facets around the pair, out of the first node's body, shape (n,
+            most, d); components that supports hold on both sides are zero.
         known: Flags of the existing normals, shape (n, most).
-        contact: Smallest number of the contacts that the pair belongs to, shape (n,).
-        crowded: Whether either node faces others as well, shape (n,).
+        contact: Smallest number among the contacts to which the pair belongs, shape (n,).
+        crowded: Whether either node belongs to several pairs, shape (n,).
     """
 
     nodes: Longs
@@ -458,7 +463,7 @@ class FacingNodes:
 
 
 def owners(problem: Problem, nodes: Longs) -> Longs:
-    """Return the ranks that own nodes, given by their global numbers. Collective."""
+    """Return the ranks that own the nodes with given global numbers. Collective."""
     ends = np.cumsum(problem.comm.allgather(problem.V.dofmap.index_map.size_local))
     found: Longs = np.searchsorted(ends, nodes, side="right")
     return found
@@ -512,7 +517,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
     rows["normal"] = facets.normals[:, None]
     for node, edge in enumerate(facets.edges(), start=gdim):
         rows["ends"][:, node] = pairs[:, list(edge)]
-    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # the same pair from either side
+    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # same pair from both sides
     for name, axis in (("nodes", -1), ("ends", -1), ("held", -2)):
         rows[name][swapped] = np.flip(rows[name][swapped], axis=axis)
     rows["normal"][swapped] *= -1.0
@@ -520,7 +525,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
 
 
 def _crowded(problem: Problem, nodes: Longs) -> Flags:
-    """Return whether either node of a pair is in several pairs. Collective."""
+    """Return whether either node of each pair is in several pairs. Collective."""
     asked = Exchange(problem.comm, owners(problem, nodes.ravel()))
     there = asked.forward(nodes.ravel())
     _, of, times = np.unique(there, return_inverse=True, return_counts=True)

@@ -1,9 +1,10 @@
-"""Enclose pore pressures that are not linear in each cell between functions that are.
+"""Enclose pore pressures between functions that are linear in each cell.
 
-A stress in equilibrium whose effective part σ + uδ is within yield shows that the loads are also
-carried with any smaller pressure, since compression takes ground no nearer to yield. In a mechanism
-the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller pressure does no more. So a lower
-bound takes the pressure from above, an upper bound from below, and both are strict.
+Suppose that a stress is in equilibrium and its effective stress σ + uδ is within yield. Then the
+bodies also carry the loads with any smaller pressure, since compression never brings ground closer
+to yield. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller pressure
+does at most this work. Therefore a lower bound uses linear pressures above the given ones, and an
+upper bound uses linear pressures below them. Both bounds are strict.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,18 +33,19 @@ from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
-"""Laws whose stresses remain within yield when a pressure is added to them."""
+"""Laws for which a stress within yield remains within yield when a compressive pressure is
+added."""
 
 
 def with_enclosed_pores(problem: Problem, side: str) -> Problem:
-    """Return the problem with linear pressures on one side of the given ones. Collective.
+    """Return the problem with linear pressures above or below the given ones. Collective.
 
-    If all are linear, the problem itself is returned. The same holds if loads grow: one proof then
-    has both bounds, and thus the same loads.
+    The function returns the problem itself if all pressures are linear. It also does so if loads
+    grow, because one proof with the same loads then contains both bounds.
 
     Args:
         problem: The bodies and their loads.
-        side: "above" or "below": the side of the linear functions.
+        side: "above" or "below": the side of the given pressures on which the linear functions lie.
     """
     bent = _bent(problem)
     if not bent:
@@ -66,14 +68,14 @@ def on_kinks(
     loads: Sequence[Load],
     strengths: Sequence[tuple[str, SpatialField]] = (),
 ) -> npt.NDArray[np.bool_]:
-    """Return flags of the local vertices where the slope of a pressure or strength changes.
+    """Return flags of local vertices where the gradient of a pressure or strength jumps.
 
     Collective.
 
     Args:
         tagged_mesh: Mesh of straight cells.
-        loads: Loads of any kind; only pore pressures count.
-        strengths: Names of volumes with their fields.
+        loads: Loads of any kind, of which the function uses only pore pressures.
+        strengths: Names of volumes, each with a strength field.
     """
     mesh = tagged_mesh.mesh
     index_map = mesh.topology.index_map(0)
@@ -101,18 +103,18 @@ def on_kinks(
         sums.scatter_forward()
         spread = table[:, :1] * table[:, 1 + d :] - table[:, 1 : 1 + d] ** 2
         largest = tagged_mesh.mesh.comm.allreduce(np.abs(slopes).max(initial=0.0), MPI.MAX)
-        noticed = 1e-6  # share of the largest slope, far above the rounding of small cells
+        noticed = 1e-6  # share of the largest gradient, far above rounding in small cells
         found |= (spread > (noticed * largest) ** 2 * table[:, :1] ** 2).any(axis=1)
     return found
 
 
 def _low(field: SpatialField, corners: Floats) -> Floats:
-    """Return the values at vertices of linear functions below a strength in cells."""
+    """Return the vertex values of linear functions that are below a strength in cells."""
     return field.between(corners, "a strength")[0]
 
 
 def _bent(problem: Problem) -> list[Load]:
-    """Return the pore pressures that are not linear in each cell but can be enclosed.
+    """Return the pore pressures that are not linear in each cell and can be enclosed.
 
     Collective.
     """

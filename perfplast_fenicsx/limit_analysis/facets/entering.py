@@ -1,27 +1,29 @@
-"""Formulate contact on facets, and check whether a mechanism penetrates another body there.
+"""Formulate contact on facets, and check whether a mechanism penetrates contact facets.
 
 The jump w of a quadratic velocity along a fixed normal is quadratic on a facet. Its Bernstein
-coefficients are those at the vertices and 2 w_m − (w_a + w_b)/2 at a midside m between a and b. If
-no coefficient is positive, w is nowhere positive. It is not enough that three nodes do not
-penetrate: the values 0, 0 and −1 at one end, the middle and the other end give 1/8 in between.
+coefficients are its values at the vertices, and 2 w_m − (w_a + w_b)/2 at a midside node m between a
+and b. If no coefficient is positive, w is nowhere positive. Nodal values that are not positive are
+not sufficient: the values 0, 0 and −1 at one end, the middle and the other end of an edge give w =
+1/8 between the nodes.
 
-Formulate contact on facets, so that mechanisms penetrate no facet of a curved surface.
-Nodes of curved surfaces have an averaged normal. A velocity that satisfies it penetrates facets
-beside the node. Here a pair of nodes has a cone of at most d directions around the normals of all
-its facets, and at midsides Bernstein's coefficient of the jump has it. So no facet is penetrated
-anywhere. If that would take more unknowns than nodes have, as where three bodies meet, their nodes
-move together. This reduces the number of mechanisms, but the least load of any mechanism remains an
-upper bound.
+:func:`with_facet_contact` prevents penetration of all facets of curved surfaces. Nodes of curved
+surfaces have an averaged normal, and a velocity without penetration along this normal can still
+penetrate the adjacent facets. The function therefore gives each pair of nodes a cone of at most d
+directions around the normals of all facets at the pair. The constraints act on the jump along these
+directions, at midsides on its Bernstein coefficient. Then the mechanism penetrates no facet
+anywhere. If this needs more unknowns than the nodes have, for example where three bodies meet, the
+nodes move together. This reduces the number of mechanisms, but the load of each remaining mechanism
+is still an upper bound.
 
-Make slip with Coulomb's friction follow the normal of its cone, by bounds of the jumps. Surfaces
-that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In the plane these are two
-bounds, with the jump s = −w_n along the normal,
+:func:`with_associated_slip` makes slip with Coulomb's friction normal to the friction cone.
+Surfaces that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In two dimensions,
+this condition is a pair of bounds, with the jump s = −w_n along the normal,
 
     a = s + μ w_t ≤ 0,   b = s − μ w_t ≤ 0,
 
-where a and b replace s and w_t as unknowns. In space the cone is not a wedge. There the mechanisms
-of the search neither slip nor separate. This reduces their number, but the least load of any
-mechanism remains an upper bound.
+where a and b replace s and w_t as unknowns. In three dimensions, the cone is not a wedge, and the
+function lets surfaces with friction neither slip nor separate. This reduces the number of
+mechanisms, but the load of each remaining mechanism is still an upper bound.
 """
 
 from dataclasses import replace
@@ -70,25 +72,25 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 NARROWEST = 0.02
-"""Tangent of the smallest angle of a cone, so that its directions form a basis."""
+"""Tangent of the smallest angle of a cone; with this angle, the directions form a basis."""
 
 
 def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[Floats, Ints]:
-    """Return cones of at most d directions around given ones.
+    """Return cones of at most d directions that enclose given directions.
 
-    One direction, or two in a plane, are taken as they are, except if their angle is too small.
-    More directions in space are enclosed by the smallest of several triangles around their ends on
-    a plane.
+    A single direction, or two directions in a plane, are the result themselves unless their angle
+    is too small. Around more directions in three dimensions, the function chooses the smallest of
+    several triangles that enclose the intersections of the directions with a plane.
 
     Args:
-        directions: Directions, shape (n, most, d); zero where there is none.
+        directions: Directions, shape (n, most, d); zero vectors fill missing directions.
         known: Flags of the existing directions, shape (n, most).
 
     Returns:
-        Unit vectors b, shape (n, d, d), and their number, shape (n,); −1 where the given directions
-        do not lie on one side of a plane.
+        Unit vectors b, shape (n, d, d), and the number of vectors in each cone, shape (n,); −1
+        where the given directions do not lie on one side of a plane.
     """
-    same = 1e-9  # tangents that differ by less are equal
+    same = 1e-9  # tangents that differ by less count as equal
     widest = 0.1  # least cosine between each direction and the mean
     n, _, d = directions.shape
     sizes = np.linalg.norm(directions, axis=2)
@@ -101,7 +103,7 @@ def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[F
     flat = units / np.where(known & (along >= widest), along, 1.0)[..., None] - mean[:, None]
     flat[~known | wide[:, None]] = 0.0
     _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", flat, flat))
-    axes = np.swapaxes(axes, 1, 2)[:, ::-1][:, : d - 1]  # the widest first
+    axes = np.swapaxes(axes, 1, 2)[:, ::-1][:, : d - 1]  # the axis of the widest spread first
     at = np.einsum("nki,nai->nka", flat, axes)
     spread = np.abs(at).max(axis=1, initial=0.0)
     count = np.where(known.any(axis=1), 1 + (spread > same).sum(axis=1), 0)
@@ -119,10 +121,10 @@ def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[F
 
 
 def _triangles(at: Floats, known: npt.NDArray[np.bool_], spread: Floats) -> Floats:
-    """Return corners of triangles around points of the plane, shape (n, 3, 2)."""
+    """Return the corners of triangles around points in the plane, shape (n, 3, 2)."""
     scale = np.maximum(spread, NARROWEST / 2)
     points = at / scale[:, None]
-    turn = np.linspace(0.0, 2 * np.pi / 3, 24, endpoint=False)  # triangles that are tried
+    turn = np.linspace(0.0, 2 * np.pi / 3, 24, endpoint=False)  # orientations to try
     angle = turn[:, None] + np.arange(3) * (2 * np.pi / 3)
     out = np.stack([np.cos(angle), np.sin(angle)], axis=2)  # (turns, 3, 2)
     reach = np.einsum("nka,tja->ntjk", points, out)
@@ -143,14 +145,14 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_facet_contact(problem: Problem) -> Problem | None:
-    """Return the same problem with mechanisms that penetrate no facet. Collective.
+    """Return the problem with contact in which mechanisms penetrate no facet. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
 
     Returns:
-        A problem that shares all but contact with the given one; None with obstacles, friction,
-        ties, or facets that do not match.
+        A problem that shares everything except contact with the given problem; None if there are
+        obstacles, friction, ties, or facets that do not match.
     """
     others = problem.given.obstacles or problem.friction.count or problem.num_tied
     matched = None if others or problem.constraints.in_mean else matched_facets(problem)
@@ -184,10 +186,11 @@ def _rows(
     glued: Flags,
     one: Flags,
 ) -> tuple[Constraints, Constraints] | None:
-    """Return rows of pairs that may separate, and of nodes that are glued. Collective."""
+    """Return the constraints of pairs that may separate, and of tied nodes. Collective."""
     comm = problem.comm
     knots = _knots(problem, pairs, glued)
-    # pairs within a knot add nothing; pairs at a knot have the other node as host
+    # pairs within a knot add no constraint; a pair with one node in a knot has the other node as
+    # host
     place = np.searchsorted(knots.nodes, pairs.nodes)
     inside = np.isin(pairs.nodes, knots.nodes)
     label = np.full(pairs.nodes.shape, -1)
@@ -220,7 +223,7 @@ def _rows(
 
 
 def _contact(problem: Problem, rows: npt.NDArray[np.void]) -> Constraints:
-    """Return rows of jumps along vectors, with Bernstein's coefficients at midsides. Collective."""
+    """Return constraints on jumps, at midsides on Bernstein coefficients. Collective."""
     first = problem.V.dofmap.index_map.local_range[0]
     middle = rows["nodes"][:, 1, 0] >= 0
     factors = np.where(middle[:, None], [2.0, -0.5, -0.5], [1.0, 0.0, 0.0])
@@ -244,8 +247,8 @@ class _Knots:
     """Groups of nodes that move together.
 
     Attributes:
-        nodes: Global numbers in ascending order, on every rank, shape (n,).
-        labels: Labels of their groups, shape (n,).
+        nodes: Global numbers of all nodes in groups, ascending, equal on every rank, shape (n,).
+        labels: Label of the group of each node, shape (n,).
         held: Flags of components that supports hold, shape (n, d).
     """
 
@@ -260,7 +263,7 @@ class _Knots:
 
 
 def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
-    """Join glued pairs to groups, such as those along edges where three bodies meet. Collective."""
+    """Join tied pairs to groups, for example along edges where three bodies meet. Collective."""
     gdim = problem.bodies.gdim
     edge = [("nodes", np.int64, 2), ("held", np.bool_, (2, gdim))]
     mine = np.zeros(int(glued.sum()), dtype=edge)
@@ -269,7 +272,7 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Return rows that tie each free component in a group to its root: a held one, or the first."""
+    """Return constraints that tie each free component in a group to a supported or first node."""
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []
@@ -305,7 +308,7 @@ IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
 
 
 def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str]:
-    """Return reasons why bodies may penetrate each other, in words; none if they do not.
+    """Return reasons why bodies may penetrate each other; an empty list if they do not.
 
     Collective.
 
@@ -324,18 +327,18 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
 def entered_share(
     problem: Problem, velocity: fem.Function, *, rubbing: bool = False
 ) -> float | None:
-    """Return the largest penetration relative to the velocities at and opposite a facet.
+    """Return the largest penetration, relative to the velocities at a facet and its opposite.
 
     Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
         velocity: Velocity with updated ghosts.
-        rubbing: Whether surfaces with Coulomb's friction that separate too little for their slip
-            count as penetrating.
+        rubbing: Whether too little separation during slip with Coulomb's friction counts as
+            penetration.
 
     Returns:
-        The ratio; None where surfaces are curved and normals averaged.
+        The ratio; None if surfaces are curved, because their normals are averaged.
     """
     if not problem.num_pairs:
         return 0.0
@@ -356,7 +359,7 @@ def entered_share(
 
 
 def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
-    """Return whether the pairs around each facet have its normal. Collective."""
+    """Return whether the normals of the pairs on each facet equal the facet's. Collective."""
     nodes = facets.nodes
     none, paired = np.zeros(len(problem.constraints.host)), has_pair(problem)
     seen = ~paired[nodes].any(axis=1)
@@ -368,18 +371,19 @@ def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
 
 
 def without_entering(problem: Problem) -> Problem | None:
-    """Return the problem with bounds on Bernstein's coefficients of jumps, not on midside values.
+    """Return the problem with contact constraints on the Bernstein coefficients of jumps.
 
-    Its mechanisms do not penetrate between the nodes of a straight mesh, and friction acts on the
-    coefficients of slip. Collective.
+    The Bernstein coefficients replace the values at midside nodes. On a straight mesh, mechanisms
+    then do not penetrate between the nodes, and friction acts on the coefficients of slip.
+    Collective.
 
     Args:
         problem: The bodies and their contact.
 
     Returns:
-        A problem that shares all but contact with the given one. It is the given one if its
-        elements are linear and contact is flat. None where nodes do not match, and on curved faces
-        that :func:`with_facet_contact` does not support.
+        A problem that shares everything except contact with the given problem. The result is the
+        given problem itself if its elements are linear and contact is flat. None if nodes do not
+        match, or if :func:`with_facet_contact` does not support the curved faces.
     """
     if problem.constraints.in_mean or problem.given.ties:
         return None
@@ -449,7 +453,7 @@ def without_entering(problem: Problem) -> Problem | None:
 
 
 def _summed(problem: Problem, values: Floats) -> Floats:
-    """Return sums over all ranks of values at local nodes, ghosts too. Collective."""
+    """Return the sums over ranks of values at local nodes, including ghosts. Collective."""
     sums = la.vector(problem.V.dofmap.index_map, 1)
     sums.array[:] = values
     sums.scatter_reverse(la.InsertMode.add)
@@ -458,10 +462,10 @@ def _summed(problem: Problem, values: Floats) -> Floats:
 
 
 def with_strict_contact(problem: Problem) -> Problem:
-    """Return the problem in which mechanisms of upper bounds are sought. Collective.
+    """Return the problem for the search for mechanisms of upper bounds. Collective.
 
-    They do not penetrate between nodes, where this can be required, and slip as Coulomb's friction
-    requires.
+    Its mechanisms do not penetrate between nodes, if contact permits this formulation, and slip
+    with Coulomb's friction is associated.
 
     Args:
         problem: The bodies and their contact.
@@ -470,7 +474,7 @@ def with_strict_contact(problem: Problem) -> Problem:
 
 
 def with_associated_slip(problem: Problem) -> Problem:
-    """Return a problem whose slip is associated where friction is Coulomb's. Collective.
+    """Return the problem with associated slip where friction is Coulomb's. Collective.
 
     Only :func:`discrete_limit.interior_point` accepts this problem, because its unknowns are
     different.
@@ -481,8 +485,8 @@ def with_associated_slip(problem: Problem) -> Problem:
             is to apply to the coefficients of slip.
 
     Returns:
-        A problem without Coulomb's friction that shares all but contact with the given one; the
-        given problem itself if it has no such friction.
+        A problem without Coulomb's friction that shares everything except contact with the given
+        problem; the given problem itself if it has no such friction.
     """
     constraints = problem.constraints
     _, coulomb = constraints.friction_of(np.arange(len(constraints.surface)))
@@ -510,7 +514,7 @@ def _glued(problem: Problem, rows: PairFlags) -> Problem:
 
 
 def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem) -> Friction:
-    """Return chosen places of friction, with new numbers of pairs. Collective."""
+    """Return the friction at chosen places, with pairs numbered by ``numbers``. Collective."""
     coulomb = friction.coulomb[places]
     return Friction(
         pair=numbers[friction.pair[places]].astype(np.int32),
@@ -527,7 +531,7 @@ def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem
 
 
 def _wedged(problem: Problem) -> Problem:
-    """Return the plane problem with the unknowns a and b where friction is Coulomb's.
+    """Return the 2D problem with the unknowns a and b where friction is Coulomb's.
 
     Collective.
     """
@@ -542,7 +546,7 @@ def _wedged(problem: Problem) -> Problem:
     half, one = np.full(len(mu), 0.5), np.ones(len(mu))
 
     def block(*rows: tuple[Floats, Floats]) -> list[Entries]:
-        """Return entries of 2×2 matrices with the given rows for s and w_t."""
+        """Return the entries of 2 × 2 matrices with the given rows for s and w_t."""
         return [
             (row, column + first, value)
             for row, values in zip((normal, along), rows, strict=True)

@@ -1,12 +1,13 @@
-"""Compute coordinates and normals of a rank's outer facets, and number velocities on them.
+"""Compute the geometry of a rank's exterior facets, and number velocity unknowns on facets.
 
-Number velocities of the facets' vertices over all ranks, d per vertex and d² per facet. In
-axisymmetry a facet has three nodes, its ends and a point between them (:mod:`stress_cells`).
+Each facet has d velocity unknowns at each of its vertices, so d² in total; the numbers are global.
+In axisymmetry, a facet has three nodes: its ends and a point between the ends
+(:mod:`stress_cells`).
 
-Facets have DOLFINx's numbers, and their vertices are in the order of their global numbers. Where
-two bodies touch, the jump along the normal replaces the velocity of one side as unknown. The
-velocity of that side is the jump plus that of the other side, its *twin*. Facets of a rigid surface
-*follow* a few unknowns.
+Facets have the numbers of DOLFINx, and their vertices are in ascending order of global numbers.
+Where two bodies touch, the jump along the normal replaces the normal velocity of one side as
+unknown. The velocity of this side is the jump plus the velocity of the other side, the *twin*. A
+few unknowns, the *leads*, determine the velocities on a rigid surface; its facets *follow* them.
 """
 
 from dataclasses import dataclass
@@ -24,19 +25,19 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Floats, PairFlags]:
-    """Return axes that begin with a normal, and flags of the axes that are held.
+    """Return axes of which the first is the normal, and flags of the axes that are held.
 
     Args:
-        normal: Unit vectors, zero in held components, shape (n, d). Vectors that are equal to
-            rounding get the same axes.
+        normal: Unit vectors that are zero in held components, shape (n, d). Vectors that are equal
+            to rounding give the same axes.
         held: Flags of Cartesian components that are held, shape (n, d).
-        aligned: Flags of other components that are to be axes, shape (n, d).
+        aligned: Flags of further components whose directions become axes, shape (n, d).
 
     Returns:
         Shapes (n, d, d) and (n, d).
     """
     tdim = normal.shape[1]
-    digits = 6  # decimals in which components of normals are compared
+    digits = 6  # number of decimals to which components of normals are compared
     sizes = np.round(1 - np.abs(normal), digits)
     first = np.where(held, 3.0, np.where(aligned, 2.0, sizes))
     order = np.argsort(-first, axis=1, kind="stable")
@@ -53,8 +54,9 @@ class FacetNumbers:
     """The facets of this rank's cells.
 
     Attributes:
-        facets: Local facet opposite each vertex of each owned cell, shape (num_cells, d + 1).
-        places: Position of each facet vertex, in the cell's order, within the facet's own order,
+        facets: Local number of the facet opposite each vertex of each owned cell, shape (num_cells,
+            d + 1).
+        places: For each facet vertex in the cell's order, its position in the facet's own order,
             shape (num_cells, d + 1, d).
     """
 
@@ -63,7 +65,7 @@ class FacetNumbers:
 
 
 def facet_numbers(mesh: Mesh) -> FacetNumbers:
-    """Number the facets' vertices in an order that both cells share. Collective."""
+    """Return facet numbers and vertex positions, equal for both cells of a facet. Collective."""
     topology = mesh.topology
     tdim = topology.dim
     topology.create_connectivity(tdim, tdim - 1)
@@ -78,15 +80,15 @@ def facet_numbers(mesh: Mesh) -> FacetNumbers:
 
 @dataclass(frozen=True, eq=False)
 class Followers:
-    """Cells with facets that follow others' unknowns, the *leads*.
+    """Cells with facets that follow other unknowns, the *leads*.
 
     Attributes:
         leads: Global numbers of all leads, on every rank.
         cells: Numbers of the cells.
-        keep: 0 for unknowns of facets that follow and 1 for others, shape (n, num_outer).
+        keep: 0 for unknowns that follow and 1 for other unknowns, shape (n, num_outer).
         shares: Coefficients of the leads in the unknowns that follow, shape (n, num_outer,
             num_leads).
-        tall: Number of unknowns of all ranks that follow a lead, shape (num_leads,).
+        tall: Number of unknowns on all ranks that follow each lead, shape (num_leads,).
     """
 
     leads: Longs
@@ -97,14 +99,14 @@ class Followers:
 
 
 class FacetVelocities:
-    """Facet velocities as a PETSc vector, and as arrays of the cells.
+    """Facet velocities as a PETSc vector and as arrays by cell.
 
     Attributes:
         count: Number of unknowns that this rank owns.
         of_cells: Local unknowns of each owned cell, in the order of
             :class:`stress_cells.CellLayout`, shape (num_cells, num_outer).
-        numbers: Global numbers of the local unknowns, ghosts too.
-        twins: Global number of the unknown that is added to the value of a local one, −1 for none.
+        numbers: Global numbers of the local unknowns, including ghosts.
+        twins: Global number of the unknown whose value is added to each local unknown, −1 for none.
         followers: Cells whose facets follow others.
     """
 
@@ -121,8 +123,8 @@ class FacetVelocities:
         Args:
             mesh: The mesh.
             numbers: Numbers of its facets.
-            twins: Twins of the local unknowns, ghosts too.
-            nodes: Nodes of a facet, its vertices first.
+            twins: Twins of the local unknowns, including ghosts.
+            nodes: Number of nodes of a facet; its vertices come first.
             followers: Cells whose facets follow others.
         """
         tdim = mesh.topology.dim
@@ -152,7 +154,7 @@ class FacetVelocities:
             thing.destroy()
 
     def gather(self, owned: Floats) -> Floats:
-        """Return velocities by cell, shape (num_cells, num_outer), from the owned ones.
+        """Return velocities by cell, shape (num_cells, num_outer), from the owned unknowns.
 
         Collective.
         """
@@ -169,7 +171,7 @@ class FacetVelocities:
         return found
 
     def matrix(self) -> sparse.csr_array:
-        """Return the matrix of :meth:`gather`; on one rank only.
+        """Return the matrix of :meth:`gather`, on one rank only.
 
         Returns:
             Shape (num_cells · num_outer, count).
@@ -197,13 +199,13 @@ class FacetVelocities:
         return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
 
     def meet(self, sizes: Floats, across: bool = True) -> Floats:
-        """Return sums of positive numbers of cells at their unknowns; for leads the mean.
+        """Return the sums of cells' positive numbers at the unknowns, for leads the means.
 
         Collective.
 
         Args:
-            sizes: Numbers, shape (num_cells, num_outer).
-            across: Whether numbers on jumps count at their twins as well.
+            sizes: Numbers for the unknowns of each cell, shape (num_cells, num_outer).
+            across: Whether numbers at jumps are also added at the twins of the jumps.
         """
         at = self.followers
         met = np.einsum("nol,no->l", at.shares != 0, sizes[at.cells])
@@ -233,9 +235,9 @@ class FacetGeometry:
     """Geometry of the exterior facets of this rank, by local number.
 
     Attributes:
-        exterior: Local numbers of the facets that it owns, sorted.
-        cell: Cell of each facet, ghosts too, shape (num_facets,).
-        side: Vertex of the cell opposite to the facet, shape (num_facets,).
+        exterior: Local numbers of the exterior facets that this rank owns, sorted.
+        cell: Cell of each facet, including ghosts, shape (num_facets,).
+        side: Index of the vertex of the cell opposite the facet, shape (num_facets,).
         vertices: Vertices of the cells, shape (num_cells, d + 1, d).
     """
 
@@ -252,21 +254,21 @@ class FacetGeometry:
         self._numbers, self.vertices, self.cell, self.side = numbers, vertices, cell, side
 
     def normals(self, facets: Ints | Longs) -> Floats:
-        """Return outward unit normals, shape (n, d)."""
+        """Return the outward unit normals of facets, shape (n, d)."""
         cells = self.vertices[self.cell[facets]]
         slopes = gradients(cells)[0][np.arange(len(facets)), self.side[facets]]
         normals: Floats = -slopes / np.linalg.norm(slopes, axis=1, keepdims=True)
         return normals
 
     def areas(self, facets: Ints | Longs) -> Floats:
-        """Return areas (lengths in the plane), shape (n,)."""
+        """Return the areas of facets (lengths in two dimensions), shape (n,)."""
         slopes, volumes = gradients(self.vertices[self.cell[facets]])
         heights = np.linalg.norm(slopes[np.arange(len(facets)), self.side[facets]], axis=1)
         found: Floats = self.tdim * volumes * heights
         return found
 
     def corners(self, facets: Ints) -> Floats:
-        """Return vertices of facets in the facets' own order, shape (n, d, d)."""
+        """Return the vertices of facets in the facets' own order, shape (n, d, d)."""
         tdim, cell, side = self.tdim, self.cell[facets], self.side[facets]
         others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
         x = self.vertices[cell[:, None], others[side]]

@@ -1,22 +1,25 @@
-"""Find vertices that bear no stress, and divide corners whose single cell cannot bear its loads.
+"""Find vertices without stress, and divide corners whose single cell cannot balance its loads.
 
-At the corner its stress has three components, and the tractions on both sides prescribe up to four.
-For example a pressure next to a free side does, unless the sides are at right angles. Then no load
-is carried at all. Next to contact three are prescribed, and they determine the pressure in the
-corner, often as zero. If a surface has friction, a free side prescribes two; then shear and
-pressure are proportional, whatever the adhesion. Two cells that meet in the corner have six
-components, of which at most six are prescribed.
+In two dimensions, the stress of a cell has three components at a corner. The tractions on both
+sides of the corner prescribe up to four combinations of these components. For example, a pressure
+next to a free side prescribes four, which contradict each other unless the sides are at right
+angles; the stress then balances no load at all. A free side next to contact prescribes three, which
+determine the contact pressure in the corner, often as zero. A free side next to a surface with
+friction prescribes two; shear and pressure are then proportional, whatever the adhesion. Two cells
+that meet in the corner have six components, of which at most six are prescribed.
 
-In space a cell has four parts. At a vertex that belongs to one cell, three of them meet, and their
-stresses have 18 components. The tractions of three facets, and continuity at three facets between
-the parts, are as many conditions. They are regular for one tetrahedron, and so for all, since
-Piola's transformation maps symmetric stresses to symmetric stresses, and tractions to tractions.
+In three dimensions, a cell has four parts. Three parts meet at a vertex that belongs to a single
+cell, and their stresses there have 18 components. The tractions on three facets, and continuity at
+three facets between the parts, are also 18 conditions. These conditions are regular for one
+tetrahedron, and therefore for all, since Piola's transformation maps symmetric stresses to
+symmetric stresses and tractions to tractions.
 
-Find vertices at which unconfined, cohesionless ground bears no stress. On a free facet σn = 0.
-Without cohesion, the other principal stress then bounds a principal stress of zero, so all of σ is
-zero. The tractions of all other facets of the cell at that vertex are then zero too, and so is σ in
-its neighbours. This does not hold with water, since effective stresses depend on its pressure. Such
-stresses are not unknowns of a lower bound, because their set has no interior.
+:func:`bare_vertices` finds vertices at which unconfined, cohesionless ground has no stress. On a
+free facet, σn = 0, so one principal stress is zero. Without cohesion, the yield condition then
+makes all of σ zero. At this vertex, the tractions on all other facets of the cell are then zero
+too, and so is σ in the neighbouring cells. This does not hold with a pore pressure, on which
+effective stresses depend. Such stresses are not unknowns of a lower bound, because their yield set
+has no interior.
 """
 
 import logging
@@ -43,14 +46,14 @@ log = logging.getLogger(__name__)
 
 
 def with_divided_corners(problem: Problem) -> Problem:
-    """Return the problem on a mesh that has two cells in such corners. Collective.
+    """Return the problem on a mesh that has two cells in each such corner. Collective.
 
-    Cells are cut from the corner to the midpoint of the opposite edge. Without such corners the
-    problem itself is returned.
+    The function divides each such cell from the corner to the midpoint of the opposite edge. If
+    there are no such corners, it returns the problem itself.
 
     Args:
-        problem: The bodies with their loads. In space, on curved cells, and if the facets do not
-            determine tractions, they are returned unchanged.
+        problem: The bodies with their loads. In three dimensions, on curved cells, and if the
+            facets do not determine tractions, the function returns the problem unchanged.
     """
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
@@ -68,13 +71,13 @@ def with_divided_corners(problem: Problem) -> Problem:
 
 
 def lone_corners(problem: Problem, body: BoundBody) -> Ints:
-    """Return local vertices where tractions leave one cell no stress, or no contact. Collective.
+    """Return local vertices where a single cell allows no stress or no contact force. Collective.
 
-    Each vertex is on the rank of that cell only.
+    Only the rank that owns the cell returns the vertex.
     """
     topology, facets = problem.tagged_mesh.mesh.topology, body.numbers.facets
     outside = np.isin(facets, exterior_facet_indices(topology))
-    # Facets at each vertex of a triangle: those opposite to the other vertices.
+    # Facets at each vertex of a triangle: the facets opposite the other two vertices.
     others = np.array([[1, 2], [0, 2], [0, 1]])
     cell, corner = np.nonzero(outside[:, others].all(axis=2))
     side = others[corner]
@@ -89,13 +92,13 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
     told[body.rigid.surface[here] >= 0] = False  # only resultants are known
     rubs = np.isin(here, body.facets.rubbing)
     told[rubs] = False  # nor is the shear known there
-    # Components of a plane stress.
+    # Basis of in-plane stresses.
     components: Floats = np.array(
         [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float
     )
     every = np.einsum("nfai,nfj,mij->nfam", axes, normal, components)
     rows = (every * told[..., None]).reshape(-1, 4, 3)
-    beside = corner[:, None] - (side < corner[:, None])  # the corner among the facet's vertices
+    beside = corner[:, None] - (side < corner[:, None])  # index among the facet's vertices
     place = body.numbers.places[cell[:, None], side, beside]
     inverse = np.linalg.pinv(rows)
     wrong = np.zeros(len(cell), dtype=bool)
@@ -118,11 +121,13 @@ Flags = npt.NDArray[np.bool_]
 
 
 def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
-    """Return flags of these vertices in this rank's cells, shape (num_cells, d + 1). Collective.
+    """Return flags of vertices without stress in this rank's cells. Collective.
+
+    The result has the shape (num_cells, d + 1). See the module.
 
     Args:
         problem: The bodies.
-        at: Conditions on their facets.
+        at: Conditions on the facets of the bodies.
         loose: Flags of the cells without cohesion, shape (num_cells,).
     """
     topology, on = problem.tagged_mesh.mesh.topology, at.numbers.facets

@@ -1,9 +1,10 @@
-"""Describe velocities of bodies of revolution by v = ru, quadratic in each cell.
+"""Describe axisymmetric velocities u by v = ru, which is quadratic in each cell.
 
-Volumes are kept if v has no divergence in the section, for which three points of a cell are enough.
-With u_r = rw and a polynomial w, no flow could pass through a ring between fixed planes, because
-r²w would be the same at any r. For v, this holds for v_r. On the axis v is zero. With the
-divergence, u_r is zero there too, and strain rates are finite except at vertices on the axis.
+The flow u preserves volume if the divergence of v in the section is zero; three points of a cell
+are sufficient to enforce this. With a polynomial w and u_r = rw, a flow between fixed planes would
+need r²w independent of r, which no polynomial fulfils except zero. With v, such a flow only needs
+v_r independent of r. On the axis, v is zero. With zero divergence, u_r is zero there too, and
+strain rates are finite except at vertices on the axis.
 """
 
 from collections.abc import Sequence
@@ -26,15 +27,15 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def by_flux(problem: Problem) -> Problem:
-    """Return the problem with supports at rest and v as displacement. Collective.
+    """Return the problem with fixed supports and v as displacement. Collective.
 
-    Bodies, loads and contact are the same.
+    The bodies, the loads and the contact do not change.
 
     Args:
         problem: Axisymmetric problem with quadratic elements on straight cells.
 
     Raises:
-        InputError: If surfaces in contact have a distance across the axis.
+        InputError: If surfaces in contact are apart in the radial direction.
     """
     given = problem.given
     supports: Sequence[Support] = [replace(one, value=0.0) for one in given.supports]
@@ -54,7 +55,7 @@ def by_flux(problem: Problem) -> Problem:
 
 
 def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
-    """Return the same straight mesh with v as displacements. Collective."""
+    """Return the same straight mesh with v as displacement. Collective."""
     x = tagged_mesh.mesh.geometry.x.astype(np.float64)
     low, high = bounding_box(tagged_mesh.mesh.comm, x)
     shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
@@ -62,19 +63,19 @@ def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
 
 
 def _as_meshed(contact: Contact) -> Contact:
-    """Return the contact with the gap of the mesh."""
+    """Return the contact with the gap that the mesh has."""
     if contact.gap is None:
         return contact
     return replace(contact, gap=None, interference=False, constant=True)
 
 
 def _check_rings_meet(problem: Problem) -> None:
-    """Refuse rings that touch rings of another size. Collective."""
+    """Check that rings in contact have equal radii. Collective."""
     rows = problem.constraints
     inner = np.array([source.inner for source in rows.sources], dtype=bool)[rows.surface]
     across = np.abs(rows.gap * rows.normal[:, 0])[inner]
     largest = problem.comm.allreduce(float(across.max(initial=0.0)), MPI.MAX)
-    rounding = 1e-9  # relative to the bodies
+    rounding = 1e-9  # relative to the size of the bodies
     if largest > rounding * problem.bodies.size:
         raise InputError(
             f"surfaces in contact are {largest:.3g} apart across the axis, and rings of different "
@@ -84,10 +85,10 @@ def _check_rings_meet(problem: Problem) -> None:
 
 
 def without_pores(problem: Problem, dilates: bool) -> Problem:
-    """Return the same bodies of revolution without pore pressures. Collective.
+    """Return the axisymmetric problem without pore pressures. Collective.
 
-    If volumes are preserved, such a pressure does no work. Effective and total stresses then differ
-    by a mean stress, which does not affect yielding.
+    If bodies preserve their volume, a pore pressure does no work. Effective and total stresses then
+    differ by a mean stress, which does not affect yielding.
 
     Args:
         problem: The bodies.
@@ -109,11 +110,11 @@ def without_pores(problem: Problem, dilates: bool) -> Problem:
 
 
 def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:
-    """Return u = v/r at the nodes; on the axis by linear extrapolation along the edges. Collective.
+    """Return u = v/r at the nodes, on the axis extrapolated linearly along edges. Collective.
 
     Args:
         problem: Problem with displacements u on the same mesh.
-        flux: Velocity v with updated ghosts.
+        flux: Velocity v whose ghosts are up to date.
     """
     V = problem.V
     found = fem.Function(V, name=flux.name)

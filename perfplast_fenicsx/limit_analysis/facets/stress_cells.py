@@ -1,41 +1,42 @@
-"""Formulate cells with linear stress, and evaluate laws at their vertices.
+"""Formulate cells with linear stress, and evaluate material laws at their vertices.
 
-The stress of a cell is given at its vertices. Its multipliers are a velocity y of the cell, for
-div σ + b = 0, and velocities w of each facet's vertices, for the tractions there. A vertex v has a
-share 1/(d + 1) of the volume, and the strain rate
+The values at the vertices determine the stress of a cell. The multipliers are a velocity y of the
+cell, for div σ + b = 0, and velocities w at the vertices of each facet, for the tractions. Each
+vertex v has the share 1/(d + 1) of the volume and the strain rate
 
     e_v = (d + 1) Σ_{facets f at v} sym(∇φ_f ⊗ (y − w_fv)),
 
-with the gradients ∇φ of barycentric coordinates, where facet f is opposite to vertex f. In space a
-cell is split at its barycentre into four. A single tetrahedron does not carry all balanced linear
-tractions, but the split one does (C. Johnson, B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek,
-Apl. Mat. 27 (1982), 46).
+with the gradients ∇φ of barycentric coordinates, where facet f is opposite to vertex f. In three
+dimensions, a cell is split into four parts at its barycentre. A linear stress in a single
+tetrahedron cannot balance all self-equilibrated linear tractions, but stresses in the four parts
+can (C. Johnson, B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek, Apl. Mat. 27 (1982), 46).
 
-Formulate cells of bodies of revolution: equilibrium of S = rσ, quadratic in the section. The
-axisymmetric equations of equilibrium with a force b per volume, multiplied by r, are
+In axisymmetry, the equilibrium of S = rσ is formulated with S quadratic in a cell of the section.
+The axisymmetric equations of equilibrium with a force b per volume, multiplied by r, are
 
     σ_θ = ∂_r S_rr + ∂_z S_rz + r b_r,   ∂_r S_rz + ∂_z S_zz + r b_z = 0.
 
 Let the components of S, except S_θ, be quadratic in a cell with the Bernstein coefficients S_a at
-vertices and S_ab at edges. Derivatives are linear, with the value 2 Σ_b ∇φ_b S_ab at the vertex a
-(S_aa = S_a). So the second equation holds everywhere if it does at vertices, and σ_θ is linear.
-Then S_θ = rσ_θ is quadratic with the coefficients r_a σ_θa and (r_a σ_θb + r_b σ_θa)/2. Bernstein's
-polynomials are not negative. So S is within yield, ‖dev S‖ ≤ γr, if its coefficients are with those
-of r: r_a and (r_a + r_b)/2. Tractions S·n on a facet are continuous if their three coefficients
-are. Where a coefficient of r is zero, on the axis, that of S is zero too.
+vertices and S_ab at edges. Their derivatives are linear, with the value 2 Σ_b ∇φ_b S_ab at the
+vertex a (S_aa = S_a). So the second equation holds everywhere if it holds at the vertices, and σ_θ
+is linear. Then S_θ = rσ_θ is quadratic with the coefficients r_a σ_θa and (r_a σ_θb + r_b σ_θa)/2.
+Bernstein polynomials are not negative. So S is within yield, ‖dev S‖ ≤ γr, if its coefficients
+fulfil this condition with the coefficients of r: r_a and (r_a + r_b)/2. The traction S·n on a facet
+is continuous if its three coefficients are continuous. Where a coefficient of r is zero, on the
+axis, the coefficient of S is zero too.
 
-The unknowns of a coefficient are σ = S/r, and each is a point of the cell. The multipliers of a
-cell are y_r for the six definitions of S_θ, y_z for its vertices, and the velocities of the facets,
-three each. NumPy only.
+Each coefficient is a point of the cell, with the unknown σ, the coefficient of S divided by the
+coefficient of r. The multipliers of a cell are six y_r for the definitions of S_θ, three y_z at its
+vertices, and three velocities on each facet. The formulas use only NumPy.
 
-Evaluate laws at the vertices of cells, for strict bounds of bodies that dilate.
-Strain rates of a quadratic velocity are linear in a straight cell, and the admissible rates of a
-yield set are a convex cone. So rates that are admissible at the vertices are admissible everywhere.
-Where a body dilates, tr ε ≥ α‖dev ε‖, it dissipates (γ/α) tr ε, which the mean of the vertices
-integrates exactly.
+:func:`with_points_at_vertices` evaluates laws at the vertices of cells, for strict bounds of bodies
+that dilate. The strain rates of a quadratic velocity are linear in a straight cell, and the
+admissible strain rates of a yield set form a convex cone. So strain rates that are admissible at
+the vertices are admissible everywhere. Where a body dilates, tr ε ≥ α‖dev ε‖, it dissipates (γ/α)
+tr ε, which the mean over the vertices integrates exactly.
 
-In axisymmetry r²ε is quadratic. There the points are at vertices and edges, one for each of its
-Bernstein coefficients (:mod:`~perfplast_fenicsx.limit_analysis.discrete.point_strains`).
+In axisymmetry, r²ε is quadratic. The points are then at vertices and edges, one for each Bernstein
+coefficient of r²ε (:mod:`~perfplast_fenicsx.limit_analysis.discrete.point_strains`).
 """
 
 import itertools
@@ -61,14 +62,14 @@ from perfplast_fenicsx.problem.variant import variant
 
 @dataclass(frozen=True)
 class CellLayout:
-    """Parts, vertices and multipliers of a cell; the multipliers of its own facets come first.
+    """Parts, vertices and multipliers of a cell; multipliers of the cell's facets come first.
 
     Attributes:
-        corners: Vertex of the cell at each vertex of each part, d + 1 for the barycentre, shape
-            (num_parts, d + 1); in part a the barycentre replaces vertex a.
-        rows: Multiplier of each component at each vertex of each part: of the part, then of the
-            facets at the vertex, shape (num_parts, d + 1, d + 1, d).
-        outer: Number of multipliers of the cell's own facets, d² per facet, in the order of the
+        corners: Index of the cell vertex at each vertex of each part, d + 1 for the barycentre,
+            shape (num_parts, d + 1). In part a, the barycentre replaces vertex a.
+        rows: Index of the multiplier of each component at each vertex of each part, first of the
+            part, then of the facets at the vertex, shape (num_parts, d + 1, d + 1, d).
+        outer: Number of multipliers of the cell's facets, d² for each facet, in the order of the
             facet's vertices in the cell.
         inner: Number of all other multipliers.
     """
@@ -81,7 +82,7 @@ class CellLayout:
 
 @lru_cache
 def cell_layout(tdim: int) -> CellLayout:
-    """Return the layout of a triangle (one part) or a tetrahedron (four)."""
+    """Return the layout of a triangle (one part) or a tetrahedron (four parts)."""
     places = range(tdim + 1)
     centre, outer = tdim + 1, (tdim + 1) * tdim**2
     corners = np.array([list(places)])
@@ -107,13 +108,13 @@ def cell_layout(tdim: int) -> CellLayout:
 
 
 def facets_of(simplex: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the vertices of the facet opposite each vertex."""
+    """Return the vertices of the facets opposite each vertex of a simplex."""
     return [tuple(b for b in simplex if b != a) for a in simplex]
 
 
 @lru_cache
 def tensors(gdim: int) -> Floats:
-    """Return the unit tensor and orthonormal deviators, in plane strain the in-plane ones.
+    """Return the unit tensor and orthonormal deviators; in plane strain, in-plane tensors.
 
     Returns:
         Shape (1 + m, gdim, gdim), m = 2 or 5.
@@ -131,12 +132,12 @@ def tensors(gdim: int) -> Floats:
 
 @lru_cache
 def components(gdim: int) -> Floats:
-    """Return the Mandel components of :func:`tensors` in equations, shape (1 + m, 3 or 6).
+    """Return :func:`tensors` as Mandel components in the equations, shape (1 + m, 3 or 6).
 
-    In the plane σ_zz is in no equation.
+    In plane strain, no equation contains σ_zz.
     """
     E = tensors(gdim)
-    # Components that follow the diagonal ones in a Mandel vector, by dimension.
+    # Shear components after the diagonal components in a Mandel vector, by dimension.
     off_diagonal = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
     return np.stack(
         [E[:, i, i] for i in range(gdim)]
@@ -146,23 +147,23 @@ def components(gdim: int) -> Floats:
 
 
 def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Return strain rates of multipliers, and the volumes of vertices.
+    """Return the matrices from multipliers to strain rates, and the volumes of vertices.
 
     Args:
         x: Vertices of cells, shape (num_cells, d + 1, d).
         axes: Directions of the components of w on the cell's facets, shape (num_cells, d + 1, d,
-            d); zero where a support holds one.
+            d); zero for components that supports hold.
 
     Returns:
-        Coefficients of trace and deviator (:func:`tensors`), shape (num_cells, num_points, (d + 1)
-        d, 1 + m); points are all vertices of all parts in the order of ``rows``. Volumes, shape
-        (num_cells, num_points).
+        Coefficients of the trace and the deviator (:func:`tensors`), shape (num_cells, num_points,
+        (d + 1) d, 1 + m). The points are all vertices of all parts, in the order of ``rows``.
+        Volumes, shape (num_cells, num_points).
     """
     tdim = x.shape[2]
     layout, E = cell_layout(tdim), tensors(tdim)
     places = np.concatenate([x, x.mean(axis=1, keepdims=True)], axis=1)
     slopes, volume = gradients(places[:, layout.corners])
-    # E_j ∇φ_f of each part: the traction of E_j on its facet f, up to a factor
+    # E_j ∇φ_f in each part: the traction of the stress E_j on facet f, up to a factor
     pushes = -(tdim + 1) * np.einsum("jik,csfk->csfij", E, slopes)
     num_parts = len(layout.corners)
     matrices = np.empty((len(x), num_parts, tdim + 1, tdim + 1, tdim, len(E)))
@@ -177,27 +178,27 @@ def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
 
 
 NODES = 3
-"""Number of coefficients of a traction on a facet: at its ends in the order of the vertices, and
-between them.
+"""Number of coefficients of a traction on a facet: two at its ends, in the order of the vertices,
+and one between the ends.
 """
 
 
 @lru_cache
 def ring_layout() -> CellLayout:
-    """Return the layout of a section; each point has six y_r, three y_z and those of its facets."""
+    """Return the layout of an axisymmetric cell: six y_r, three y_z and the facets' multipliers."""
     outer = 3 * NODES * 2
     of_facet = np.arange(outer).reshape(3, NODES, 2)
     rows = np.empty((1, 6, 13), dtype=np.int64)
     rows[:, :, :9] = outer + np.arange(9)
     for v in range(3):
         rows[0, v, 9:] = np.concatenate([of_facet[f, k] for f, k in _ends_at(v)])
-        # an edge belongs to one facet; the multipliers of the other facet do not act there
+        # an edge point lies on one facet; multipliers of the second facet do not act at this point
         rows[0, 3 + v, 9:] = np.concatenate([of_facet[v, 2], of_facet[(v + 1) % 3, 2]])
     return CellLayout(np.array([[0, 1, 2]]), rows, outer, 9)
 
 
 def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Return strain rates of multipliers, and the volumes of points for the full turn.
+    """Return the matrices from multipliers to strain rates, and full-turn volumes of points.
 
     Args:
         x: Vertices of cells, r and z, shape (num_cells, 3, 2).
@@ -205,15 +206,15 @@ def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
             2, 2); zero where a support holds one.
 
     Returns:
-        Coefficients of Mandel's components, shape (num_cells, 6, 13, 4), multipliers in the order
-        of :func:`ring_layout`; volumes, shape (num_cells, 6). A point on the axis has only the
-        multiplier that keeps its own σ_θ, which has no meaning, at zero.
+        Coefficients of the Mandel components, shape (num_cells, 6, 13, 4), with multipliers in the
+        order of :func:`ring_layout`; volumes, shape (num_cells, 6). A point on the axis has only
+        the multiplier of σ_θ, which keeps this meaningless unknown at zero.
     """
     slopes, areas = gradients(x)
     radii, rho = x[..., 0], coefficients_of_radius(x)
     off = rho > 0
     rings = np.where(off, rho, radii.max(axis=1, keepdims=True))
-    tensors = np.zeros((4, 2, 2))  # in the section, for Mandel's components (rr, zz, θθ, √2 rz)
+    tensors = np.zeros((4, 2, 2))  # in the section, for the Mandel components (rr, zz, θθ, √2 rz)
     tensors[[0, 1], [0, 1], [0, 1]] = 1.0
     tensors[3, [0, 1], [1, 0]] = math.sqrt(0.5)
     hoop = 2
@@ -240,7 +241,7 @@ def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
 
 
 def ring_forces(x: Floats, forces: Floats) -> Floats:
-    """Return the loads of the cells' multipliers by forces per volume, shape (num_cells, 9)."""
+    """Return the loads on the cells' multipliers due to forces per volume, shape (num_cells, 9)."""
     _, areas = gradients(x)
     radii, rho = x[..., 0], coefficients_of_radius(x)
     ends = np.array(EDGES)
@@ -251,14 +252,14 @@ def ring_forces(x: Floats, forces: Floats) -> Floats:
 
 
 def on_facets(values: Floats, radii: Floats) -> Floats:
-    """Return coefficients of r times a linear function on facets; the third is between the ends.
+    """Return the Bernstein coefficients of r times a linear function on facets.
 
     Args:
         values: Values of the function at the ends, shape (..., 2, k).
         radii: Radii r of the ends, shape (..., 2).
 
     Returns:
-        Shape (..., 3, k).
+        Coefficients at both ends and between the ends, shape (..., 3, k).
     """
     first, last = values[..., 0, :], values[..., 1, :]
     r, s = radii[..., :1], radii[..., 1:]
@@ -266,19 +267,19 @@ def on_facets(values: Floats, radii: Floats) -> Floats:
 
 
 def _ends_at(vertex: int) -> list[tuple[int, int]]:
-    """Return the facets at a vertex, and its index among the ends of each."""
+    """Return the facets at a vertex, each with the vertex's index among the facet's ends."""
     return [(f, EDGES[f].index(vertex)) for f in range(3) if f != vertex]
 
 
 def with_points_at_vertices(problem: Problem) -> Problem:
     """Return the problem with the vertices of each cell as its points. Collective.
 
-    In axisymmetry the midpoints of edges are points, too. The new problem shares everything but the
-    spaces and laws at the points with the given one.
+    In axisymmetry, the midpoints of edges are points too. The new problem shares everything with
+    the given problem except the spaces and laws at the points.
 
     Args:
-        problem: Problem with quadratic elements on straight cells, in the plane, in space, or in
-            axisymmetry for v = ru (:mod:`ring_flux`), and laws without a history.
+        problem: Problem with quadratic elements on straight cells, in two or three dimensions or in
+            axisymmetry for v = ru (:mod:`ring_flux`), whose laws have no history.
     """
     mesh = problem.tagged_mesh.mesh
     cell, gdim = mesh.basix_cell(), mesh.geometry.dim
@@ -293,7 +294,7 @@ def with_points_at_vertices(problem: Problem) -> Problem:
         )
         return fem.functionspace(mesh, element)
 
-    # not a rule for Bernstein coefficients; no form is assembled with them
+    # with Bernstein coefficients this is not a quadrature rule, and no form is assembled with it
     metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
     dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
     spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)

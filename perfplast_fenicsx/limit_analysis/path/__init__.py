@@ -1,1 +1,1 @@
-"""Compute limit loads by a loading path."""
+"""Compute limit loads with a loading path."""

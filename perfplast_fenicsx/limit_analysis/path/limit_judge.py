@@ -1,18 +1,19 @@
-"""Determine the limit load from the levels of a path, and choose the next level.
+"""Determine the limit load from the levels of a loading path, and choose the next level.
 
-Compute a kinematic side of a mesh's limit load from an admissible collapse mechanism. Let v be zero
-on supports, without penetration, and let ε(v) be admissible for the law of each body. Then the
-limit load is at most (D(v) − L₀(v))/L₁(v). D is the dissipation, the support function of the yield
-sets (kinematic theorem of limit analysis, E. Christiansen, Handbook of Numerical Analysis IV,
-1996). Bodies that preserve their volume require div v = 0, and elastic ones ε(v) = 0.
+The module also computes the kinematic side of a mesh's limit load from an admissible mechanism. Let
+v be a velocity that is zero on supports and does not penetrate, and let ε(v) be admissible for the
+law of each body. Then the limit load is at most (D(v) − L₀(v))/L₁(v), where the dissipation D is
+the support function of the yield sets (kinematic theorem of limit analysis, E. Christiansen,
+Handbook of Numerical Analysis IV, 1996). Bodies that preserve their volume require div v = 0,
+elastic bodies ε(v) = 0.
 
-The increments of a loading path come near such a v. From v_k the next one is the flow with the
-viscosity η_k = D(ε_k)/‖ε_k‖², ε_k = ε(v_k), in the norm in which the law's D(ε) is γ‖ε‖ (Kačanov's
-iteration). The bound does not grow, as with L₁(v) = 1
+The increments of a loading path approach such a v. The velocity after v_k is the flow with the
+viscosity η_k = D(ε_k)/‖ε_k‖², where ε_k = ε(v_k) and the norm is the one in which the law's D(ε) is
+γ‖ε‖ (Kačanov's iteration). The bound does not increase, because for L₁(v) = 1
 
     D(v) − L₀(v) ≤ ½ ∫ γ(‖ε(v)‖²/‖ε_k‖ + ‖ε_k‖) − L₀(v),
 
-whose right-hand side this v minimises.
+and the flow minimises the right-hand side.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,7 @@ from perfplast_fenicsx.solvers.load_stepping import Leap, Reached
 
 @dataclass(frozen=True)
 class MechanismBound:
-    """The bound (D(v) − L₀(v))/L₁(v), or None and the reason.
+    """The bound (D(v) − L₀(v))/L₁(v), or the reason why there is no bound.
 
     Attributes:
         value: The bound; None without one.
@@ -58,7 +59,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
     Args:
         problem: The bodies and their loads.
         velocity: Velocity near a collapse mechanism.
-        state: State of the collapse; pairs that push stay closed.
+        state: State at collapse; contact pairs that push in this state stay closed.
     """
     bound = KinematicBound(problem)
     try:
@@ -68,10 +69,10 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
 
 
 class KinematicBound:
-    """Upper bounds from velocities; the forms are compiled once."""
+    """Computes upper bounds from velocities, with forms that are compiled once."""
 
     def __init__(self, problem: Problem) -> None:
-        """Compile the forms, if the laws have bounds. Collective."""
+        """Compile the forms if all laws have linear admissibility conditions. Collective."""
         self._comm, laws, self._friction = problem.comm, problem.laws, problem.friction
         self._flow: ViscousFlow | None = None
         strain = problem.kinematics.strain
@@ -114,8 +115,8 @@ class KinematicBound:
         if flow is None:
             return MechanismBound(None, None, 0, self.unable)
         before = flow.solves
-        # Regions that flow less than the mean are at most this many times more viscous. The second
-        # value is used if rounding spoils a flow.
+        # Largest viscosity of regions that flow less than the mean, relative to the mean. The
+        # second value is used if rounding errors spoil a flow.
         penalties = (1e4, 1e2)
         for stiff in penalties:
             flow.velocity.x.array[:] = velocity.x.array
@@ -137,8 +138,8 @@ class KinematicBound:
         return self._comm.allreduce(friction.energy(flow.slips())) if friction.count else 0.0
 
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Compute the flow of the bodies, in which pairs that close are held as well."""
-        most_holds = 4  # rounds in which pairs that a mechanism would close are held
+        """Compute the flow of the bodies, and hold pairs until no open pair closes."""
+        most_holds = 4  # rounds of holding the pairs that a mechanism would close
         for _ in range(most_holds + 1):
             self._descend(flow, held, stiff)
             if flow.hold(held):
@@ -149,10 +150,10 @@ class KinematicBound:
         raise NoFlow("the mechanism closes open pairs")
 
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Compute flows of the bodies until the bound falls no more."""
+        """Compute flows of the bodies until the bound no longer decreases."""
         bound = np.inf
-        most_flows = 6  # from a velocity to a mechanism
-        # Change of the bound in a flow, relative to the dissipation, at which the flows end.
+        most_flows = 6  # flows from a velocity to a mechanism
+        # Change of the bound by a flow, relative to the dissipation, below which the flows end.
         settled = 1e-5
         for _ in range(most_flows):
             self._thicken(flow, stiff)
@@ -163,7 +164,7 @@ class KinematicBound:
                 break
 
     def _thicken(self, flow: ViscousFlow, stiff: float) -> None:
-        """Set the viscosity of the bodies from the present velocity."""
+        """Set the viscosity of the bodies according to the present velocity."""
         size, density = self._values(self._size), self._values(self._density)
         mean = self._mean(size)
         if not mean > 0:
@@ -173,7 +174,7 @@ class KinematicBound:
         usual = self._mean(viscosity[viscosity > 0])
         if not usual > 0:
             raise NoFlow("nothing dissipates")
-        viscosity[viscosity == 0] = usual  # irrelevant where a strain is completely inadmissible
+        viscosity[viscosity == 0] = usual  # without effect at fully inadmissible rates
         flow.viscosity.x.array[: self._count] = viscosity
         if self._friction.count:
             rates = norms(flow.slips())
@@ -192,15 +193,15 @@ class KinematicBound:
 
 
 Points = Sequence[tuple[float, float]]
-"""Pairs (α, ζ) of levels, in the order of rising α."""
+"""Pairs (α, ζ) of levels, in ascending order of α."""
 
 
 def is_flat(points: Points) -> bool:
-    """Return whether the last level has added little to ζ."""
+    """Return whether ζ has increased only a little at the last level."""
     if len(points) < 2:
         return False
     (_, before), (_, zeta) = points[-2:]
-    # A level that increases ζ by less than this share shows the beginning of a mechanism.
+    # A level that increases ζ by less than this share indicates an incipient mechanism.
     flattest = 0.1
     return zeta - before <= flattest * zeta
 
@@ -217,16 +218,16 @@ def tenfold_growth(points: Points) -> float:
 
 
 def extrapolated_limit(points: Points) -> float | None:
-    """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through three points (α, ζ) of rising α.
+    """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through the last three points.
 
     Returns:
-        The limit; None if fewer points are given, or if the curve does not flatten (p would have to
-        be below 0.05).
+        The limit; None if there are fewer than three points, or if the curve does not flatten (p
+        would be below 0.05).
     """
     if len(points) < 3:
         return None
     (a, x), (b, y), (c, z) = points
-    steady = 1e-11  # relative growth of ζ that is rounding
+    steady = 1e-11  # relative growth of ζ that counts as rounding
     if z - y <= steady * abs(z):
         return z
     if y - x <= 0:
@@ -248,10 +249,10 @@ def extrapolated_limit(points: Points) -> float | None:
 
 
 def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = False) -> str:
-    """Return a message for a curve that does not level off.
+    """Return a message with the likely reason why a curve does not level off.
 
     Args:
-        points: Pairs (α, ζ) of its levels.
+        points: Pairs (α, ζ) of the levels.
         plastic_cells: Number of plastic cells at the last level.
         degree: Degree of the elements.
         dilates: Whether bodies dilate as they flow.
@@ -280,18 +281,19 @@ def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = F
 
 
 FAR = 1e6
-"""Largest work that is considered, in multiples of the work at first yield."""
+"""Largest work that the search reaches, in multiples of the work at first yield."""
 
 
 @dataclass
 class Search:
-    """The state of a search for a limit load; plain data, for a restart.
+    """The state of a search for a limit load, as plain data that a restart can read.
 
     Attributes:
         points: Pairs (α − α₀, ζ) of the levels.
-        rest: Work α₀ at ζ = 0, once it is known; None if only ζ loads the bodies.
-        estimates: Estimates of the limit load, one for each level from the first possible one.
-        upper: The least kinematic side.
+        rest: Work α₀ at ζ = 0; None until it is known, and if there are no loads at ζ = 0.
+        estimates: Estimates of the limit load, one for each level from the first level that allows
+            an estimate.
+        upper: The smallest kinematic side so far; None without one.
         levelled_off: Whether the estimate is known to the tolerance.
         ended: Whether the search has ended.
         reason: Reason for the end.
@@ -309,23 +311,23 @@ class Search:
 
     @property
     def lower(self) -> float:
-        """The largest ζ reached."""
+        """The largest ζ of all levels."""
         return max((zeta for _, zeta in self.points), default=0.0)
 
     @property
     def apart(self) -> float:
-        """Relative distance of the bounds; ∞ without an upper one."""
+        """Relative difference between the bounds; ∞ without an upper bound."""
         if self.upper is None or not self.lower > 0:
             return float("inf")
         return (self.upper - self.lower) / self.lower
 
 
 class Judge:
-    """Decide after each level what is known, and whether to continue.
+    """Evaluate the bounds after each level, and decide whether to continue.
 
     Attributes:
         solves: Number of linear systems solved for bounds.
-        mechanism: Mechanism of the least upper bound found here; None without one.
+        mechanism: Mechanism of the smallest upper bound in this run; None without one.
     """
 
     def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
@@ -342,7 +344,7 @@ class Judge:
             self._bound.destroy()
 
     def __call__(self, state: State, before: State | None, plastic_cells: int) -> None:
-        """Add a level to the search, given also the state of the previous level. Collective."""
+        """Add a level to the search, given its state and the previous level's. Collective."""
         search, points = self._search, self._search.points
         if before is None and not self._problem.is_elastic_at_first():
             search.rest = state.alpha
@@ -350,9 +352,9 @@ class Judge:
         points.append((state.alpha - (search.rest or 0.0), state.zeta))
         self._look_ahead(before, state)
         self._decide(self._estimate())
-        nearly = 1 - 1e-6  # share of a work that counts as reached
+        nearly = 1 - 1e-6  # share of the largest work at which it counts as reached
         far = points[-1][0] >= nearly * FAR * points[0][0]
-        most_levels = 60  # levels after which a curve counts as not levelling off
+        most_levels = 60  # number of levels after which the search gives up
         if not search.ended and (far or len(points) == most_levels):
             self._give_up(before, state, plastic_cells)
 
@@ -360,14 +362,14 @@ class Judge:
         """Return a leap along the mechanism of the last level; None without one. Collective."""
         if not self._asked:
             solves = self.solves
-            self._look_ahead(reached.before, reached.last)  # as the earlier run did,
-            self.solves = solves  # which counted the solves
+            self._look_ahead(reached.before, reached.last)  # repeats what the earlier run did,
+            self.solves = solves  # which has already counted these solves
         if self._ahead is None:
             return None
-        # Smallest and largest factor by which α leaps along a known mechanism. The assumption is
-        # that ζ_lim − ζ falls as α^(−1/2), so that an n times smaller gap needs n² times the work.
+        # Smallest and largest factor by which α increases in a leap along a known mechanism. If
+        # ζ_lim − ζ decreases as α^(−1/2), an n times smaller gap needs n² times the work.
         stride, leap = 10.0, 100.0
-        # a leap exceeds the stride only after a level with at most this many Newton steps
+        # most Newton steps at a level after which a leap may exceed the stride
         easy = 10
         farthest = leap if reached.newton_iterations <= easy else stride
         growth = min(max((self._search.apart / self._rtol) ** 2, stride), farthest)
@@ -376,7 +378,7 @@ class Judge:
         return Leap(reached.rest + far, self._ahead)
 
     def stop(self, before: State | None, last: State | None, why: str) -> None:
-        """Conclude from the present levels, because the next one cannot be solved. Collective."""
+        """End the search, because no further level converges. Collective."""
         search, problem = self._search, self._problem
         if last is not None:
             self._conclude(collapse_mechanism(problem, before, last), last)
@@ -385,7 +387,7 @@ class Judge:
             search.reason = f"no further level could be solved: {why}{told}"
 
     def _give_up(self, before: State | None, last: State, plastic_cells: int) -> None:
-        """Conclude from a curve that has been followed far enough."""
+        """End a search whose curve has been followed far enough."""
         search, points, rtol = self._search, self._search.points, self._rtol
         self._conclude(collapse_mechanism(self._problem, before, last), last)
         search.ended = True
@@ -402,10 +404,10 @@ class Judge:
             search.reason = not_level(points, plastic_cells, self._problem.degree, dilates)
 
     def _conclude(self, velocity: fem.Function, last: State) -> None:
-        """Bring the bounds together as far as possible without another level."""
+        """Reduce the difference between the bounds as far as possible without another level."""
         search = self._search
         velocity = self.mechanism or velocity
-        # Number of improvements of the last mechanism if no level follows.
+        # Largest number of improvements of the last mechanism if no level follows.
         most_flows = 8
         for _ in range(most_flows):
             apart = search.apart
@@ -419,14 +421,14 @@ class Judge:
         return f"the bounds are still {self._search.apart:.1e} of ζ apart"
 
     def _look_ahead(self, before: State | None, last: State) -> None:
-        """Compute the mechanism of the last level, if ζ hardly grows any more."""
+        """Compute the mechanism of the last level if ζ hardly increases."""
         self._asked, self._ahead = True, None
         if is_flat(self._search.points):
             velocity = collapse_mechanism(self._problem, before, last)
             self._ahead = self._improve(velocity, last)
 
     def _improve(self, velocity: fem.Function, state: State) -> fem.Function | None:
-        """Return a mechanism near a velocity, and add its upper bound to the search."""
+        """Return a mechanism close to a velocity, and store its upper bound in the search."""
         if self._bound is None:
             self._bound = KinematicBound(self._problem)
         found, search = self._bound.of(velocity, state.active), self._search
@@ -436,7 +438,7 @@ class Judge:
         return found.mechanism
 
     def _estimate(self, again: bool = False) -> float | None:
-        """Return the mean of the bounds; without an upper bound the limit of the points."""
+        """Return the mean of the bounds; without an upper bound, the extrapolated limit."""
         search = self._search
         estimate = extrapolated_limit(search.points[-3:])
         if search.upper is not None:
@@ -468,7 +470,7 @@ class Judge:
 
 
 def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
-    """Return the last increment of displacement, normalised to L₁(v) = 1; zero without one.
+    """Return the last displacement increment, scaled to L₁(v) = 1; zero without one.
 
     Collective.
     """

@@ -1,13 +1,13 @@
-"""Solve for the slow flow of bodies with given viscosities under their loads.
+"""Compute the slow flow of viscous bodies under their loads.
 
-v minimises ½∫ η‖ε(v)‖² − L₀(v) over the velocities with L₁(v) = 1 and without penetration. A
-penalty makes ε(v) nearly admissible for the laws. Flows under stresses in proportion to the
-inadmissible part then remove it, with conjugate residuals. These flows need no exact solution, and
-they also work for pressures that an element can hardly resolve.
+The velocity v minimises ½∫ η‖ε(v)‖² − L₀(v) over all velocities with L₁(v) = 1 and without
+penetration. A penalty makes ε(v) nearly admissible for the laws. Further flows, under stresses in
+proportion to the inadmissible part, then remove this part by conjugate residuals. These flows need
+no exact solution. They also remove parts whose pressures an element can hardly resolve.
 
-Solve for viscous flows that are nearly admissible, by a penalty.
-A few solves remove the inadmissible part that a penalty leaves. Factors are used again, so that a
-large penalty and fewer solves are best. But CG takes longer if the penalty is larger.
+A few solves remove the inadmissible part that the penalty leaves. With reusable factors, a large
+penalty and few solves are fastest. With CG, a smaller penalty is better, because each solve takes
+longer if the penalty is larger.
 """
 
 from typing import Protocol
@@ -35,22 +35,23 @@ from perfplast_fenicsx.solvers.linear.petsc_calls import forget_factors
 from perfplast_fenicsx.solvers.linear.petsc_options import BOUND, own_prefix
 
 LARGE = 60_000
-"""Number of unknowns from which on the factors may need more memory than is available."""
+"""Smallest number of unknowns for which the factors may need more memory than is available."""
 
 
 class NoFlow(RuntimeError):
-    """Reason why there is no flow, on every rank."""
+    """Raised on every rank, with the reason, if no flow can be computed."""
 
 
 class FlowSystem(Protocol):
-    """A way to solve A y = b for a flow in the jump basis.
+    """A solver of A y = b for a flow in the jump basis.
 
     Attributes:
         penalty: Weight of the inadmissible part relative to the viscosity.
         exact: Share of ‖ε(v)‖ below which an inadmissible strain rate counts as zero.
-        closes: If a pair closes, all pairs are held whose jumps exceed this share of the largest
-            velocity.
-        large: Whether the problem is so large that iterations may succeed where this way fails.
+        closes: If a pair closes, all pairs whose jumps exceed this share of the largest velocity
+            are held.
+        large: Whether the problem is so large that an iterative solver may succeed if this solver
+            fails.
     """
 
     penalty: float
@@ -59,10 +60,10 @@ class FlowSystem(Protocol):
     large: bool
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether this way is better for a matrix, before any is set up. Collective."""
+        """Return whether this solver suits a matrix, before the set-up. Collective."""
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
-        """Use an operator that holds the closed pairs. Collective.
+        """Set up the solver for an operator that holds the closed pairs. Collective.
 
         Args:
             operator: The operator with its matrix.
@@ -74,12 +75,12 @@ class FlowSystem(Protocol):
         """
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Solve for y, which is an approximate solution, or zero, at first. Collective.
+        """Solve for y, starting from an approximate solution or zero. Collective.
 
         Args:
             b: The forces.
-            y: Initial value; overwritten with the solution.
-            left: Share of the residual that may remain.
+            y: Initial value; the function overwrites it with the solution.
+            left: Share of the initial residual that may remain.
 
         Raises:
             NoFlow: If the system cannot be solved.
@@ -90,7 +91,7 @@ class FlowSystem(Protocol):
 
 
 class FactorisedFlow:
-    """MUMPS Cholesky; with a limit of its memory if the factors are large."""
+    """Cholesky factorisation by MUMPS, with a memory limit if the factors are large."""
 
     penalty = 1e8
     exact = 1e-11
@@ -106,13 +107,13 @@ class FactorisedFlow:
         self._ksp.setFromOptions()
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether the factors fit into memory, and cost less than CG. Collective."""
+        """Return whether the factors fit into memory and take less time than CG. Collective."""
         pc = self._ksp.getPC()
         if not self.large or pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
             return True
         self._ksp.setOperators(matrix)
         cost = price(self._ksp, matrix)
-        # A bound takes about 4 factorisations, or 1200 iterations.
+        # A bound needs about 4 factorisations or 1200 iterations.
         worth = 300
         return cost.fits and cost.iterations <= worth
 
@@ -125,7 +126,7 @@ class FactorisedFlow:
             raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Solve with the factors, which leave no residual. Collective."""
+        """Solve with the factors, up to rounding. Collective."""
         self._ksp.solve(b, y)
 
     def destroy(self) -> None:
@@ -134,11 +135,11 @@ class FactorisedFlow:
 
 
 class IteratedFlow:
-    """CG with smoothed aggregation, whose coarse spaces contain an approximate flow."""
+    """CG with smoothed aggregation multigrid, whose coarse spaces contain an approximate flow."""
 
     penalty = 3e4
     exact = 1e-7
-    # the residual moves pairs back and forth: half of the pairs near zero are held at a time
+    # residuals make pairs near zero open or close; this value also holds pairs that open slightly
     closes = -1e-3
     large = False
 
@@ -152,19 +153,19 @@ class IteratedFlow:
         self._at_rest = self._supported
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return True: this way is used where factors do not suit."""
+        """Return True, because this solver is used if factors do not suit."""
         return True
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
-        """Form the coarse operators. Collective."""
-        self._multigrid.prepare(operator)  # which has coarse spaces, because the problem is large
+        """Compute the coarse operators. Collective."""
+        self._multigrid.prepare(operator)  # builds coarse spaces, since the problem is large
         self._matrix = operator.matrix
         self._at_rest = np.concatenate([self._supported, closed])
         self._multigrid.set_matrix(operator, closed)
         self._multigrid.renew(flow)
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Remove most of the residual, without moving supports. Collective."""
+        """Reduce the residual to its share ``left``, without moving supports. Collective."""
         assert self._matrix is not None
         self._matrix.mult(y, self._residual)
         self._residual.aypx(-1.0, b)
@@ -182,18 +183,19 @@ class IteratedFlow:
 
 
 MOST_ITERATIONS, PATIENCE = 400, 20
-"""Largest number of flows that remove the inadmissible part, and the number of flows in which it
-must at least halve.
+"""Largest number of flows that remove the inadmissible part, and the number of flows within which
+the inadmissible part must at least halve.
 """
 
 
 class ViscousFlow:
-    """Flows of a problem's bodies whose laws have linear conditions of admissibility.
+    """Computes flows of bodies whose laws have linear admissibility conditions.
 
     Attributes:
         velocity: Velocity v, with L₁(v) = 1 after a solve.
-        viscosity: Viscosity η > 0 at the points, to be set before a solve.
-        drag: The same for friction: force over rate of slip, shape (num_places,).
+        viscosity: Viscosity η > 0 at the points; the caller sets it before a solve.
+        drag: Viscosity of friction: force divided by slip rate, shape (num_places,); the caller
+            sets it too.
         factorisations: Number of factorisations so far.
         solves: Number of linear systems solved so far.
     """
@@ -240,7 +242,7 @@ class ViscousFlow:
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
         self._live, self._rest = problem.create_vector(), problem.create_vector()
-        self._work = 1.0  # work of L₁ on the flow under L₁
+        self._work = 1.0  # work of L₁ in the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
     def destroy(self) -> None:
@@ -251,7 +253,7 @@ class ViscousFlow:
             part.destroy()
 
     def solve(self, held: PairFlags) -> None:
-        """Solve for the flow with closed pairs, which is nearly admissible. Collective.
+        """Compute the nearly admissible flow with given closed pairs. Collective.
 
         Args:
             held: Flags of the closed pairs, shape (num_pairs,).
@@ -277,7 +279,7 @@ class ViscousFlow:
         self._combine()
 
     def slips(self) -> Floats:
-        """Return rates of slip of the velocity, shape (num_places, gdim − 1). Collective."""
+        """Return the slip rates of the velocity, shape (num_places, gdim − 1). Collective."""
         self._problem.basis.M.mult(self.velocity.x.petsc_vec, self._y)
         return self._problem.friction.jumps(self._y)
 
@@ -285,7 +287,7 @@ class ViscousFlow:
         """Remove the inadmissible part of the last flow, up to rounding. Collective.
 
         Raises:
-            NoFlow: If a part of it cannot be removed.
+            NoFlow: If the inadmissible part does not vanish.
         """
         directions, left = ConjugateResiduals(self._problem.comm.allreduce), self._inadmissible()
         units, halved = self._units(), np.inf
@@ -305,12 +307,12 @@ class ViscousFlow:
         self._move_to(self._y / self._problem.loads.alpha(self.velocity.x.petsc_vec))
 
     def _oppose(self, directions: ConjugateResiduals, units: list[tuple[Ints, Floats]]) -> None:
-        """Subtract the flow under stresses against the inadmissible part. Collective."""
+        """Subtract the flow under stresses that oppose the inadmissible part. Collective."""
         problem, here = self._problem, self._y.copy()
         left = self._inadmissible_at(units)
         assemble_force(self._force, self._force_form, problem.bcs)
         self._rest.set(0)
-        roughly = 0.1  # remaining share of a residual; less would cost more than it saves
+        roughly = 0.1  # remaining share of a residual; a smaller one takes more time than it saves
         self._solve(self._force, self._rest, roughly)
         self._move_to(self._rest)
         step = directions.step(self._rest.array_r, self._inadmissible_at(units), left)
@@ -324,8 +326,9 @@ class ViscousFlow:
 
         Collective.
 
-        In this unit the flows are symmetric. There are as many directions as there are sizes of
-        pressures that the elements distinguish.
+        With inadmissible parts in this unit, the operator of conjugate residuals is symmetric. The
+        number of directions is the number of distinct magnitudes of pressures that the elements
+        resolve.
         """
         Q = self._problem.Q
         owned, points = Q.dofmap.index_map.size_local, Q.dofmap.list
@@ -335,7 +338,7 @@ class ViscousFlow:
         return [(at, found[at]) for at in (of_law[of_law < owned] for of_law in of_laws)]
 
     def _inadmissible_at(self, units: list[tuple[Ints, Floats]]) -> Floats:
-        """Return the inadmissible part at this rank's points, law by law. Collective."""
+        """Return the inadmissible parts at this rank's points, by law. Collective."""
         parts: list[Floats] = []
         for (_, stress, expression), (at, unit) in zip(self._resisted, units, strict=True):
             expression.interpolate(stress)
@@ -373,13 +376,14 @@ class ViscousFlow:
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
     def hold(self, held: PairFlags) -> bool:
-        """Hold more pairs if the last flow closes any that are not held. Collective.
+        """Hold more pairs if the last flow closes any pair that is not held. Collective.
 
         Args:
-            held: Flags of the held pairs, shape (num_pairs,); new ones are set.
+            held: Flags of the held pairs, shape (num_pairs,); the function sets the flags of
+                further pairs.
 
         Returns:
-            Whether the flow closes any pair.
+            Whether the flow closes a pair that was not held.
         """
         jumps = self._jumps()
         closes = self._problem.comm.allreduce(int(((jumps > ROUNDING) & ~held).sum())) > 0
@@ -388,16 +392,16 @@ class ViscousFlow:
         return closes
 
     def _jumps(self) -> Floats:
-        """Return the jumps of the last flow, relative to its largest velocity. Collective.
+        """Return the jumps of the last flow, divided by its largest velocity. Collective.
 
         Returns:
-            Shape (num_pairs,), positive where a pair closes.
+            Jumps, shape (num_pairs,), positive where a pair closes.
         """
         largest = float(self._y.norm(PETSc.NormType.NORM_INFINITY))
         return self._y.array_r[self._problem.basis.index] / (largest or 1.0)
 
     def _set_up(self, closed: Ints) -> None:
-        """Set up the system with the viscosity and the closed pairs, in the way that suits."""
+        """Set up a suitable solver with the viscosity and the closed pairs."""
         self._assemble(closed)
         try:
             if self.factorisations or self._system.suits(self._operator.matrix):

@@ -1,1 +1,1 @@
-"""Compute shakedown loads: the largest range of varying loads to which bodies adapt."""
+"""Compute shakedown loads: the largest range of varying loads to which bodies shake down."""

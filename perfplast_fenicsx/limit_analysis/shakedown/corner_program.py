@@ -1,23 +1,26 @@
-"""Pose shakedown as a limit load: points with a cone for each corner of the load domain.
+"""Formulate shakedown as a limit load, with a cone at each point for each load domain corner.
 
-Let σ_k be the elastic stresses of the corners, σ₀ those of the permanent loads, and ρ a residual
-stress in equilibrium with zero loads. Melan's theorem requires
+Let σ_k be the elastic stress at corner k, σ₀ the elastic stress due to permanent loads, and ρ a
+residual stress in equilibrium with zero loads. Melan's theorem states the problem
 
     max λ    with  τ_k = λσ_k + σ₀ + ρ within yield at each point, for each corner k = 0, 1, ….
 
-Koiter's theorem is the dual, for a displacement v of a cycle and plastic strains p_k at corners:
+Koiter's theorem is the dual problem, for the displacement v of a cycle and plastic strains p_k at
+the corners:
 
     min Σ w σ_y(p_k)    with  Σ_k p_k = ε(v),  Σ w σ_k:p_k = 1.
 
-So it is the limit load of a body whose velocities are y = (v, p₁, p₂, …). Each point occurs once
-for each corner, with the rates ε(v) − p₁ − p₂ − … at corner 0 and p_k at corner k. The loads do the
-work L(y) = Σ w σ_k:p_k. Equilibrium for all p_k makes τ_k − λσ_k equal at all corners, and
-equilibrium for all v balances it. If plasticity alternates, v is zero.
+The shakedown load is therefore the limit load of a body with the velocities y = (v, p₁, p₂, …).
+Each point occurs once for each corner, with the strain rate ε(v) − p₁ − p₂ − … at corner 0 and p_k
+at corner k > 0. The loads do the work L(y) = Σ w σ_k:p_k. Equilibrium for all p_k makes τ_k − λσ_k
+equal at all corners, and equilibrium for all v makes this stress self-equilibrated up to the
+permanent loads. With alternating plasticity, v is zero.
 
-The plastic strains of a point are in no other equation, and the stiffness eliminates them. With the
-moduli D_k of a point at its corners, (Σ D_k⁻¹)⁻¹ remains for v. Inverses use triangles of roots
-(QR), which lose half as many digits as the matrices would. In plane strain the out-of-plane
-residual stress is the same for all corners, so that cones contain all stress components.
+The plastic strains of a point occur in no equations of other points, and the stiffness eliminates
+them. With the moduli D_k of a point at the corners, the modulus (Σ D_k⁻¹)⁻¹ remains for v. Inverses
+use triangular factors of roots of the moduli (QR), which lose half as many digits as the moduli
+would. In plane strain, the out-of-plane residual stress is the same at all corners, so the cones
+contain all stress components.
 """
 
 from mpi4py import MPI
@@ -36,10 +39,11 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 class Frames:
-    """Coordinates of rates without a redundant number, at points of this rank.
+    """Coordinates of strain rates without a redundant component, at the points of this rank.
 
-    The coordinates of :mod:`standard_cones` have 1 + m numbers for m components of a strain rate.
-    If they are trace and deviator, the deviator is a vector of m numbers without a trace.
+    The coordinates of :mod:`standard_cones` are 1 + m numbers for m components of a strain rate. If
+    the coordinates are the trace and the deviator, the deviator is a trace-free vector of m
+    numbers.
 
     Attributes:
         columns: Matrix Q of (tr ε, dev ε) = Q q with orthonormal columns, shape (count, 1 + m, m).
@@ -74,21 +78,21 @@ class Frames:
 
 
 class CornerStrains:
-    """Rates at points and corners; see :class:`discretisation.Strains`.
+    """Strain rates at points and corners; see :class:`discretisation.Strains`.
 
-    Points are ordered corner by corner. Velocities are v in the contact basis, followed by ℓ p_k in
-    the coordinates of :class:`Frames`. The mean size ℓ of a point's volume makes their forces as
-    large as those on v.
+    The points of each corner are consecutive. Velocities are v in the contact basis, followed by ℓ
+    p_k in the coordinates of :class:`Frames`. The factor ℓ, the mean size of a point's volume,
+    makes the forces on these unknowns about as large as the forces on v.
 
     Attributes:
         problem: The bodies.
-        points: Strains of v at the points.
+        points: Strain rates of v at the points.
         corners: Number of corners.
         frames: Coordinates at the points.
     """
 
     def __init__(self, problem: Problem, points: PointStrains, corners: int) -> None:
-        """Use the points of a problem, whose owner keeps them. Collective."""
+        """Store the points of a problem; the caller keeps their ownership. Collective."""
         at, comm = points.coordinates, problem.comm
         self.problem, self.points, self.corners = problem, points, corners
         self.frames = Frames(at, points.size)
@@ -104,7 +108,7 @@ class CornerStrains:
         self._own = self._velocity.getLocalSize()
 
     def create_vector(self) -> PETSc.Vec:
-        """Return a velocity of zeros. Collective."""
+        """Return a zero velocity. Collective."""
         size = self._own + (self.corners - 1) * self.points.count * self.size
         return PETSc.Vec().createMPI((size, None), comm=self.problem.comm)
 
@@ -113,7 +117,7 @@ class CornerStrains:
         self._velocity.destroy()
 
     def velocity(self, y: PETSc.Vec) -> PETSc.Vec:
-        """Return v, in a vector that the next call overwrites."""
+        """Return the part v of y, in a vector that the next call overwrites."""
         self._velocity.array[:] = y.array_r[: self._own]
         return self._velocity
 
@@ -129,17 +133,17 @@ class CornerStrains:
         return self._reduced(*self.points.of(velocity))[0]
 
     def tensors(self, flows: Floats) -> Floats:
-        """Return the rates of :meth:`flows` as Mandel vectors."""
+        """Return the plastic rates of :meth:`flows` as Mandel vectors."""
         found: Floats = np.einsum("nji,knj->kni", self.frames.of_stresses, flows)
         return found
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Return trace and deviator at points and corners. Collective."""
+        """Return the trace and the deviator at points and corners. Collective."""
         found = self._whole(self.flows(y)).reshape(self.count, -1)
         return found[:, 0].copy(), found[:, 1:].copy(order="F")
 
     def _reduced(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return coordinates without the redundant number, shape (copies, num_points, m)."""
+        """Return coordinates without the redundant component, shape (copies, num_points, m)."""
         both = np.column_stack([pressure, deviator])
         both = both.reshape(-1, self.points.count, 1 + self.size)
         return np.asarray(np.einsum("nji,knj->kni", self.frames.columns, both), np.float64)
@@ -153,7 +157,7 @@ class CornerStrains:
         self._forces(self._reduced(pressure, deviator), out)
 
     def forces_of(self, stresses: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to the forces of Mandel vectors, shape (corners, num_points, m).
+        """Set ``out`` to the forces of stresses as Mandel vectors.
 
         Collective.
         """
@@ -170,13 +174,13 @@ class CornerStrains:
 
         Args:
             reduced: Stress τ in the coordinates of :class:`Frames`, shape (num_points, m).
-            out: A vector of the contact basis.
+            out: Vector in the contact basis.
         """
         both = self._whole(reduced)
         self.points.forces(both[:, 0].copy(), both[:, 1:].copy(), out)
 
     def stresses(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return Mandel vectors, shape (corners, num_points, m)."""
+        """Return stresses as Mandel vectors, shape (corners, num_points, m)."""
         reduced = self._reduced(pressure, deviator)
         return np.asarray(np.einsum("nji,knj->kni", self.frames.of_rates, reduced), np.float64)
 
@@ -210,10 +214,10 @@ class CornerStrains:
 
 
 class CornerStiffness:
-    """K of y, which uses the factors of v; see :class:`discretisation.Stiffness`."""
+    """K of y, solved with the factors of K of v; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: ConicStiffness, strains: CornerStrains) -> None:
-        """Take over the stiffness of v."""
+        """Take ownership of the stiffness of v."""
         self._bodies, self._strains = bodies, strains
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
         self.factorise = bodies.factorise
@@ -238,7 +242,7 @@ class CornerStiffness:
         """Assemble K with moduli at points and corners. Collective.
 
         Raises:
-            SingularStiffness: If the moduli of a point have no inverse.
+            SingularStiffness: If the moduli at a point are singular.
         """
         strains, Q = self._strains, self._strains.frames.columns
         count, parts, m = Q.shape
@@ -272,15 +276,15 @@ class CornerStiffness:
         x.array[own:] = (strains.length * flows).ravel()
 
     def _refine(self, flows: Floats, rates: Floats, pushes: Floats) -> None:
-        """Bring plastic rates closer to those whose stresses are the same at all corners.
+        """Refine plastic rates so that the residual stress is equal at all corners.
 
-        Moduli of a point that flows at several corners have a large range. Inverses lose as many
-        digits, and refinement recovers them.
+        The moduli of a point that flows at several corners differ by many orders of magnitude.
+        Inverses then lose as many digits, which refinement recovers.
 
         Args:
             flows: Plastic rates, overwritten, shape (corners − 1, num_points, m).
             rates: Rates ε(v), shape (num_points, m).
-            pushes: Excess of stresses over those of the first corner, shape as ``flows``.
+            pushes: Excess of the stresses over the stress of the first corner, shape as ``flows``.
         """
         # number of refinements; relative difference of stresses that may remain
         most, enough = 4, 1e-12

@@ -1,14 +1,14 @@
-"""Define the domain of varying loads, and compute the elastic stresses of each of them.
+"""Define the domain of varying loads, and compute the elastic stress due to each load.
 
-On straight quadratic cells stresses are linear in each cell and known at its vertices. Stresses
-within yield at the vertices of a straight cell are within yield in all of it. This includes the
-surface of the bodies, where elastic stresses are largest. With shape functions λ_v and linear
-strain rates
+In straight quadratic cells, stresses are linear and are evaluated at the vertices. If the stress is
+within yield at all vertices, it is within yield in the whole cell. The cell includes the surface of
+the bodies, where elastic stresses are largest. With linear shape functions λ_v and linear strain
+rates, the equation
 
     ∫ σ:ε = Σ_v |T|/(d + 1) σ_v:ε(x_v),    x_v = (2 x_v + Σ other vertices)/(d + 2),
 
-exactly: the stress at a vertex does work on the strain at a point between the vertex and the centre
-of the cell. Temperatures are approximated as linear in each cell.
+is exact. The stress at a vertex thus does work on the strain at a point between the vertex and the
+centre of the cell. Temperatures are approximated by linear functions in each cell.
 """
 
 import itertools
@@ -48,13 +48,13 @@ from perfplast_fenicsx.problem.variant import variant
 
 @dataclass(frozen=True, eq=False)
 class StressPoints:
-    """A problem at the points where stresses are known, and at the points where they do work.
+    """The problem with the points of stresses, and with the points where stresses do work.
 
     Attributes:
-        known: Problem whose points are those of the stresses.
-        working: Problem whose points are those of the conjugate strains, in the same order.
-        linear: Whether the stresses are known at the vertices of cells; otherwise both sets are the
-            quadrature points.
+        known: Problem at whose points the stresses are evaluated.
+        working: Problem at whose points the conjugate strains are evaluated, in the same order.
+        linear: Whether the stresses are evaluated at the vertices of cells; otherwise both sets of
+            points are the quadrature points.
     """
 
     known: Problem
@@ -63,10 +63,9 @@ class StressPoints:
 
 
 def stress_points(problem: Problem) -> StressPoints:
-    """Return the points of a problem. Collective.
+    """Return the problem with points for stresses and for strains. Collective.
 
-    They are the quadrature points if strains are not linear in a cell: for linear elements, in
-    axisymmetry and in curved cells.
+    Both sets are the quadrature points for linear elements, in axisymmetry and in curved cells.
     """
     mesh = problem.tagged_mesh.mesh
     linear = problem.degree == 2 and not problem.tagged_mesh.axisymmetric
@@ -97,10 +96,11 @@ def stress_points(problem: Problem) -> StressPoints:
 def elastic_stresses(
     problem: Problem, names: Sequence[str], points: StressPoints, strains: PointStrains
 ) -> tuple[Floats, Floats]:
-    """Return stresses of varying loads, and of permanent ones. Collective.
+    """Return the elastic stresses due to varying loads and to permanent loads. Collective.
 
-    Stresses of varying loads have the factor 1. Temperatures that are not named, and initial
-    stresses, are in equilibrium with zero loads; the residual stress contains them.
+    Stresses due to varying loads are those at the factor 1. Stresses from temperatures that are not
+    named, and initial stresses, are in equilibrium with zero loads; the residual stress contains
+    them.
 
     Args:
         problem: The bodies and their loads.
@@ -112,7 +112,7 @@ def elastic_stresses(
         Mandel vectors, shapes (num_names, count, m) and (count, m).
 
     Raises:
-        SingularStiffness: If the bodies cannot be held.
+        SingularStiffness: If supports do not prevent rigid-body motions.
     """
     given = problem.given
     constant = [load for load in given.loads if load.constant]
@@ -138,7 +138,7 @@ class _Elastic:
     """The response of elastic bodies to loads and temperatures."""
 
     def __init__(self, known: Problem, bodies: ConicStiffness, strains: PointStrains) -> None:
-        """Take over the factors. Collective."""
+        """Store the factorised stiffness. Collective."""
         self._problem, self._bodies, self._working = known, bodies, strains
         self._rates, self._hooke = RatesAtPoints(known), hooke_at_points(known)
 
@@ -199,7 +199,7 @@ def hooke_at_points(problem: Problem) -> Floats:
 
 
 def check_elastic(materials: Mapping[str, object]) -> None:
-    """Refuse rigid bodies, which have no elastic stresses.
+    """Check that no body is rigid, because rigid bodies have no elastic stresses.
 
     Raises:
         InputError: Naming the first rigid body.
@@ -214,7 +214,7 @@ def check_elastic(materials: Mapping[str, object]) -> None:
 
 
 def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Sequence[str]) -> None:
-    """Check that varying names exist, and that growing loads vary.
+    """Check that the names that vary exist, and that all loads that grow vary.
 
     Args:
         problem_loads: The loads.
@@ -222,7 +222,8 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
         names: Names of loads and temperatures that vary.
 
     Raises:
-        InputError: Naming the first name that does not fit.
+        InputError: If a name is invalid, or a load that grows does not vary; the message contains
+            the name.
     """
     growing = [called(load) for load in problem_loads if not load.constant]
     constant = [called(load) for load in problem_loads if load.constant]
@@ -247,7 +248,7 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
 
 @dataclass(frozen=True)
 class LoadDomain:
-    """The convex hull of corners, each with a factor for every name.
+    """The convex hull of corners; each corner has a factor for every name.
 
     Attributes:
         names: Names of loads and temperatures that vary.
@@ -262,10 +263,11 @@ class LoadDomain:
         """Return the domain in which each factor varies independently between two limits.
 
         Args:
-            ranges: Least and largest factor of each name.
+            ranges: Smallest and largest factor of each name.
 
         Raises:
-            InputError: If there is no range, or too many, or one is not valid.
+            InputError: If there is no range, if there are too many ranges, or if a range is not
+                valid.
         """
         if not ranges:
             raise InputError("ranges is empty; give one at least, such as { pressure = [0, 1] }.")
@@ -292,7 +294,7 @@ class LoadDomain:
         Names that a corner does not contain have the factor 0.
 
         Raises:
-            InputError: If fewer than two corners differ, or a factor is not finite.
+            InputError: If there are fewer than two different corners, or if a factor is not finite.
         """
         names = tuple(dict.fromkeys(name for corner in corners for name in corner))
         rows = [[float(corner.get(name, 0.0)) for name in names] for corner in corners]

@@ -1,14 +1,14 @@
-"""Compute Melan's load of a load domain, and a Bree diagram of two varying loads.
+"""Compute the shakedown load of a load domain, and a Bree diagram of two varying loads.
 
-The result holds for the mesh. Elastic stresses and equilibrium are those of its finite elements. So
-it is an estimate for the bodies, and no bound. Stresses are within yield in all of each straight
-cell (:mod:`elastic_stresses`). Where elastic stresses are infinite, as in a re-entrant corner, the
-load tends to zero as the mesh is refined.
+The result holds for the mesh, because elastic stresses and equilibrium are those of its finite
+elements. It is therefore an estimate for the bodies and not a bound. Stresses are within yield
+everywhere in each straight cell (:mod:`elastic_stresses`). If elastic stresses are infinite, for
+example at a re-entrant corner, the load tends to zero as the mesh is refined.
 
-Compute shakedown loads for all ratios of two varying loads: a Bree diagram of any bodies.
-J. Bree, Elastic-plastic behaviour of thin tubes subjected to internal pressure and intermittent
-high-heat fluxes, Journal of Strain Analysis 2 (1967), 226, has the diagram of a tube under
-pressure. Its wall is heated repeatedly.
+A Bree diagram contains the shakedown loads for all ratios of two varying loads. J. Bree,
+Elastic-plastic behaviour of thin tubes subjected to internal pressure and intermittent high-heat
+fluxes, Journal of Strain Analysis 2 (1967), 226, gives the diagram of a tube under pressure whose
+wall is heated repeatedly.
 """
 
 import math
@@ -69,7 +69,7 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
 class Failure(StrEnum):
-    """The failure above a shakedown load."""
+    """The kind of failure above a shakedown load."""
 
     ALTERNATING = "alternating plasticity"
     COLLAPSE = "incremental collapse"
@@ -78,7 +78,7 @@ class Failure(StrEnum):
 
     @staticmethod
     def of(accumulated: float) -> "Failure":
-        """Return the failure for the share of the flow that remains at the end of a cycle."""
+        """Return the failure, given the share of the flow that remains at a cycle's end."""
         if accumulated <= 0.05:
             return Failure.ALTERNATING
         return Failure.COLLAPSE if accumulated >= 0.5 else Failure.BOTH
@@ -86,27 +86,29 @@ class Failure(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class ShakedownLoad(NotebookResult):
-    """The largest multiple of a load domain that the bodies shake down to, on this mesh.
+    """The largest multiple of a load domain to which the bodies shake down, on this mesh.
 
     Attributes:
         domain: The load domain.
         problem: Problem whose points are those of the stresses.
-        linear: Whether these points are the vertices of cells, in which stresses are linear.
-        load: Factor λ of Melan's program, an estimate for the bodies; None if none was found.
-        upper: Koiter's value; the steps have reduced its difference from ``load`` to the tolerance.
-        over: Largest ratio of stress to yield at any corner and point, 1 up to rounding.
-        unbalanced: Largest relative force of the residual stress.
-        first_yield: Factor of the domain at which the first point yields at a corner, without
+        linear: Whether the points are the vertices of cells, in which stresses are linear.
+        load: Factor λ from Melan's theorem, an estimate for the bodies; None if no factor was
+            found.
+        upper: Factor from Koiter's theorem, which differs from ``load`` by at most the tolerance if
+            converged.
+        over: Largest yield ratio at any corner and point, 1 up to rounding.
+        unbalanced: Largest unbalanced force of the residual stress, as a relative value.
+        first_yield: Factor of the domain at which a point first yields at a corner, without
             residual stress; None with permanent loads.
-        accumulated: Share of a cycle's flow that remains at its end.
+        accumulated: Share of a cycle's plastic flow that remains at the end of the cycle.
         failure: Kind of failure above the load.
-        mechanism: Displacement that a cycle leaves, up to a factor.
-        dissipation: Dissipation of a cycle at the points, up to a factor.
+        mechanism: Displacement that remains after a cycle, up to a factor.
+        dissipation: Dissipation of a cycle at the points, up to the same factor.
         residual: Residual stress ρ, Mandel vectors at the points (stress).
         steps: Number of steps of the interior point method.
         factorisations: Total number of factorisations.
         linear_solves: Total number of linear solves.
-        converged: Whether both values have met.
+        converged: Whether the static and the kinematic value have met.
         reason: Reason for the end.
     """
 
@@ -142,7 +144,7 @@ class ShakedownLoad(NotebookResult):
         return f"{words}."
 
     def rows(self) -> list[Row]:
-        """Return a row for each corner: factors of the domain, and those at shakedown."""
+        """Return a row for each corner: the factors of the domain, and the factors at shakedown."""
         names, found = self.domain.names, self.load if self.converged else None
         rows: list[Row] = []
         for corner in self.domain.corners:
@@ -153,7 +155,7 @@ class ShakedownLoad(NotebookResult):
         return rows
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the load domain, and the multiple of it to which the bodies shake down.
+        """Draw the load domain and its multiple to which the bodies shake down.
 
         Raises:
             InputError: If more than two loads vary.
@@ -225,12 +227,12 @@ def shakedown_load(
     rtol: float = 1e-4,
     monitor: Callable[[InteriorStep], None] | None = None,
 ) -> ShakedownLoad:
-    """Return the largest λ for which bodies shake down to λ times a load domain. Collective.
+    """Return the largest λ such that bodies shake down to λ times a load domain. Collective.
 
     Args:
-        problem: The bodies; constant loads act all the time.
-        domain: Factors of the other loads, and of temperatures.
-        rtol: Relative difference of the static and the kinematic value.
+        problem: The bodies and their loads; constant loads act all the time.
+        domain: Factors of the varying loads and temperatures.
+        rtol: Largest relative difference between the static and the kinematic value.
         monitor: Called on every rank after each step.
 
     Raises:
@@ -258,21 +260,22 @@ def shakedown_load(
     ones = len(domain.names) + 1
     return replace(
         found,
-        factorisations=found.factorisations + 1,  # one more for the elastic stresses
+        factorisations=found.factorisations + 1,  # including the one for the elastic stresses
         linear_solves=found.linear_solves + ones,
     )
 
 
 def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) -> None:
-    """Refuse problems that :func:`shakedown_load` would refuse, without solving. Collective.
+    """Check that :func:`shakedown_load` accepts a problem, without solving. Collective.
 
     Args:
         problem: The bodies.
         domain: Factors of varying loads and temperatures.
-        rtol: Relative difference of both values.
+        rtol: Largest relative difference between both values.
 
     Raises:
-        InputError: As :func:`shakedown_load`, except if the loads stress no body that may yield.
+        InputError: In the cases of :func:`shakedown_load`, except if the loads cause no stress in a
+            body that can yield.
     """
     _check(problem, domain, rtol)
 
@@ -287,7 +290,7 @@ def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
 
 
 def _check_bonds(problem: Problem) -> None:
-    """Refuse given motions, and problems in which elastic stresses do not superpose."""
+    """Check that supports do not move, and that elastic stresses can be superposed."""
     if problem.num_pairs or problem.friction.count:
         raise InputError(
             "shakedown needs bodies that neither separate nor slide, since elastic stresses of"
@@ -301,14 +304,14 @@ def _check_bonds(problem: Problem) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Varying:
-    """The bodies, and the varying stresses in them.
+    """The points of the bodies, and the elastic stresses due to varying and permanent loads.
 
     Attributes:
         domain: Factors of varying loads and temperatures.
         points: Points of the stresses.
-        working: Rates at the points where stresses do work.
-        live: Elastic stresses of the corners, Mandel vectors, shape (num_corners, count, m).
-        dead: Elastic stress of permanent loads, shape (count, m).
+        working: Strain rates at the points where stresses do work.
+        live: Elastic stresses at the corners, Mandel vectors, shape (num_corners, count, m).
+        dead: Elastic stress due to permanent loads, shape (count, m).
     """
 
     domain: LoadDomain
@@ -318,7 +321,7 @@ class Varying:
     dead: Floats
 
     def program(self, reserve: float) -> tuple[CornerStrains, ConicProgram]:
-        """Return the rates at corners, and the program. Collective.
+        """Return the strain rates at the corners, and the conic program. Collective.
 
         Args:
             reserve: See :class:`ConicProgram`.
@@ -350,7 +353,7 @@ def _search(
     monitor: Callable[[InteriorStep], None] | None,
     start: Start,
 ) -> tuple[ShakedownLoad, Start | None]:
-    """Search from a start; return the result and the next start, None to end. Collective."""
+    """Search from a start; return the result and the next start, or None. Collective."""
     with ExitStack() as made:
         strains, program = varying.program(start.reserve)
         made.callback(program.destroy)
@@ -442,9 +445,9 @@ def _found(
 
 
 def _accumulated(varying: Varying, strains: CornerStrains, flows: Floats) -> float:
-    """Return the share of a cycle's flow that remains at its end. Collective.
+    """Return the share of a cycle's flow that remains at the cycle's end. Collective.
 
-    It is zero where plasticity alternates, and one where each point flows at one corner.
+    The share is 0 for alternating plasticity, and 1 if each point flows at one corner only.
     """
     tensors, weights = strains.tensors(flows), strains.points.weights
     left = weights @ np.linalg.norm(tensors.sum(axis=0), axis=1)
@@ -464,11 +467,11 @@ class Direction:
     """The shakedown load for one ratio of two varying loads.
 
     Attributes:
-        angle: Arc tangent of the ratio (degrees), in units of the shakedown loads of each alone: 0
-            if only the first load varies.
-        first: Factor of the first load at the end of shakedown; None if none was found.
-        second: Factor of the second load.
-        failure: Kind of failure beyond it.
+        angle: Arc tangent of the ratio of the second load to the first (degrees), each divided by
+            its shakedown load alone; 0 if only the first load varies.
+        first: Factor of the first load at the shakedown limit; None if no limit was found.
+        second: Factor of the second load at this limit; None if no limit was found.
+        failure: Kind of failure beyond the limit.
     """
 
     angle: float
@@ -478,10 +481,10 @@ class Direction:
 
 
 def check_directions(domain: LoadDomain, directions: int) -> None:
-    """Check that the domain has two loads for a diagram.
+    """Check that a domain has two loads, as a diagram requires.
 
     Raises:
-        InputError: If it has not, or if there are too few directions.
+        InputError: If the domain does not have two loads, or if there are too few directions.
     """
     if directions and (directions < 3 or len(domain.names) != 2):
         raise InputError(
@@ -502,14 +505,14 @@ def shakedown_diagram(
 
     Args:
         problem: The bodies.
-        domain: Domain with two names; the factors of each are multiplied.
-        directions: Number of directions over a quarter of the circle.
+        domain: Domain with two names; each direction scales the factors of both.
+        directions: Number of directions in a quarter circle.
         rtol: As for :func:`shakedown_load`.
         monitor: Called on every rank after each direction.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: As :func:`shakedown_load`, and if there are not two names.
+        InputError: In the cases of :func:`shakedown_load`, and if there are not two names.
     """
     check_directions(domain, directions)
     told = (problem, domain, rtol, steps)

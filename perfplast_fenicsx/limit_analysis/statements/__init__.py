@@ -1,1 +1,1 @@
-"""Define questions about limit loads, and their answers."""
+"""Define the questions of a limit analysis, and the results that answer them."""

@@ -1,4 +1,4 @@
-"""Refuse problems without a limit load, or without one that a method can find."""
+"""Check that problems have a limit load, and that the chosen method can find it."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
@@ -9,17 +9,17 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def check_tolerance(rtol: float) -> None:
-    """Refuse an invalid relative difference of bounds.
+    """Check the tolerance, a relative difference between bounds.
 
     Raises:
-        InputError: If it is not between 0 and 1.
+        InputError: If the tolerance is not between 0 and 1.
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
 
 
 def check_friction_has_limits(problem: Problem) -> None:
-    """Refuse friction for which no limit theorem holds.
+    """Check that a limit theorem holds for all friction.
 
     Raises:
         InputError: If any friction is Coulomb's.
@@ -35,10 +35,11 @@ def check_friction_has_limits(problem: Problem) -> None:
 
 
 def check_bodies_have_limits(problem: Problem) -> None:
-    """Refuse bodies that carry any load, or for which only bounds of the limit load are known.
+    """Check that all bodies are perfectly plastic, and that more than bounds is known for them.
 
     Raises:
-        InputError: If a body hardens, or is ground that represents a pair of materials.
+        InputError: If a body hardens, or if a material of ground represents a pair of materials for
+            bounds.
     """
     check_flows(problem.given.materials)
     for name, material in problem.given.materials.items():
@@ -51,10 +52,11 @@ def check_bodies_have_limits(problem: Problem) -> None:
 
 
 def check_flat_guides(problem: Problem) -> None:
-    """Refuse curved surfaces that move along their normals, which bounds do not support.
+    """Check that no support moves a curved surface along its normals.
 
     Raises:
-        InputError: Naming the first such surface.
+        InputError: If one does, which bounds do not support; the message names the first such
+            surface.
     """
     guides = problem.guides
     for surface, curved in zip(guides.surfaces, guides.curved, strict=True):
@@ -67,10 +69,10 @@ def check_flat_guides(problem: Problem) -> None:
 
 
 def collapses_by_loads(problem: Problem) -> bool:
-    """Return whether only loads do work at collapse, and there are any. Collective.
+    """Return whether there are loads, and no other actions do work at collapse. Collective.
 
-    Constant displacements, overlaps and strains do none. Supports are at rest in a mechanism, and
-    stresses in equilibrium without loads do no work on its strain rates.
+    Constant displacements, overlaps and strains do no work at collapse. Supports do not move in a
+    mechanism, and self-equilibrated stresses do no work on its strain rates.
     """
     return _is_loaded(problem) and not problem.motion.driven
 
@@ -80,7 +82,7 @@ def _is_loaded(problem: Problem) -> bool:
 
 
 def check_loads(problem: Problem) -> None:
-    """Refuse motions that grow, and bodies without loads. Collective.
+    """Check that there is a load, and that no prescribed motion grows. Collective.
 
     Raises:
         InputError: If ζ moves supports or obstacles, or there is no load.
@@ -95,7 +97,7 @@ def check_loads(problem: Problem) -> None:
 
 
 def idle_pores(problem: Problem) -> list[str]:
-    """Return a note if pore pressures change no bounds of bodies of revolution."""
+    """Return a note if pore pressures do not affect the bounds in axisymmetry."""
     pores = any(isinstance(load, PorePressure) for load in problem.given.loads)
     if not (pores and problem.tagged_mesh.axisymmetric):
         return []
@@ -103,7 +105,7 @@ def idle_pores(problem: Problem) -> list[str]:
 
 
 def ignored(problem: Problem) -> list[str]:
-    """Return a sentence on the parts of a problem that change no limit load. Collective."""
+    """Return a sentence on the parts of a problem that do not affect limit loads. Collective."""
     bolts = problem.shanks.bolts
     found = {
         "displacements of supports": problem.motion.moves_supports,

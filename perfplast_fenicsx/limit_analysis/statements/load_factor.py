@@ -1,4 +1,4 @@
-"""Define the load factor that is sought, its bounds, and results beside them."""
+"""Define the load factor of a limit analysis, its bounds, and related results."""
 
 import math
 from dataclasses import asdict, dataclass, replace
@@ -13,12 +13,12 @@ from perfplast_fenicsx.tables import NotebookResult, Row
 
 
 class Question(StrEnum):
-    """The question of a limit analysis.
+    """The load factor that a limit analysis seeks.
 
-    If permanent loads L₀ are too large by themselves, no factor of the live loads L₁ is carried. A
-    limit load measures the excess: the largest μ for which μL₀ + λL₁ is carried with any λ. Its
-    mechanisms have L₀(v) = 1 and L₁(v) = 0. If μ < 1, the strengths are too small by the factor
-    1/μ.
+    If the permanent loads L₀ alone are too large, the bodies cannot carry them with any factor of
+    the live loads L₁. A second limit load measures the excess: the largest μ for which the bodies
+    carry μL₀ + λL₁ with some λ. Its mechanisms have L₀(v) = 1 and L₁(v) = 0. If μ < 1, the
+    strengths are too small by the factor 1/μ.
     """
 
     LIMIT = "limit"
@@ -26,39 +26,40 @@ class Question(StrEnum):
 
     @property
     def enough(self) -> float:
-        """The factor up to which a search continues, even beyond that of a viscous flow.
+        """The load factor up to which a search does not report an unbounded load.
 
-        Permanent loads are carried if their factor is 1. Below 1 the search must
-        distinguish little strength from none.
+        The bodies carry the permanent loads if their factor is at least 1. Below 1, the search must
+        distinguish a small strength from no strength.
         """
         return 4.0 if self is Question.STANDS else 0.0
 
     def loads(self, live: PETSc.Vec, dead: PETSc.Vec) -> tuple[PETSc.Vec, PETSc.Vec, PETSc.Vec]:
-        """Return the loads whose factor is sought, the permanent ones, and those of any factor.
+        """Return the loads whose factor is sought, the permanent loads, and the free loads.
 
         Collective.
 
-        Missing loads are vectors of zeros.
+        Vectors of loads that do not exist are zero.
         """
         none = live.duplicate()
         none.set(0.0)
         return (live, dead, none) if self is Question.LIMIT else (dead, none, live)
 
     def of(self, live: float, dead: float) -> tuple[float, float, float]:
-        """Return the numbers of these loads, such as works, in the same order."""
+        """Return numbers that belong to the loads, such as works, in the order of :meth:`loads`."""
         return (live, dead, 0.0) if self is Question.LIMIT else (dead, 0.0, live)
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The multiple of the permanent loads that is carried, with the best factor of the live ones.
+    """The multiple of the permanent loads that bodies carry with the best live load factor.
 
-    It is the largest μ for which μL₀ + λL₁ is carried with any λ (:class:`Question`). If
-    it is below 1, no load factor is carried, and yield stresses and cohesions are too small by 1/μ.
+    The multiple is the largest μ for which the bodies carry μL₀ + λL₁ with some λ
+    (:class:`Question`). If μ < 1, the bodies cannot carry the permanent loads at any load factor.
+    Yield stresses and cohesions are then too small by the factor 1/μ.
 
     Attributes:
-        lower: Multiple that a stress carries; None if no stress was found.
-        upper: Multiple beyond which a mechanism exists; None if no mechanism was found.
+        lower: Multiple for which a stress was found; None if no stress was found.
+        upper: Multiple above which a mechanism exists; None if no mechanism was found.
     """
 
     lower: float | None
@@ -71,12 +72,12 @@ class Standing:
 
     @property
     def stands(self) -> bool:
-        """Whether a stress shows that the permanent loads are carried."""
+        """Whether a stress shows that the bodies carry the permanent loads."""
         return self.lower is not None and self.lower >= 1
 
     @property
     def verdict(self) -> str:
-        """The verb of a sentence about the stability of the bodies."""
+        """Verb for a sentence on the stability of the bodies."""
         if self.falls:
             return "does not stand"
         return "stands" if self.stands else "may stand or not"
@@ -103,13 +104,13 @@ class Standing:
 
 @dataclass(frozen=True)
 class DesignFactor:
-    """The multiple of the design load that is carried.
+    """The multiple of the design load that the bodies carry.
 
     Attributes:
         zeta: Load factor of the design load.
-        lower: Multiple that is proven to be carried; None without a proof.
+        lower: Multiple that the bodies are proven to carry; None without a proof.
         upper: Multiple at which the bodies are proven to collapse; None without a proof.
-        estimate: Multiple that the mesh carries; None if its limit load was not found.
+        estimate: Multiple that the mesh carries; None if the limit load of the mesh was not found.
         name: Name of the load combination, if it has one.
     """
 
@@ -136,17 +137,17 @@ class DesignFactor:
 
     @property
     def carried(self) -> bool:
-        """Whether the design load is proven to be carried."""
+        """Whether the bodies are proven to carry the design load."""
         return self.lower is not None and bool(self.lower >= 1)
 
     @property
     def refused(self) -> bool:
-        """Whether the design load is proven not to be carried."""
+        """Whether the bodies are proven not to carry the design load."""
         return self.upper is not None and bool(self.upper < 1)
 
     @property
     def decided(self) -> bool:
-        """Whether either is proven."""
+        """Whether the bodies are proven to carry the design load, or not to carry it."""
         return self.carried or self.refused
 
     def in_words(self) -> str:
@@ -176,10 +177,10 @@ class DesignFactor:
 
 
 def check_design(design: float | None) -> None:
-    """Refuse an invalid load factor of a design load.
+    """Check the load factor of a design load.
 
     Raises:
-        InputError: If it is not a positive number.
+        InputError: If the load factor is not a positive finite number.
     """
     if design is not None and not (design > 0 and math.isfinite(design)):
         raise InputError(f"design = {design} is not a load factor; give a positive one, often 1.0.")
@@ -191,8 +192,8 @@ class DruckerBounds:
 
     Attributes:
         lower: Lower bound of the limit load without friction; 0 if only friction holds the bodies.
-        upper: Upper bound of the limit load if surfaces neither slip nor separate. It is infinite
-            if nothing seems to bound that load, None if it was not found.
+        upper: Upper bound of the limit load if surfaces with friction neither slip nor separate.
+            The value is ∞ if the load seems to be unbounded, None if no bound was found.
     """
 
     lower: float
@@ -203,8 +204,8 @@ class DruckerBounds:
         least = f"collapse or slide at no load below {rounded_down(self.lower)}, the limit load"
         least += " without friction"
         finite = self.upper is not None and math.isfinite(self.upper)
-        # A lower bound below this share of the upper one is zero to rounding: the interior point
-        # method ends when both sides are this close.
+        # A lower bound below this share of the upper bound counts as zero, because the interior
+        # point method cannot resolve smaller values.
         rounding = 1e-6
         if self.lower <= rounding * (self.upper if finite and self.upper else 0.0):
             least = "may slide at any load, as without friction they carry none"
@@ -223,21 +224,21 @@ class DruckerBounds:
         )
 
     def table(self) -> dict[str, Any]:
-        """Return the bounds and their words, in the form of ``summary.json``."""
+        """Return the bounds and their description in words, as ``summary.json`` contains them."""
         return {"lower": self.lower, "upper": self.upper, "words": self.in_words()}
 
 
 @dataclass(frozen=True)
 class PathPoint:
-    """An equilibrium with reduced strengths.
+    """An equilibrium state with reduced strengths.
 
     Attributes:
         factor: Factor F by which strengths are divided.
         work: Work L(u) of all loads (energy).
         displacement: Largest displacement (length).
         duality_gap: Relative duality gap of the equilibrium.
-        newton_iterations: Newton iterations since the previous point, including those with other F
-            at this work.
+        newton_iterations: Newton iterations since the previous point, including iterations with
+            other F at this work.
         linear_solves: Linear solves since the previous point, counted in the same way.
     """
 
@@ -251,11 +252,11 @@ class PathPoint:
 
 @dataclass(frozen=True)
 class StrengthPath(NotebookResult):
-    """F over work, from the first point until it has levelled off.
+    """The curve of F over work, from the first point until F has levelled off.
 
     Attributes:
-        points: Points in the order of growing work.
-        levelled_off: Whether F hardly rises any more.
+        points: Points in ascending order of work.
+        levelled_off: Whether F has levelled off to the tolerance.
         reason: Reason for the end.
     """
 
@@ -265,7 +266,7 @@ class StrengthPath(NotebookResult):
 
     @property
     def factor(self) -> float | None:
-        """The last F; None without any point."""
+        """F at the last point; None if there are no points."""
         return self.points[-1].factor if self.points else None
 
     def in_words(self) -> str:
@@ -295,22 +296,23 @@ class StrengthPath(NotebookResult):
 
 
 def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
-    """Return the size that differences of load factors are relative to.
+    """Return the size by which differences of load factors are divided.
 
     Args:
-        dissipation: Dissipation of a mechanism with L(v) = 1; it is λ without permanent loads.
+        dissipation: Dissipation of a mechanism with L(v) = 1, which is λ if there are no permanent
+            loads.
         load: Load factor λ.
-        loose: Whether some of the ground has no cohesion, or a joint no adhesion, and dissipates
+        loose: Whether some ground without cohesion, or a joint without adhesion, dissipates
             nothing.
     """
-    # Least size relative to the load factor. If bodies that permanent loads hold together separate,
-    # nothing is dissipated, as without cohesion.
+    # Least size, relative to the load factor. Without cohesion, or if bodies that only permanent
+    # loads hold together separate, the dissipation is zero.
     least_share = 1.0 if loose else 1e-3
     return max(abs(dissipation), least_share * abs(load))
 
 
 class Scope(StrEnum):
-    """The object of a bound: the body or its mesh."""
+    """The object for which a bound holds: the body or its mesh."""
 
     BODY = "body"
     MESH = "mesh"
@@ -334,17 +336,18 @@ GROWS_TOO_LITTLE = (
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of a limit load, and its scope.
+    """A bound of a limit load, with the object for which it holds.
 
     Attributes:
         value: The bound; None without one.
         kind: "lower" or "upper".
-        of: Whether it bounds the limit load of the body that the mesh fills, or only that of the
-            finite elements.
-        why_not: Reasons why it does not hold for the body; empty if it does.
-        of_rounding: Share of an upper bound that may be rounding, in bodies that hardly strain.
-        doubts: Reasons why it may not hold, until the proof checker has judged it.
-        faults: All faults that the proof checker found, if it refuses the bound.
+        of: Whether the bound holds for the body that the mesh fills, or only for the finite
+            elements.
+        why_not: Reasons why the bound does not hold for the body; empty if it does.
+        of_rounding: Share of an upper bound that may come from rounding errors in bodies that
+            hardly deform.
+        doubts: Reasons why the bound may not hold, until the proof checker has judged the bound.
+        faults: All faults that the proof checker found, if it has refused the bound.
         over: The factor by which the stress of a refused bound may exceed the strength.
     """
 
@@ -359,20 +362,20 @@ class Bound:
 
     @property
     def strict(self) -> bool:
-        """Whether it holds for the body, up to rounding."""
+        """Whether the bound holds for the body, up to rounding."""
         return self.can_be_strict and not self.doubts
 
     @property
     def can_be_strict(self) -> bool:
-        """Whether the proof checker has to judge it."""
+        """Whether the proof checker has to judge the bound."""
         return self.value is not None and self.of is Scope.BODY
 
     def proven(self, value: float | None = None) -> "Bound":
-        """Return the bound as the checker has proven it, with the value that the checker proves."""
+        """Return the bound as proven, with the value that the proof checker has proven."""
         return replace(self, value=self.value if value is None else value, doubts=())
 
     def refused(self, faults: tuple[str, ...], over: float = 1.0) -> "Bound":
-        """Return the bound as one of the mesh, for the first of the faults that the checker found.
+        """Return the bound as a bound of the mesh, with the checker's first fault as reason.
 
         The result has no value if the stress is not in equilibrium, or if the mechanism is not
         admissible even at the points of the mesh.
@@ -386,22 +389,26 @@ class Bound:
 
     @property
     def shown(self) -> str:
-        """The value in a few digits, rounded so that it remains a bound."""
+        """The value with a few digits, rounded so that it remains a bound."""
         if self.value is None:
             return "none"
         return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
 
     def apart(self, upper: "Bound") -> float | None:
-        """Return the distance to an upper bound, relative to the smaller magnitude of both.
+        """Return the difference from an upper bound, divided by the smaller magnitude of both.
 
-        None if one of them is missing, or 0 lies between them.
+        Returns None if either bound is missing, or if 0 lies between both.
         """
         if self.value is None or upper.value is None or not self.value * upper.value > 0:
             return None
         return (upper.value - self.value) / min(abs(self.value), abs(upper.value))
 
     def improves(self, old: "Bound") -> bool:
-        """Return whether it is better than an old bound; bounds of meshes replace each other."""
+        """Return whether this bound replaces an old bound.
+
+        A strict bound replaces a strict bound if it is closer, and any bound that is not strict. A
+        bound that is not strict replaces only bounds that are not strict.
+        """
         if self.value is None or old.value is None:
             return self.value is not None
         if self.strict and old.strict:
