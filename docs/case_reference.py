@@ -140,7 +140,7 @@ def _mesh() -> Iterator[str]:
 
 def _geometry() -> Iterator[str]:
     yield f"{summary(GeometryFile)}\n"
-    yield "Beside `[[region]]` or `[[stratum]]` there is no `file`; other keys are the same.\n"
+    yield "With `[[region]]` or `[[stratum]]` there is no `file`; the other keys are the same.\n"
     meaning = arguments(GeometryFile)
     yield HEAD + row("file", "a string", "required", meaning["file"]) + rows(MeshingOptions)
     yield f"**`[[geometry.face]]`.** {summary(NamedFace)}\n\n{HEAD}{rows(NamedFace)}"
@@ -157,7 +157,7 @@ def _solve() -> Iterator[str]:
         "method",
         METHODS,
         None,
-        "The algorithm. Without it ALG1 where the load is prescribed, ALG3 where the work is.",
+        "The algorithm; by default ALG1 if loads are prescribed, and ALG3 if works are prescribed.",
     ).replace("required", "see right")
     kinds = " or ".join(f'`"{name}"`' for name in SOLVERS)
     yield row("conic", kinds, f'`"{USUAL}"`', CONIC)
@@ -199,15 +199,18 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "bolt": ("[[bolt]]", _single(Bolt)),
     "contact": (
         "[[contact]]",
-        _chosen("interface", INTERFACES, "friction", "What acts between the surfaces."),
+        _chosen("interface", INTERFACES, "friction", "The kind of interface between the surfaces."),
     ),
-    "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "What it is.")),
+    "obstacle": ("[[obstacle]]", _chosen("shape", OBSTACLES, None, "The shape of the obstacle.")),
     "rigid_surface": ("[[rigid_surface]]", _single(support_tables.RigidSurfaceTable)),
     "tie": ("[[tie]]", _single(Tie)),
     "model": ("[model]", _single(tables.ModelOptions)),
     "element": ("[element]", _single(tables.ElementOptions)),
     "solve": ("[solve]", _solve),
-    "loading": ("[loading]", _chosen("control", CONTROLS, "load", "What is prescribed.")),
+    "loading": (
+        "[loading]",
+        _chosen("control", CONTROLS, "load", "The quantity that the run prescribes or computes."),
+    ),
     "stage": ("[[stage]]", _single(Stage)),
     "output": ("[output]", _single(tables.OutputOptions)),
     "report": ("[report]", _single(tables.ReportHead)),

@@ -15,10 +15,10 @@ from perfplast_fenicsx.cli.parser import make_parser
 MARK = "<!-- the commands, from the program -->"
 
 JSON = (
-    "With `--json` a command prints one JSON object on standard output, and its lines and progress"
+    "With `--json` a command prints one JSON object on standard output, and text and progress"
     " on standard error. The exit status is the same. After a refusal, `error` has its"
     " [code](codes.md), and the keys of the command are null. A fault of the program on one of"
-    " several ranks can leave standard output empty. Every answer has these keys:"
+    " several ranks can leave standard output empty. Every object has these keys:"
 )
 
 WIDTH = 96
@@ -34,7 +34,7 @@ def reference() -> str:
             for name, command in action.choices.items():
                 text += f"\n## `perfplast {name}`\n\n{_help(command)}"
                 if name in FIELDS:
-                    text += f"\nWith `--json` the object has also:\n\n{_keys(FIELDS[name])}"
+                    text += f"\nWith `--json` the object also has:\n\n{_keys(FIELDS[name])}"
     return text + f"\n## JSON\n\n{JSON}\n\n{_keys(COMMON)}"
 
 
