@@ -1,1 +1,1 @@
-"""Compute strict lower bounds: stresses in equilibrium."""
+"""Compute strict lower bounds from stresses in equilibrium."""

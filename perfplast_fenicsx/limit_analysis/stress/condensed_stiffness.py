@@ -1,9 +1,9 @@
-"""Assemble and factorise K of the multipliers of equilibrium, without the cells' inner unknowns.
+"""Assemble and factorise K of equilibrium multipliers, condensed to the facets of cells.
 
-Generate the C source that eliminates cells' inner unknowns (:mod:`condensed_stiffness`).
-The kernel works on four cells at once, with corresponding entries of the four side by side. So the
-vector instructions of any processor are used. Inner unknowns come first in the rows, and the
-diagonal of L is kept inverted.
+The module also generates the C source that eliminates the inner unknowns of cells. The kernel
+processes four cells at once and stores their corresponding entries side by side. Compilers can
+therefore use the vector instructions of any processor. In the kernel, inner unknowns come first,
+and the diagonal of L contains inverse values.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 
 def source() -> str:
-    """Return the source of the functions ``condense``, ``push_out`` and ``bring_in``."""
+    """Return the C source of the functions ``condense``, ``push_out`` and ``bring_in``."""
     return r"""
 #include <math.h>
 #include <stddef.h>
@@ -233,21 +233,21 @@ class CellCondensation:
     """Factors L of the inner block of each cell's K, and L⁻¹ times its coupling block."""
 
     def __init__(self, comm: MPI.Intracomm, rows: Longs, matrices: Floats, outer: int) -> None:
-        """Compile the kernels, and allocate arrays. Collective.
+        """Compile the kernels and allocate arrays. Collective.
 
         Args:
             comm: The ranks.
-            rows: Unknown of a cell for each row at each point, shape (num_points, n). Outer
-                unknowns come first, and each inner unknown has a row.
+            rows: Index of the cell unknown of each row at each point, shape (num_points, n). Outer
+                unknowns have the first indices, and each inner unknown occurs in a row.
             matrices: Matrices of the points, shape (num_cells, num_points, n, 1 + m).
-            outer: Number of unknowns that are kept.
+            outer: Number of outer unknowns, which remain after the elimination.
         """
         self._rows = np.ascontiguousarray(rows, dtype=np.int64)
         self._matrices = np.ascontiguousarray(matrices)
         self._outer, self._inner = outer, int(rows.max()) + 1 - outer
         self._count, self._points, self._height, self._parts = matrices.shape
         self._kernels, self._ffi = compiled(comm, source())
-        at_once = 4  # cells that the kernels work on
+        at_once = 4  # cells that the kernels process at once
         padded = -(-self._count // at_once) * at_once
         inner = self._inner
         self._factors = aligned(padded * (inner * (inner + 1) // 2 + outer * inner))
@@ -262,7 +262,7 @@ class CellCondensation:
             ridge: Share by which the diagonal of the outer unknowns increases, shape (num_cells,).
 
         Returns:
-            The remaining matrix of the outer unknowns, shape (num_cells, outer, outer); whether the
+            The condensed matrix of the outer unknowns, shape (num_cells, outer, outer); whether the
             elimination has succeeded.
         """
         left = np.empty((self._count, self._outer, self._outer))
@@ -280,10 +280,11 @@ class CellCondensation:
         return left, failed == 0
 
     def push_out(self, forces: Floats) -> Floats:
-        """Return forces on inner unknowns as forces on the outer ones, shape (num_cells, outer).
+        """Return the equivalent forces on outer unknowns, shape (num_cells, outer).
 
         Args:
-            forces: Forces, shape (num_cells, inner); the next :meth:`bring_in` uses the same ones.
+            forces: Forces on the inner unknowns, shape (num_cells, inner); the next
+                :meth:`bring_in` also uses these forces.
         """
         onto = np.empty((self._count, self._outer))
         self._kernels.push_out(
@@ -296,7 +297,7 @@ class CellCondensation:
         return onto
 
     def bring_in(self, outer: Floats) -> Floats:
-        """Return inner unknowns for outer ones and the last forces, shape (num_cells, inner).
+        """Return inner unknowns, given outer unknowns and the last forces of :meth:`push_out`.
 
         Args:
             outer: Outer unknowns, shape (num_cells, outer).
@@ -324,19 +325,19 @@ class CellCondensation:
 
 
 RIDGE = 1e-13
-"""Share of the diagonal that is added. Rows of equilibrium may depend on each other where facets
-meet at right angles or cross.
+"""Share of the diagonal that is added to it, since rows of equilibrium may depend on each other
+where facets meet at right angles or cross.
 """
 
 
 class CondensedStiffness(SprungMatrix):
-    """See :class:`discretisation.Stiffness`; y and b are vectors of :class:`MultiplierStrains`."""
+    """K of multipliers; see :class:`discretisation.Stiffness` and :class:`MultiplierStrains`."""
 
     def __init__(self, strains: MultiplierStrains, held: Ints, jumps: Ints) -> None:
-        """Compute the pattern. Collective.
+        """Compute the sparsity pattern. Collective.
 
         Args:
-            strains: Strains of the multipliers.
+            strains: Strain rates of the multipliers.
             held: Owned facet unknowns that supports hold.
             jumps: Owned facet unknowns that are jumps of contact.
         """
@@ -345,8 +346,7 @@ class CondensedStiffness(SprungMatrix):
         self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
-        # K is positive semidefinite: the search of MUMPS for pivots would only take memory and
-        # time.
+        # K is positive semidefinite, so pivoting in MUMPS would only need memory and time.
         unpivoted = {**DIRECT, "mat_mumps_cntl_1": 0.0}
         super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
@@ -363,7 +363,7 @@ class CondensedStiffness(SprungMatrix):
             vector.destroy()
 
     def _preallocate(self) -> None:
-        """Preallocate the entries of cells, and those that jumps couple. Collective."""
+        """Preallocate the entries of cells, and the entries that jumps couple. Collective."""
         facets, block = self._strains.facets, self._strains.gdim
         numbers = facets.numbers[facets.of_cells].astype(PETSc.IntType)
         twins = facets.twins[facets.of_cells].astype(PETSc.IntType)
@@ -387,7 +387,7 @@ class CondensedStiffness(SprungMatrix):
         room.destroy()
 
     def _fill(self, matrix: PETSc.Mat, values: Floats) -> None:
-        """Add matrices of cells, shape (num_cells, outer, outer). Collective."""
+        """Add the matrices of cells, shape (num_cells, outer, outer), to a matrix. Collective."""
         add, at = PETSc.InsertMode.ADD, self._strains.facets.followers
         led = values[at.cells] @ at.shares
         values[at.cells] *= at.keep[:, :, None] * at.keep[:, None]
@@ -404,7 +404,7 @@ class CondensedStiffness(SprungMatrix):
         matrix.assemble()
 
     def add_springs(self, springs: Springs) -> None:
-        """Add springs to K at the facet unknowns of one vertex each, from the next assembly on."""
+        """Set springs at the facet unknowns of single vertices, which later assemblies add."""
         self._springs = springs
 
     def _stiffen(self, index: Ints, stiffness: Floats) -> None:
@@ -415,13 +415,13 @@ class CondensedStiffness(SprungMatrix):
         self._matrix.assemble()
 
     def check_memory(self) -> None:
-        """Refuse K if its factors do not fit into memory, whatever its values. Collective.
+        """Check that the factors of K fit into memory, from its pattern alone. Collective.
 
         Raises:
-            TooLarge: With the memory that is needed and that is available.
+            TooLarge: If they do not fit; the message gives the needed and the available memory.
         """
         outer = self._strains.layout.outer
-        pattern = 1.0  # any value: only the pattern matters
+        pattern = 1.0  # any value, since only the pattern matters
         everywhere = np.full((self._strains.num_cells, outer, outer), pattern)
         self._matrix.zeroEntries()
         self._fill(self._matrix, everywhere)
@@ -432,11 +432,11 @@ class CondensedStiffness(SprungMatrix):
         """Assemble K with moduli at the points of this rank. Collective.
 
         Raises:
-            SingularStiffness: If inner unknowns of a cell cannot be eliminated.
+            SingularStiffness: If the inner unknowns of a cell cannot be eliminated.
         """
         strains = self._strains
         roots = moduli.roots() * np.sqrt(strains.weights)[:, None, None]
-        # rows that the eliminated ones already imply, in cells with few stresses
+        # in cells with few stresses, the eliminated rows may already imply rows of the facets
         ridge: Floats = RIDGE * strains.few.astype(np.float64)
         idle: Floats = strains.idle[:, strains.layout.outer :].astype(np.float64)
         values, done = self._cells.condense(roots, idle, ridge)

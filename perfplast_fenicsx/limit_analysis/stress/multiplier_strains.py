@@ -25,18 +25,20 @@ from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
 class MultiplierStrains:
     """Strain rates e = W⁻¹Aᵀy of multipliers y; see :class:`discretisation.Strains`.
 
-    A vector y has the facets' unknowns of a rank first, then the inner ones of its cells.
+    On each rank, a vector y contains the unknowns of facets, followed by the inner unknowns of
+    cells.
 
     Attributes:
         layout: Layout of a cell.
         facets: The facets' unknowns.
         num_cells: Number of owned cells.
-        matrices: Matrices of :func:`stress_cells.strain_matrices`, or in axisymmetry of
-            :func:`stress_cells.ring_matrices`, in the coordinates of the cones. They are zero at
-            bare vertices, whose stress is zero and not an unknown (:mod:`lone_corners`).
-        idle: Flags of unknowns that belong only to such vertices, shape (num_cells, num_rows).
-        few: Flags of cells with such vertices, or with points on the axis, where stresses are zero.
-            Rows of their facets may be equivalent to their own rows.
+        matrices: Matrices of :func:`stress_cells.strain_matrices`, in axisymmetry of
+            :func:`stress_cells.ring_matrices`, in the coordinates of the cones. The matrices are
+            zero at bare vertices, where the stress is zero and not an unknown
+            (:mod:`lone_corners`).
+        idle: Flags of unknowns that belong only to bare vertices, shape (num_cells, num_rows).
+        few: Flags of cells with bare vertices, or with points on the axis, where stresses are zero.
+            Rows of the facets of such a cell may be equivalent to rows of the cell.
     """
 
     def __init__(
@@ -53,10 +55,11 @@ class MultiplierStrains:
         Args:
             facets: The facets' unknowns.
             vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
-            axes: Axes of the facets' components, zero where held, shape (num_cells, d + 1, d, d).
+            axes: Axes of the components on facets, zero for held components, shape (num_cells, d +
+                1, d, d).
             cones: Cones of the bodies.
-            bare: Vertices of the cells that bear no stress, shape (num_cells, d + 1).
-            around_axis: Whether cells are sections of rings around x = 0, which have no bare
+            bare: Flags of vertices of the cells without stress, shape (num_cells, d + 1).
+            around_axis: Whether cells are sections of rings around x = 0; such cells have no bare
                 vertices.
         """
         self.num_cells, corners, self.gdim = vertices.shape
@@ -97,7 +100,7 @@ class MultiplierStrains:
         self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
     def _fields(self, cones: BodyCones, vertices: Floats) -> tuple[Floats | None, Floats | None]:
-        """Return profiles and factors of slopes from below at the points; None if none varies."""
+        """Return lower bounds of profiles and of slope factors at the points, None if constant."""
         if not cones.varies:
             return None, None
         places = np.concatenate([vertices, vertices.mean(axis=1, keepdims=True)], axis=1)
@@ -113,7 +116,7 @@ class MultiplierStrains:
         return profile, steepness
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
-        """Remove the stresses at bare vertices from the unknowns, and find the idle unknowns."""
+        """Remove stresses at bare vertices from the unknowns, and find the idle unknowns."""
         before = self._unused()
         if bare.any():
             ends = np.column_stack([bare, np.zeros(len(bare), dtype=bool)])  # the barycentre
@@ -134,10 +137,11 @@ class MultiplierStrains:
         return unused
 
     def weaknesses(self, pressure: Floats) -> Floats:
-        """Return 1/γ of each cell, without cohesion that of its weakest point, shape (num_cells,).
+        """Return 1/strength of the weakest point of each cell, shape (num_cells,).
 
         Args:
-            pressure: Mean stress p (stress) at the points, and at any points that follow.
+            pressure: Mean stress p (stress) at the points; values of further points may follow. The
+                strength without cohesion depends on p.
         """
         own = own_strengths(self, pressure[: self.count])
         found: Floats = (1 / own).reshape(self.num_cells, -1).max(axis=1)
@@ -168,19 +172,19 @@ class MultiplierStrains:
         self.facets.destroy()
 
     def create_vector(self) -> PETSc.Vec:
-        """Return multipliers of zero. Collective."""
+        """Return a vector of zero multipliers. Collective."""
         size = self.facets.count + self.num_cells * self.layout.inner
         return PETSc.Vec().createMPI((size, None), comm=self.facets.vector.comm)
 
     def inner(self, array: Floats) -> Floats:
-        """Return the part of a vector's array that belongs to the cells.
+        """Return the inner unknowns of cells in a vector's array.
 
-        Shape (num_cells, inner).
+        The result has the shape (num_cells, inner).
         """
         return array[self.facets.count :].reshape(self.num_cells, -1)
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
-        """Return trace and deviator of e, shapes (count,) and (count, m). Collective."""
+        """Return the trace and the deviator of e, shapes (count,) and (count, m). Collective."""
         array = y.array_r
         values = np.hstack([self.facets.gather(array[: self.facets.count]), self.inner(array)])
         e = values[:, self.rows][:, :, None] @ self.matrices
@@ -207,7 +211,7 @@ class MultiplierStrains:
         return sparse.csr_array(at_points, shape=shape) @ of_cells
 
     def deviators(self, deviator: Floats) -> Floats:
-        """See :meth:`discretisation.Strains.deviators`; s has as many components as it needs."""
+        """See :meth:`discretisation.Strains.deviators`; s has no redundant component."""
         return deviator
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:

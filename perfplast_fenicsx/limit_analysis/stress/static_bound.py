@@ -1,16 +1,17 @@
-"""Compute a lower bound of the body's limit load: a stress in equilibrium everywhere.
+"""Compute a lower bound of the body's limit load from a stress in equilibrium everywhere.
 
-The stress is linear in each cell (in space in each of its four parts), with continuous tractions,
-and nowhere above yield. On contact it has neither friction nor tension. It is enough that this
-holds at vertices, since yield sets are convex. The interior point method
-(:mod:`interior_iteration`) computes it, with the multipliers of equilibrium as velocities. In the
-end it is scaled into the yield set, so that its load is a bound, however far the method has come.
+The stress is linear in each cell (in three dimensions in each of its four parts), with continuous
+tractions, and nowhere exceeds yield. On contact surfaces, there is neither friction nor tension.
+Since yield sets are convex, it is sufficient that these conditions hold at the vertices. The
+interior point method (:mod:`interior_iteration`) computes the stress, with the multipliers of
+equilibrium as velocities. At the end, the stress is scaled into the yield set, so its load is a
+bound even if the method has not converged.
 
-Combine stresses in equilibrium with their loads by weighted means.
-With permanent loads, a stress that has left yield cannot be scaled down. But the mean of two
-stresses in equilibrium is in equilibrium with the mean of their load factors, and yield sets are
-convex. A share of a stress well inside brings back one that has left yield by little. This costs
-less than a new search.
+:class:`BalancedStress` combines stresses in equilibrium by weighted means. With permanent loads, a
+stress that exceeds yield cannot be scaled down. However, the mean of two stresses in equilibrium is
+in equilibrium with the mean of their load factors, and yield sets are convex. The mean of a stress
+that slightly exceeds yield with a stress well within yield is therefore within yield again. This is
+faster than a new search.
 """
 
 from collections.abc import Callable, Sequence
@@ -72,32 +73,32 @@ class BalancedStress:
     aside: float
 
     def part(self, share: float) -> "BalancedStress":
-        """Return a share of the stress, in equilibrium with the same share of the loads."""
+        """Return the stress and its load factors times a share."""
         return BalancedStress(*(share * it for it in vars(self).values()))
 
     def over(self, static: StaticProgram) -> float:
-        """Return the relative excess over yield; negative inside. Collective."""
+        """Return the relative excess over yield, negative within yield. Collective."""
         scale = 1 / static.program.stress_unit
         return static.program.overstress((scale * self.pressure, scale * self.deviator)) - 1
 
     def with_some_of(
         self, others: "Sequence[BalancedStress]", static: StaticProgram
     ) -> "BalancedStress":
-        """Return the best mean within yield of this stress, which is, and another, which is not.
+        """Return the best mean within yield of this stress and another stress.
 
         Collective.
 
         Args:
-            others: Stresses that have left yield.
+            others: Stresses that exceed yield; this stress is within yield.
             static: The conditions.
 
         Returns:
-            The mean with the largest load; this stress if none has a larger one.
+            The mean with the largest load; this stress if no mean has a larger load.
         """
         best, room = self, -self.over(static)
         for other in others if room > 0 else ():
             beyond = other.over(static)
-            rounding = 1e-3  # additional share of the stress inside
+            rounding = 1e-3  # additional share of the stress within yield, for rounding
             share = min(1.0, (1 + rounding) * beyond / (beyond + room))
             mean = self.mean(other, share)
             if mean.load > best.load and mean.over(static) <= 0:
@@ -105,7 +106,7 @@ class BalancedStress:
         return best
 
     def mean(self, other: "BalancedStress", share: float) -> "BalancedStress":
-        """Return the mean of this stress, with the given share, and another."""
+        """Return ``share`` times this stress plus the remaining share times another stress."""
         rest = 1 - share
         return BalancedStress(
             share * self.pressure + rest * other.pressure,
@@ -116,15 +117,15 @@ class BalancedStress:
 
 
 class StaticIteration(InteriorIteration):
-    """The iteration of a stress, with a measure of equilibrium by rows at its end.
+    """The iteration of a lower bound, which finally measures equilibrium row by row.
 
-    During the iteration, unbalanced forces are relative to the loads. At the end they must be small
-    compared with the strengths. This differs if hydrostatic pressures are large, and where a weak
-    body touches a strong one.
+    During the iteration, unbalanced forces are divided by the loads. At the end, they must be small
+    compared with the strengths. Both measures differ if hydrostatic pressures are large, and where
+    a weak body touches a strong body.
     """
 
     def __init__(self, static: StaticProgram) -> None:
-        """Start as :class:`InteriorIteration`. Collective."""
+        """Start in the same way as :class:`InteriorIteration`. Collective."""
         super().__init__(static.program)
         self._static = static
         self._rows: Floats | None = None
@@ -141,18 +142,17 @@ class StaticIteration(InteriorIteration):
         return super().row_units() if self._rows is None else self._rows
 
     def settle(self) -> None:
-        """Bring stress and loads into balance, row by row, as far as rounding permits.
+        """Balance stress and loads in each row, as far as rounding permits.
 
         Collective.
         """
         pressure, _ = self.program.whole(self.now.stress, self.now.load)
         self._rows = self._static.forces_of_strengths(self.program.stress_unit * pressure)
         left = self.unbalanced()
-        # Unbalanced forces, relative to strengths, that need no correction. The residuals of bounds
-        # that have met to 1e-7 are still large compared with the sum of these forces over some
-        # thousand rows.
+        # Largest unbalanced force, relative to the strength, that needs no correction. The sum of
+        # such forces over some thousand rows is small even compared with a gap of 1e-7.
         rounding = 1e-14
-        most_corrections = 4  # with the same factors, as long as they halve the residual
+        most_corrections = 4  # with the same factors, while each halves the residual
         for _ in range(most_corrections):
             if left <= rounding:
                 return
@@ -161,8 +161,7 @@ class StaticIteration(InteriorIteration):
             left = self.unbalanced()
             if not left < before / 2:
                 break
-        # Unbalanced forces, relative to strengths, above which other factors than those of the last
-        # step correct them.
+        # Unbalanced forces, relative to strengths, above which a new factorisation corrects them.
         almost_balanced = 1e-13
         if not left <= almost_balanced:
             rebalance(self)
@@ -170,23 +169,23 @@ class StaticIteration(InteriorIteration):
 
 @dataclass(frozen=True, eq=False)
 class StaticBound:
-    """A lower bound and the stress that proves it.
+    """A lower bound, and the stress that proves the bound.
 
     Attributes:
         bound: The bound, and its scope.
         verdict: Whether the best stress of the mesh was found.
         reason: Reason in words.
         stress: Stress σ at the bound, Mandel vectors in the user's units, linear between vertices,
-            shape (num_owned_cells, num_points, m). In the plane the points are the vertices in the
-            order of the mesh's geometry (that of its topology). In space they are the vertices of
-            four parts, one part after the other; in part a the barycentre replaces vertex a. In
-            axisymmetry these are Bernstein's coefficients of rσ, which is quadratic
-            (:mod:`stress_cells`).
-        aside: Factor of the loads of any factor, if there are any.
-        dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers, for each owned cell, with L =
-            1. If bodies preserve their volume, the sum over all cells is the bound up to the
-            tolerance. Smaller cells help where it is large.
-        certificate: Residuals of the stress; None if there are none.
+            shape (num_owned_cells, num_points, m). In two dimensions, the points are the vertices
+            of the cell in the order of the mesh's geometry, which is the order of its topology. In
+            three dimensions, the points are the vertices of the four parts, one part after the
+            other; in part a, the barycentre replaces vertex a. In axisymmetry, the values are
+            Bernstein coefficients of rσ, which is quadratic (:mod:`stress_cells`).
+        aside: Factor of the free loads, if there are any.
+        dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers in each owned cell, normalised
+            to L = 1. If bodies preserve their volume, the sum over all cells is the bound up to the
+            tolerance. Refinement is most effective where the dissipation is large.
+        certificate: Residuals of the stress; None without a stress.
         steps: Steps of the iteration.
         factorisations: Number of factorisations of a stiffness.
     """
@@ -208,7 +207,7 @@ class StaticBound:
 def no_stress(
     body: BoundBody, verdict: Verdict, reason: str, bound: Bound | None = None
 ) -> StaticBound:
-    """Return a result with zero stress, and without a bound unless one is given."""
+    """Return a result with zero stress, and with the given bound or no bound."""
     count, _, tdim = body.vertices.shape
     shape = (count, 6 if body.turned else 3, 4) if tdim == 2 else (count, 16, 6)
     return StaticBound(
@@ -238,8 +237,8 @@ UNREACHED = (
     "no stress in equilibrium was reached, and on a coarse mesh there may be none that presses"
     " wherever bodies touch; refine the mesh"
 )
-"""Reason for a missing bound after an iteration has stalled. On meshes of twenty cells, linear
-programming has shown that there was no such stress.
+"""Reason for a missing bound after an iteration has stalled. For meshes of twenty cells, linear
+programming has shown that no such stress exists.
 """
 
 REPLACED = "the loads of the problem were replaced after its declaration"
@@ -253,20 +252,20 @@ def strict_lower_bound(
     form: StaticForm | None = None,
     reserve: float | None = None,
 ) -> StaticBound:
-    """Bound the limit load of the body from below. Collective.
+    """Return a lower bound of the body's limit load. Collective.
 
-    Only mesh, materials, supports, loads and contact of the problem matter, not the degree of its
-    displacements.
+    The bound depends on the mesh, materials, supports, loads and contact of the problem, and not on
+    the degree of its displacements.
 
     Args:
         problem: The bodies and their loads.
-        rtol: Relative distance of the bound from the best one on this mesh.
+        rtol: Largest relative difference between the bound and the best one on this mesh.
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.
-        form: Form of the problem (:func:`form_that_fits`), which its owner keeps; by default it is
-            made here, and destroyed in the end.
-        reserve: Share of the strengths that is kept for rounding beside constant loads; by default
-            :attr:`Start.reserve`.
+        form: Form of the problem (:func:`form_that_fits`), which the caller owns; by default the
+            function creates and destroys a form.
+        reserve: Share of the strengths that is kept in reserve for rounding if there are constant
+            loads; by default :attr:`Start.reserve`.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, supports move, there are no loads, or bounds
@@ -299,7 +298,7 @@ def strict_lower_bound(
 
 
 def _together(before: StaticBound, after: StaticBound) -> StaticBound:
-    """Return the better one of two searches, with the iterations of both."""
+    """Return the better result of two searches, with the steps of both."""
     values = [
         (it.bound.strict, -np.inf if it.bound.value is None else it.bound.value)
         for it in (before, after)
@@ -321,9 +320,10 @@ def _search(
     reached: list[BalancedStress],
     start: Start,
 ) -> tuple[StaticBound, Start | None]:
-    """Search from a start; return the result and the next start, None to end. Collective.
+    """Search from a start; return the result and the next start, or None. Collective.
 
-    Stresses of earlier searches that are in equilibrium but have left yield are in ``reached``.
+    The list ``reached`` contains stresses of earlier searches that are in equilibrium but exceed
+    yield.
     """
     with ExitStack() as made:
         static = static_program(form, question, start.reserve)
@@ -367,7 +367,7 @@ def _search(
 
 
 def _carried_by_none(problem: Problem) -> str:
-    """Return the likely reason why no stress carries the loads."""
+    """Return the likely reason why no stress balances the loads."""
     if not by_friction_alone(problem):
         return CORNERS
     return (
@@ -379,10 +379,11 @@ def _carried_by_none(problem: Problem) -> str:
 
 
 def check_straight(problem: Problem) -> None:
-    """Refuse loads that no stress linear in the cells can balance. Collective.
+    """Check that tractions are linear, so that piecewise linear stresses can balance them.
 
     Raises:
-        InputError: If a traction is not linear on each facet, or a similar fault exists.
+        InputError: If a traction is not linear on each facet, or a pore pressure not linear in each
+            cell.
     """
     prevents = bound_body(problem).prevents
     if prevents is not None and BENT in prevents:
@@ -390,16 +391,17 @@ def check_straight(problem: Problem) -> None:
 
 
 def form_that_fits(problem: Problem) -> StaticForm | None:
-    """Return the form of lower bounds, and refuse it if its factors exceed the memory. Collective.
+    """Return the form of lower bounds, if the factors of its K fit into memory. Collective.
 
-    Call it first, and keep the form for :func:`strict_lower_bound`.
+    Call this function first, and pass the form to :func:`strict_lower_bound`.
 
     Returns:
-        The form; None if there is no lower bound.
+        The form; None if no lower bound is possible.
 
     Raises:
         TooLarge: With the memory that is needed and that is available.
-        InputError: If a traction is not linear on each facet, and as :func:`strict_lower_bound`.
+        InputError: If a traction is not linear on each facet, and in the cases of
+            :func:`strict_lower_bound`.
     """
     check_straight(problem)
     if bound_body(problem).prevents is not None:
@@ -423,7 +425,7 @@ def _result(
     reason: str,
     steps: list[InteriorStep],
 ) -> tuple[StaticBound, BalancedStress]:
-    """Return the bound of an iterate with its stress. Collective."""
+    """Return the bound that an iterate gives, and its stress. Collective."""
     program, form = static.program, static.form
     strains = form.strains
     iteration.settle()
@@ -486,19 +488,19 @@ def bound_by_stress(
     form: StaticForm | None,
     reserve: float | None = None,
 ) -> StaticBound:
-    """Return a lower bound, or the cells with too few stresses if there is none. Collective.
+    """Return a lower bound, or a result that shows which cells to refine. Collective.
 
-    With permanent loads, a mesh may have no stress in equilibrium within yield at any load factor,
-    although the body has one. The multiple of the permanent loads that it carries shows which cells
-    must be smaller.
+    With permanent loads, the cells of a mesh may have no stress in equilibrium within yield at any
+    load factor, although the body has one. The function then computes the multiple of the permanent
+    loads that the mesh carries; the dissipation of this result shows which cells must be smaller.
 
     Args:
         problem: The bodies and their loads, as for :func:`static_bound.strict_lower_bound`.
-        rtol: Relative distance of the bound from the best one on this mesh.
+        rtol: Largest relative difference between the bound and the best one on this mesh.
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.
-        form: Form of the problem, if it has been made.
-        reserve: Share of the strengths that is kept for rounding; small by default.
+        form: Form of the problem; None if no form exists yet.
+        reserve: Share of the strengths that is kept in reserve for rounding; small by default.
     """
     static = strict_lower_bound(problem, rtol, monitor, question, form, reserve)
     doubted = static.bound.value is None or static.bound.doubts

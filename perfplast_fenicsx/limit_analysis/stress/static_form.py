@@ -1,8 +1,9 @@
-"""Make form, stiffness and loads of equilibrium for a lower bound, once for each mesh.
+"""Create the equilibrium operators and loads of a lower bound, once for each mesh.
 
-Compute areas of facets and cells in the balance of a stress, and loads on multipliers.
-In the plane and in space stresses are linear in the cells, with as many nodes on a facet as it has
-vertices. In axisymmetry rσ is quadratic, with one more node (:mod:`stress_cells`).
+The module computes the areas of facets and cells in the equilibrium equations, and the loads on
+multipliers. In two and three dimensions, stresses are linear in the cells, and the nodes of a facet
+are its vertices. In axisymmetry, rσ is quadratic, and each facet has one more node
+(:mod:`stress_cells`).
 """
 
 import math
@@ -39,18 +40,19 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class StressForm:
-    """Geometry of the cells that a rank owns and of its local facets.
+    """Geometry of the cells that a rank owns, and of the rank's facets.
 
     Attributes:
         vertices: Vertices of the cells, shape (num_cells, d + 1, d).
         turned: Whether the cells are sections of rings.
-        nodes: Number of nodes of a facet, its vertices first.
-        twins: Twins of the facets' unknowns, shape (num_facets, nodes, d).
-        areas: Area of each node, in axisymmetry for the full turn, shape (num_facets, nodes).
-        measures: The same, with a value other than zero on an axis.
-        sections: V^((d − 1)/d), in axisymmetry times 2πr.
+        nodes: Number of nodes of a facet; its vertices come first.
+        twins: Twins of the unknowns of facets, shape (num_facets, nodes, d).
+        areas: Area that belongs to each node, in axisymmetry for the full turn, shape (num_facets,
+            nodes).
+        measures: The same areas, with nonzero values for nodes on the axis.
+        sections: Section of each cell, V^((d − 1)/d), in axisymmetry times 2πr.
         slopes: Gradients of barycentric coordinates, shape (num_cells, d + 1, d).
-        shares: Area of each facet of each cell over d, shape (num_cells, d + 1).
+        shares: Area of each facet of each cell divided by d, shape (num_cells, d + 1).
         volumes: Volumes of the cells; in axisymmetry areas of their sections.
     """
 
@@ -98,10 +100,11 @@ class StressForm:
         )
 
     def pushes(self, tractions: Floats, loads: FacetLoads) -> Floats:
-        """Return the Cartesian loads of the nodes of facets.
+        """Return the Cartesian loads on the nodes of facets.
 
         Args:
-            tractions: Tractions of the loads at their vertices, shape (num_cells, d + 1, d, d).
+            tractions: Tractions of the loads at the vertices of facets, shape (num_cells, d + 1, d,
+                d).
             loads: The loads; in axisymmetry without pore pressure.
 
         Returns:
@@ -115,7 +118,7 @@ class StressForm:
         return np.asarray(around + tractions * shares)
 
     def forces(self, loads: FacetLoads) -> Floats:
-        """Return the loads of the cells' multipliers, shape (num_cells, inner).
+        """Return the loads on the multipliers of cells, shape (num_cells, inner).
 
         Args:
             loads: The loads; in axisymmetry without pore pressure.
@@ -137,7 +140,7 @@ def _others(tdim: int) -> Longs:
 
 
 def _with_middles(twins: Longs) -> Longs:
-    """Return numbers of facet unknowns, renumbered for facets with a node between their ends."""
+    """Return numbers of twins, renumbered for facets with a node between their ends."""
     facet, rest = np.divmod(twins, 4)
     moved = np.where(twins >= 0, facet * 2 * NODES + rest, -1)
     middle = np.where(twins[:, 0] >= 0, facet[:, 0] * 2 * NODES + 4 + rest[:, 0] % 2, -1)
@@ -146,23 +149,23 @@ def _with_middles(twins: Longs) -> Longs:
 
 @dataclass(frozen=True, eq=False)
 class StaticForm:
-    """The data of a lower bound that are independent of the factor sought.
+    """The data of a lower bound that do not depend on which load factor is sought.
 
     Attributes:
         comm: The ranks.
         body: The bodies.
-        strains: Strains of the cells, whose points come first; places of slip follow.
+        strains: Strain rates of the cells, without places of slip.
         stiffness: Stiffness of the cells.
-        every: Strains of all points.
-        whole: Stiffness of all points.
+        every: Strain rates at all points: the points of cells, followed by places of slip.
+        whole: Stiffness with all points.
         areas: Area of each node of an owned facet, shape (num_facets, num_nodes).
-        sections: Area of each cell to which forces in it are related, V^((d − 1)/d).
+        sections: Section of each cell, V^((d − 1)/d), by which forces in the cell are divided.
         live: Loads that ζ multiplies, in the user's units.
         dead: Permanent loads.
-        open_jumps: Owned unknowns that are jumps of contact which may open.
+        open_jumps: Owned unknowns that are jumps of contact and can open.
         jumps: Flags of owned facet unknowns that are jumps of contact, shape (num_unknowns,).
-        pressed: Flags of the jumps of vertices along the normal, or of the first of two, also on
-            the axis, where there is no pressure.
+        pressed: Flags of jumps along the normal, or of the first of two jumps of a dilating
+            contact, including jumps on the axis, where there is no pressure.
         slips: Flags of tangential unknowns on contact surfaces without friction.
         places: Places of slip.
     """
@@ -190,7 +193,7 @@ class StaticForm:
 
 
 def static_form(problem: Problem) -> StaticForm:
-    """Return the form of a problem. Collective.
+    """Return the form of a problem's lower bound. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -272,8 +275,8 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
     """Return flags of the owned facets' unknowns at bare vertices. Collective.
 
     Returns:
-        Flags of unknowns with any stress in their row; flags of jumps with no stress on one side,
-        so that there is no pressure.
+        Flags of unknowns whose equilibrium row contains a stress; flags of jumps without a stress
+        on one side, where there is no contact pressure.
     """
     facets, busy = strains.facets, ~strains.idle[:, : strains.layout.outer]
     if not facets.vector.comm.tompi4py().allreduce(bool(strains.idle.any())):
@@ -285,20 +288,20 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
 
 
 def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
-    """Return the nodes of host facets with friction, whose strength bounds shear tractions.
+    """Return the nodes of host facets with friction, as places of slip.
 
-    For dilating joints in space, the strength is the sum of adhesion and the part by pressure, with
-    a place for each.
+    Their strength bounds shear tractions. For dilating joints in three dimensions, the strength is
+    the sum of the adhesion and a part due to pressure, with a separate place for each.
 
     Args:
         at: Conditions on facets.
-        areas: Area of each node of each facet; 0 on an axis, where there is no traction.
+        areas: Area of each node of each facet; 0 on the axis, where there is no traction.
     """
     tdim, nodes = at.facets.held.shape[1], areas.shape[1]
     hosts = at.facets.hosts
 
     def nodes_of(facets: Longs) -> tuple[Longs, Longs, Floats]:
-        """Return facets, first unknowns and areas of nodes."""
+        """Return the facet, the first unknown and the area of each node."""
         which = np.flatnonzero(areas[facets] > 0)
         of, places = facets[which // nodes], which % nodes
         return of, (of * nodes + places) * tdim, areas[of, places]

@@ -1,4 +1,4 @@
-"""Pose the lower bound with linear stresses in equilibrium, and certify its stress as a proof."""
+"""Formulate the lower bound as a conic program, and measure the residuals of its stress."""
 
 from dataclasses import dataclass
 
@@ -17,15 +17,15 @@ from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 
 @dataclass(frozen=True, eq=False)
 class StaticProgram:
-    """A conic program with the meaning of its unknowns.
+    """A conic program of a lower bound, with the mechanical data of its unknowns.
 
     Attributes:
         program: Program whose velocities are the multipliers of the equilibrium of stresses.
-        form: Form of all programs on these bodies.
+        form: Form of the bodies, which several programs can share.
         load: Loads L before scaling, in the user's units.
         dead: Permanent loads L₀, in the same units.
-        free: Loads of any factor, in the same units.
-        before: Number of factorisations of the form's stiffness before this program.
+        free: Loads with a free factor, in the same units.
+        before: Number of factorisations of the form's stiffness before this program was created.
     """
 
     program: ConicProgram
@@ -41,12 +41,12 @@ class StaticProgram:
         return self.form.stiffness.factorisations - self.before
 
     def destroy(self) -> None:
-        """Free the program's loads, but not the form. Collective."""
+        """Free the PETSc vectors of the program's loads, but not the form. Collective."""
         for load in (self.program.load, self.program.dead, self.program.free):
             load.destroy()
 
     def shared_out(self, stress: Stress) -> Stress:
-        """Return a stress whose shears in joints are divided between pressure and adhesion.
+        """Return the stress with joint shears divided between friction and adhesion.
 
         Args:
             stress: Stress in the user's units.
@@ -58,7 +58,7 @@ class StaticProgram:
         return pressure, found
 
     def loads(self, load: float, aside: float) -> Floats:
-        """Return all loads, in the user's units.
+        """Return the sum of all loads, in the user's units.
 
         Args:
             load: Load factor λ.
@@ -67,7 +67,7 @@ class StaticProgram:
         return load * self.load + self.dead + aside * self.free
 
     def loaded(self, load: float, aside: float) -> Floats:
-        """Return the magnitudes of all loads, added up over the kinds, in each row on this rank.
+        """Return the sum of the magnitudes of all kinds of loads, in each row of this rank.
 
         Args:
             load: Load factor λ.
@@ -77,14 +77,15 @@ class StaticProgram:
         return np.asarray(np.abs(kinds).sum(axis=0))
 
     def can_carry(self) -> bool:
-        """Return whether a stress, tension on contact included, balances the loads. Collective.
+        """Return whether some stress balances the loads, if contact may be in tension. Collective.
 
-        In the plane, tractions on both sides of a corner may leave the single cell there no stress.
-        In space the four parts of a cell carry all balanced linear tractions on its facets
-        (:mod:`stress_cells`), and the answer is True. With bare vertices, rows depend on each other
-        too much for refinement, and the iteration has to decide.
+        The yield conditions are ignored. In two dimensions, the tractions on both sides of a corner
+        may be incompatible with every stress in a single cell. In three dimensions, the four parts
+        of a cell can balance all self-equilibrated linear tractions on its facets
+        (:mod:`stress_cells`), and the result is True. With bare vertices, rows depend on each other
+        too strongly for refinement. The result is then True too, and the iteration has to decide.
 
-        Call it after :func:`conic_program.choose_units`, whose factors it uses.
+        Call this method after :func:`conic_program.choose_units`, whose factors it uses.
         """
         bare = bool(self.form.strains.idle.any())
         if self.form.strains.gdim == 3 or self.program.comm.allreduce(bare):
@@ -94,13 +95,13 @@ class StaticProgram:
         program.load.copy(left)
         largest = PETSc.NormType.NORM_INFINITY
         whole, missing = program.load.norm(largest), np.inf
-        # If this share of the loads remains, no stress can carry them; with a shear beside a free
-        # side a half remains.
+        # If more than this share of the loads remains, no stress can balance the loads. With a
+        # shear traction next to a free side, a half remains.
         least_missing = 1e-2
-        # Refinements of a flow: slender bodies move so far that the ridge of K takes some of their
-        # loads.
+        # Largest number of refinements of a flow. Slender bodies move so far that the ridge of K
+        # balances a part of their loads.
         most_refinements = 10
-        # A refinement has not helped if more than this share remains.
+        # A refinement has failed if more than this share remains.
         refined = 0.9
         for _ in range(most_refinements):
             program.stiffness.solve(left, more)
@@ -117,9 +118,9 @@ class StaticProgram:
         return bool(missing <= least_missing)
 
     def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
-        """Return the largest unbalanced force, relative to the strengths at its row. Collective.
+        """Return the largest unbalanced force, relative to the strength in its row. Collective.
 
-        Contact that pushes is balanced, and contact that pulls is not.
+        Contact forces that push count as balanced, contact forces that pull as unbalanced.
 
         Args:
             stress: Stress in the user's units.
@@ -138,14 +139,15 @@ class StaticProgram:
         return float(self.program.comm.allreduce(mine, MPI.MAX))
 
     def forces_of_strengths(self, pressure: Floats) -> Floats:
-        """Return the force in each row of equilibrium that is as large as the strength there.
+        """Return the force of the strength in each row of equilibrium.
 
         Collective.
 
-        The yield radii of all cells at a facet count, bodies in contact included. The smallest one
-        counts most, and none counts as more than the program's unit. If all these cells are
-        elastic, the radius is the least of all cells, as in the checker. Without cohesion the
-        strength depends on the stress.
+        The force combines the yield radii of all cells at a facet, including cells of bodies in
+        contact. The smallest radius has the largest weight, and radii above the program's unit of
+        stress count as this unit. If all cells at a facet are elastic, the radius is the smallest
+        radius of all cells, as in the proof checker. Without cohesion, the strength depends on the
+        stress.
 
         Args:
             pressure: Mean stress, in the user's units.
@@ -166,7 +168,7 @@ class StaticProgram:
 
 
 def static_program(form: StaticForm, question: Question, reserve: float) -> StaticProgram:
-    """Return the program for a form. Collective.
+    """Return the program of a lower bound, given its form. Collective.
 
     Args:
         form: Form of the bodies.
@@ -183,30 +185,32 @@ def static_program(form: StaticForm, question: Question, reserve: float) -> Stat
 
 
 DOUBTED = 1e-10
-"""Residuals, relative to strengths, of a bound that is doubted until the checker has judged it."""
+"""Residuals, relative to strengths, above which a bound is in doubt until the proof checker has
+judged it."""
 
 
 @dataclass(frozen=True)
 class StaticCertificate:
-    """The distance of a stress from an admissible one.
+    """The residuals by which a stress violates the conditions of a lower bound.
 
-    The first four numbers are stresses, relative to the least finite yield radius γ of the cells
-    that each condition touches. Without cohesion −αp of the stress replaces γ if it is the least.
-    Conditions in a cell touch the cell and those that share its facets; conditions on a facet touch
-    the cells on both sides. For tension, and where all of these cells are elastic, it is the least
-    γ of all cells. The proof checker decides how much these residuals cost.
+    The first four numbers are stresses, divided by the smallest finite yield radius γ of the cells
+    that each condition involves. Without cohesion, −αp replaces γ. A condition in a cell involves
+    the cell and the cells that share its facets; a condition on a facet involves the cells on both
+    sides. For tension, and if all involved cells are elastic, the divisor is the smallest γ of all
+    cells. The proof checker decides by how much these residuals reduce the bound.
 
     Attributes:
-        equilibrium: Largest div σ + λb, times the cell's size; in space also jumps of tractions
-            between the parts of a cell.
-        traction: Largest jump of tractions between cells, or difference from the traction of the
-            load.
+        equilibrium: Largest div σ + λb times the size of the cell; in three dimensions also the
+            jumps of tractions between the parts of a cell.
+        traction: Largest jump of the traction between cells, or difference from the applied
+            traction.
         shear: Largest tangential traction on contact surfaces without friction.
         tension: Largest tensile traction on surfaces in contact.
-        left_of_load: Sum of the magnitudes of all unbalanced forces, relative to the forces of the
-            loads of each kind at λ.
-        overstress: Largest relative excess of stresses over yield, negative in bodies far from
-            yield. On surfaces with friction it is that of the shear traction over the strength.
+        left_of_load: Sum of the magnitudes of all unbalanced forces, divided by the sum of the
+            magnitudes of the loads of each kind at λ.
+        overstress: Largest relative excess of the stress over yield, negative if the stress is far
+            below yield. On surfaces with friction, it is the excess of the shear traction over the
+            strength.
     """
 
     equilibrium: float
@@ -218,7 +222,7 @@ class StaticCertificate:
 
     @property
     def is_doubted(self) -> bool:
-        """Whether the checker may find that the residuals cost much."""
+        """Whether the residuals may reduce the bound considerably, as the checker has to decide."""
         return not self.is_balanced or self.overstress > DOUBTED
 
     @property
@@ -234,10 +238,10 @@ def certify_stress(
 
     Args:
         static: The conditions.
-        pressure: Mean stress in the coordinates of the cones, shape (count,); zero at places of
-            slip, which follow the points.
-        deviator: Deviator in these coordinates, shape (count, m); shear tractions at places of
-            slip.
+        pressure: Mean stress in the coordinates of the cones, shape (count,), at the points of
+            cells, followed by places of slip, where it is zero.
+        deviator: Deviator in the coordinates of the cones, shape (count, m); at places of slip,
+            shear tractions.
         load: Load factor λ.
         aside: Factor of the free loads.
     """
@@ -284,17 +288,17 @@ def certify_stress(
 
 
 def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds of 1/γ of the weakest cell that each condition touches. Collective.
+    """Return upper bounds of 1/γ of the weakest cell that each condition involves. Collective.
 
-    Inverse radii are added up where cells meet. The sum exceeds the largest of them by a factor of
-    at most 2, and of 4 at contact.
+    The function adds the inverse radii of the cells that meet. The sum is at most 2 times the
+    largest inverse radius, at contact at most 4 times.
 
     Args:
         static: The conditions.
         inverse: Inverse radii 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
 
     Returns:
-        Values of the facets' unknowns that this rank owns, and of its cells.
+        Values for the facet unknowns that this rank owns, and for its cells.
     """
     facets = static.form.strains.facets
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
