@@ -1,1 +1,1 @@
-"""Compute strict upper bounds: mechanisms of the body."""
+"""Compute strict upper bounds from mechanisms of the body."""

@@ -1,26 +1,29 @@
 """Compute upper bounds of the dissipation of cells and of slip.
 
-‖·‖ is convex, so its integral is at most that of its linear interpolation on any subdivision of the
-cell (the composite vertex rule). The same holds for Σ|ε_i| of the principal values. A body that
-dilates dissipates (γ/α) tr ε, which is linear. A linear function that is nowhere below replaces a
-strength that varies; its product with a linear function is integrated exactly.
+The norm ‖·‖ is convex, so its integral is at most the integral of its linear interpolation on any
+subdivision of the cell (the composite vertex rule). The same holds for Σ|ε_i| of the principal
+values. A body that dilates dissipates (γ/α) tr ε, which is linear. A strength that varies is
+replaced by a linear function that is nowhere below it; the product of two linear functions is
+integrated exactly.
 
-Compute upper bounds of the dissipation of bodies of revolution, for quadratic v = ru.
-For the strain rates ε of u, r²ε is quadratic in the section,
+:func:`dissipation_of_rings` computes upper bounds in axisymmetry, for quadratic v = ru. For the
+strain rates ε of u, r²ε is quadratic in the section,
 
     (r ∂_r v_r − v_r, r ∂_z v_z, v_r, (r ∂_z v_r + r ∂_r v_z − v_z)/√2)   (rr, zz, θθ, √2 rz).
 
-With its Bernstein coefficients q_i on a part of a cell ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, because ‖·‖ is
-convex and B_i ≥ 0. There 1/r, convex too, is at most linear between its values at vertices. On a
-part with an edge on the axis, q is r times a linear function. On a part with a vertex there, 1/r is
-at most linear along the opposite edge, divided by the distance from that vertex. NumPy only, except
-for the cells' laws.
+With the Bernstein coefficients q_i of r²ε on a part of a cell, ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, because
+‖·‖ is convex and B_i ≥ 0. The function 1/r is convex too and is bounded by the linear interpolation
+of its values at the vertices. On a part with an edge on the axis, r²ε is r times a linear function.
+On a part with one vertex on the axis, the bound of 1/r is linear along the opposite edge, divided
+by the relative distance from the vertex. The formulas use only NumPy, except for the laws of the
+cells.
 
-Compute an upper bound of a mechanism's dissipation by slip, for any slip between nodes.
-The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`),
-whose polynomials are not negative and add up to 1. So ‖w_t‖ is at most the mean of the
-coefficients' norms with these weights. ∫c‖w_t‖ is at most c times the area times their plain mean.
-And w lies in the cone w_n ≥ μ‖w_t‖ of associated Coulomb friction if its coefficients do.
+:func:`slip_work` computes an upper bound of the dissipation by slip that holds between nodes too.
+The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`).
+The Bernstein polynomials are not negative and sum to 1. So ‖w_t‖ is at most the mean of the norms
+of the coefficients, weighted with the polynomials. Therefore ∫c‖w_t‖ is at most c times the area
+times the unweighted mean of these norms. The jump w lies in the cone w_n ≥ μ‖w_t‖ of associated
+Coulomb friction if all its coefficients lie in the cone.
 """
 
 import math
@@ -66,22 +69,22 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class MechanismRates:
-    """Rates in the coordinates of the points' cones, with the bounds of stresses there.
+    """Strain rates of a mechanism in the coordinates of the cones, and the yield sets.
 
     Attributes:
         trace: Trace, shape (count,).
         deviator: Deviator, shape (count, m).
-        powers: Rates ε that do the work of stresses, Mandel vectors
+        powers: Strain rates ε for computing power, Mandel vectors
             (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
         count: Number of points of this rank.
-        gdim: As in :class:`discretisation.Strains`, as are the next four.
-        weights: Volume of a point, shape (count,).
+        gdim: See :class:`discretisation.Strains`, as for the next four attributes.
+        weights: Volume of each point, shape (count,).
         radii: Yield radius γ, shape (count,).
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        principal: Bounds of principal stresses at their points.
+        principal: Sets of principal stresses at their points.
         others: Sets of other kinds at their points.
-        profile: Factor of γ, and of bounds of principal stresses, by which strengths vary in space,
+        profile: Factor of γ and of bounds of principal stresses where strengths vary in space,
             shape (count,); None if no strength varies.
         above: Linear functions that are nowhere below the profile, at the vertices of the cells
             that this rank owns, shape (num_cells, d + 1); None if no strength varies or cells are
@@ -104,7 +107,7 @@ class MechanismRates:
 
 
 def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates:
-    """Return the rates of a mechanism. Collective.
+    """Return the strain rates of a mechanism, and the yield sets at the points. Collective.
 
     Args:
         problem: The bodies.
@@ -126,7 +129,7 @@ def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates
 
 
 SUBDIVISIONS = 8
-"""Number of parts of a cell's edge in the composite vertex rule."""
+"""Number of parts into which the composite vertex rule divides each edge of a cell."""
 
 
 def points_of_cells(problem: Problem) -> Ints:
@@ -137,15 +140,15 @@ def points_of_cells(problem: Problem) -> Ints:
 
 
 def at_vertices(problem: Problem, values: Floats) -> Floats:
-    """Return values at vertices of functions that are linear in each cell and given at the points.
+    """Return the values at vertices of functions that are linear in each cell.
 
     Args:
         problem: The problem of the points.
         values: Values at the points, shape (count, m).
 
     Returns:
-        Shape (num_cells, d + 1, m), for the cells that this rank owns. If the points are Bernstein
-        coefficients (:mod:`point_strains`), they are returned, shape (num_cells, 6, m).
+        Values, shape (num_cells, d + 1, m), for the cells that this rank owns. If the points are
+        Bernstein coefficients (:mod:`point_strains`), the coefficients, shape (num_cells, 6, m).
     """
     given = values[points_of_cells(problem)]
     if has_coefficients(problem):
@@ -159,7 +162,7 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
 
 
 def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
-    """Return the shortfall of tr ε from α‖dev ε‖ at the vertices of dilating bodies.
+    """Return the amount by which tr ε is too small at the vertices of dilating bodies.
 
     Not collective.
 
@@ -168,8 +171,8 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
         rates: Rates that are linear in each cell.
 
     Returns:
-        Shape (num_cells, d + 1), or of coefficients (num_cells, 6), for the cells that this rank
-        owns.
+        Shortfall from α‖dev ε‖ for the cells that this rank owns, shape (num_cells, d + 1), or at
+        Bernstein coefficients (num_cells, 6).
     """
     slopes = rates.slopes[points_of_cells(problem)][:, :1]
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))
@@ -188,7 +191,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _SetsOfCells:
-    """Sets of another kind, each at the first point of its cell.
+    """Yield sets of another kind, one for each cell, stored at the first point of the cell.
 
     Attributes:
         sets: The sets, in the order of the cells.
@@ -201,14 +204,14 @@ class _SetsOfCells:
     count: int
 
     def at_points(self, values: Floats) -> Floats:
-        """Return values of the cells at their first points, and zero at all others."""
+        """Return values of the cells at their first points, and zero at other points."""
         found: Floats = np.zeros((self.count, values.shape[1]))
         found[self.sets.at] = values
         return found
 
 
 def _others_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsOfCells]:
-    """Yield the sets of other kinds at the cells that this rank owns."""
+    """Yield the sets of other kinds for the cells that this rank owns."""
     of_points = np.full(rates.count, -1)
     first = points_of_cells(problem)[:, 0]
     of_points[first] = np.arange(len(first))
@@ -218,15 +221,15 @@ def _others_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsO
 
 
 def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[PrincipalCones, Longs]:
-    """Return the bounds of principal stresses of cells, and the numbers of these cells.
+    """Return the sets of principal stresses of cells, and the numbers of these cells.
 
     Args:
         problem: The bodies.
         rates: Rates at the points of the problem.
 
     Returns:
-        The bounds, with ``at`` 0, 1, ... and without the profile of the strength; numbers of the
-        cells that this rank owns.
+        The sets, with ``at`` = 0, 1, ... and without the strength profile; the numbers of the
+        cells, among the cells that this rank owns.
     """
     first, given = points_of_cells(problem)[:, 0], rates.principal
     if rates.profile is not None:
@@ -243,11 +246,11 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
 def dissipation_of_cells(
     problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
-    """Return upper bounds of the dissipation of cells, in the coordinates of their cones.
+    """Return upper bounds of the dissipation of cells, from the coordinates of their cones.
 
     Not collective. The dissipation is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε in dilating bodies
-    (:mod:`standard_cones`). For bounds of principal stresses see :mod:`semidefinite_cones`. A
-    volume change that is too small for its deviator by rounding counts as admissible.
+    (:mod:`standard_cones`). For sets of principal stresses, see :mod:`semidefinite_cones`. A volume
+    change that is too small for its deviator, but only by rounding, counts as admissible.
 
     Args:
         problem: The bodies.
@@ -287,7 +290,7 @@ def dissipation_of_cells(
 def _of_others(
     problem: Problem, rates: MechanismRates, one: _SetsOfCells, subdivisions: int
 ) -> Floats:
-    """Return the dissipation of cells with sets of another kind, by its convexity."""
+    """Return upper bounds of the dissipation of cells with sets of another kind."""
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[one.cells]
     volumes = rates.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
 
@@ -299,11 +302,11 @@ def _of_others(
 
 
 def _mean(values: Floats, profile: Floats | None) -> Floats:
-    """Return the means in cells of linear functions, times the profile of the strength if any.
+    """Return the means in cells of linear functions, times the strength profile if given.
 
     Args:
         values: Values at the vertices, shape (num_cells, d + 1).
-        profile: Profile at the vertices, same shape.
+        profile: Strength profile at the vertices, same shape; None for a constant strength.
     """
     if profile is None:
         return np.asarray(values.mean(axis=1))
@@ -315,7 +318,7 @@ def _mean(values: Floats, profile: Floats | None) -> Floats:
 def _of_principal(
     problem: Problem, rates: MechanismRates, cones: PrincipalCones, here: Longs, subdivisions: int
 ) -> Floats:
-    """Return the dissipation of cells with cones of principal stresses.
+    """Return upper bounds of the dissipation of cells with sets of principal stresses.
 
     Args:
         problem: The bodies.
@@ -344,7 +347,7 @@ def work_of_cells(
     profile: Floats | None = None,
     size: Callable[[Floats], Floats] = lambda values: np.linalg.norm(values, axis=1),
 ) -> Floats:
-    """Return an upper bound of ∫ f‖s‖ in each cell, for s and f linear in it.
+    """Return an upper bound of ∫ f‖s‖ in each cell, for s and f that are linear in the cell.
 
     Args:
         volumes: Volumes of the cells, shape (num_cells,).
@@ -366,14 +369,14 @@ def work_of_cells(
 
 @lru_cache
 def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
-    """Return points and shares of the vertex rule on n^tdim equal parts of a simplex.
+    """Return the points and shares of the vertex rule on n^tdim equal parts of a simplex.
 
-    The parts are those of Kuhn's division of cubes that lie in the simplex 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
+    The parts are the simplices of Kuhn's division of cubes that lie in 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
 
     Returns:
-        Barycentric coordinates, shape (num_points, tdim + 1), and shares of the volume, of the
-        same shape. A share is the integral of the hat function of a point times a barycentric
-        coordinate, over the volume. They add up to 1.
+        Barycentric coordinates, shape (num_points, tdim + 1), and shares of the volume, of the same
+        shape. A share is the integral of a point's hat function times a barycentric coordinate,
+        divided by the volume. The shares sum to 1.
     """
     corners = []
     for corner in product(range(n), repeat=tdim):
@@ -388,7 +391,7 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
     ends = np.hstack([np.full((len(grid), 1), n), grid, np.zeros((len(grid), 1), dtype=int)])
     points = -np.diff(ends, axis=1) / n
     parts = inverse.reshape(-1, tdim + 1)
-    # the integral of λ_k λ_l over a part is (1 + δ_kl)/((d + 1)(d + 2)) of its volume
+    # the integral of λ_k λ_l over a part is (1 + δ_kl)/((d + 1)(d + 2)) times its volume
     of_parts = points[parts]
     moments = of_parts + of_parts.sum(axis=1, keepdims=True)
     shares = np.zeros_like(points)
@@ -400,7 +403,7 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
     """Return upper bounds of the dissipation of cells. Not collective.
 
     Args:
-        problem: Problem in v = ru (:mod:`ring_flux`).
+        problem: Problem with v = ru as displacement (:mod:`ring_flux`).
         velocity: Velocity v with updated ghosts.
         subdivisions: Parts of a cell's edge.
 
@@ -421,7 +424,7 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
 
 
 def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
-    """Return vertices of owned cells, and the values at vertices and between them."""
+    """Return the vertices of owned cells, and the velocities at vertices and edges."""
     cells, points = corners(problem.tagged_mesh.mesh)
     nodes, _ = nodes_of_cells(problem, len(cells))
     v: Floats = velocity.x.array.reshape(-1, 2)[nodes]
@@ -429,10 +432,10 @@ def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
 
 
 def _powers(cones: BodyCones, rates: Floats) -> Floats:
-    """Return the dissipation of rates per volume, convex in them; shape (num_cells, 6).
+    """Return the dissipation of strain rates per volume, shape (num_cells, 6).
 
-    A dilation that is too small for its deviator by rounding is replaced by the least admissible
-    one.
+    The dissipation is a convex function of the strain rate. If a dilation is too small for its
+    deviator because of rounding, the least admissible dilation replaces it.
     """
     found = np.zeros(rates.shape[:2])
     for number, cone in enumerate(cones.cones):
@@ -462,16 +465,16 @@ CLOSED = "surfaces with Coulomb's friction slip and separate too little between 
 
 @dataclass(frozen=True)
 class SlipWork:
-    """The work of slip.
+    """The dissipation by slip, and related sums.
 
     Attributes:
-        power: Upper bound of ∫c‖w_t‖, on all ranks together.
-        squares: Value of ∫(‖w_t‖/h)² for layers as thick as the size h of a facet: the counterpart
-            of ∫‖ε(v)‖² in cells.
-        why_not: Reasons why the work may be larger, or the slip wrong, in words.
-        shares: Share of the slip at each owned cell's facets in the gap between the velocity and a
-            stress, shape (num_cells,): ∫c‖w_t‖ − r·w, half of it on either side; 0 without a
-            stress.
+        power: Upper bound of ∫c‖w_t‖, summed over all ranks.
+        squares: Sum of ∫(‖w_t‖/h)² over layers whose thickness is the size h of the facet; it
+            corresponds to ∫‖ε(v)‖² in cells.
+        why_not: Reasons why the dissipation may be larger or the slip inadmissible, as phrases.
+        shares: For each owned cell, the contribution of slip at its facets to the gap between a
+            velocity and a stress, shape (num_cells,). The contribution is ∫c‖w_t‖ − r·w, one half
+            on each side; 0 without a stress.
     """
 
     power: float
@@ -481,7 +484,7 @@ class SlipWork:
 
 
 def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = None) -> SlipWork:
-    """Return the dissipation of a velocity by slip. Collective.
+    """Return the dissipation by slip of a velocity. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -538,7 +541,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
 
 
 def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
-    """Return flags of the facets of surfaces with friction."""
+    """Return flags of the facets on surfaces with friction."""
     names = {
         name
         for contact in problem.given.contacts
@@ -557,12 +560,12 @@ def _others(gdim: int) -> Ints:
 
 
 def _means(num_nodes: int, gdim: int) -> Floats:
-    """Return the means over a facet of linear functions times Bernstein's polynomials.
+    """Return the means over a facet of barycentric coordinates times Bernstein polynomials.
 
     Args:
-        num_nodes: Number of nodes of a facet, and of polynomials: those of its vertices, and those
-            of pairs.
-        gdim: Number of its vertices.
+        num_nodes: Number of nodes of a facet, which is also the number of polynomials: one for each
+            vertex, and one for each pair of vertices in quadratic elements.
+        gdim: Number of vertices of the facet.
 
     Returns:
         Shape (gdim, num_nodes).

@@ -1,26 +1,26 @@
-"""Compute an upper bound of a mechanism's plastic work, and each cell's share in the gap.
+"""Compute an upper bound of a mechanism's plastic work, and each cell's share of the gap.
 
-In a straight cell the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So its
-integral is at most that of its linear interpolation on any subdivision of the cell (the composite
-vertex rule). Where volume changes vanish at the points, they vanish everywhere. The rates
-tr ε ≥ α‖dev ε‖ of a dilating body are a convex cone. If they are admissible at the vertices, they
-are admissible everywhere, and they dissipate (γ/α) tr ε, which is linear. Without penetration of
-contact, the result is an upper bound for the body that the mesh fills, and not just for the mesh.
-:mod:`cell_dissipation` computes the dissipation of slip.
+In a straight cell, the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So the
+integral of the norm is at most the integral of its linear interpolation on any subdivision of the
+cell (the composite vertex rule). If volume changes vanish at the points, they vanish everywhere.
+The strain rates tr ε ≥ α‖dev ε‖ of a dilating body form a convex cone. If they are admissible at
+the vertices, they are admissible everywhere, and they dissipate (γ/α) tr ε, which is linear.
+Without penetration of contact, the result is an upper bound for the body that the mesh fills, not
+only for the mesh. :mod:`cell_dissipation` computes the dissipation of slip.
 
-Strains of strong bodies that rest or move as rigid ones are rounding; they count with their true
-strength. Remaining volume changes count as work that the loads do not do, with mean stresses as
-large as tractions. Otherwise 1e-12 of them could give a wrong bound where loads nearly balance each
-other.
+If strong bodies rest or move rigidly, their strain rates are rounding errors; the dissipation of
+these strain rates is computed with the true strength. The remaining volume changes reduce the work
+of the loads, with mean stresses of the order of the tractions. Otherwise relative volume changes of
+1e-12 could make a bound wrong where loads nearly balance each other.
 
-Compute the share of each cell in the gap between lower and upper bound, for refinement.
+:func:`gap_shares` computes the share of each cell in the gap between both bounds, for refinement.
 For an admissible mechanism with L(v) = 1 and a stress in equilibrium with λ⁻,
 
     λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
 
 where D is the dissipation, γ‖dev ε‖ or, in dilating bodies, (γ/α) tr ε. W ≥ 0 is the work of
-contact pressures on gaps that open. On surfaces with friction, the dissipation less the work of
-their tractions is divided between the cells of both sides (:mod:`cell_dissipation`).
+contact pressures on gaps that open. On surfaces with friction, the dissipation minus the work of
+the tractions is divided between the cells on both sides (:mod:`cell_dissipation`).
 """
 
 from dataclasses import dataclass, replace
@@ -74,9 +74,10 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_cur
 from perfplast_fenicsx.problem.problem import Problem
 
 ADMISSIBLE = 1e-9
-"""Share of ‖ε(v)‖ up to which a mechanism is admissible on its mesh: of volume changes in plastic
-bodies, of missing growth in dilating ones, and of strains in elastic ones. It does not make a bound
-strict: the proof checker corrects the mechanism, and raises the bound by the cost.
+"""Share of ‖ε(v)‖ up to which a mechanism counts as admissible on its mesh. It limits volume
+changes in plastic bodies, the shortfall of dilation in dilating bodies, and strain rates in elastic
+bodies. This limit does not make a bound strict: the proof checker corrects the mechanism and raises
+the bound accordingly.
 """
 
 
@@ -87,20 +88,21 @@ def strict_upper_bound(
     question: Question = Question.LIMIT,
     rates: MechanismRates | None = None,
 ) -> Bound:
-    """Return the upper bound (dissipation less work of permanent loads) / L₁(v). Collective.
+    """Return the upper bound (dissipation − work of permanent loads)/L₁(v). Collective.
 
     Args:
         problem: The bodies and their loads.
-        mechanism: Velocity with updated ghosts that is admissible at the points, such as that of
-            :func:`discrete_limit.interior_point`.
-        subdivisions: Parts of a cell's edge; with more parts the result falls towards the true
-            work.
+        mechanism: Velocity that is admissible at the points and whose ghosts are up to date, such
+            as the mechanism of :func:`discrete_limit.interior_point`.
+        subdivisions: Number of parts of a cell's edge; with more parts, the result decreases
+            towards the exact value.
         question: The loads whose factor is sought.
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:
-        The bound. It has no value if the mechanism does no work. It is in doubt if the mechanism is
-        not admissible at the points, and holds only for the mesh if there are reasons.
+        The bound. The bound has no value if the loads do no work on the mechanism. It is in doubt
+        if the mechanism is not admissible at the points. It holds only for the mesh if there are
+        reasons in ``why_not``.
 
     Raises:
         InputError: If ζ moves supports or obstacles, or there is no load.
@@ -120,7 +122,7 @@ def strict_upper_bound(
         problem.loads.alpha(velocity), problem.loads.dead_work(velocity)
     )
     whole = flow.whole + slip.squares
-    if problem.loads.has_dead():  # bodies may separate as rigid ones, without any strain
+    if problem.loads.has_dead():  # bodies may separate rigidly, without any strain
         whole = max(whole, flow.slowest)
     none = Bound(None, "upper", Scope.MESH, (NOT_ADMISSIBLE,))
     if not (whole > 0 and work > 0):
@@ -137,15 +139,16 @@ def strict_upper_bound(
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
-    # Work of the loads' own stress on volume changes, relative to that of the loads, up to which a
-    # mechanism counts as a proof: half of the limit of a checker that works cell by cell.
+    # Largest work on volume changes of a stress as large as the loads, relative to the work of the
+    # loads, with which a mechanism counts as a proof: half of the limit of a checker that works
+    # cell by cell.
     least_charge = 5e-10
     provable = cost.most * stress <= least_charge * measure_of(dissipation, excess, bool(loose))
-    # Mean stresses, in multiples of the largest load, with which remaining volume changes and
-    # strains of elastic bodies count as work. If pressures nearly balance each other, a strain of
-    # 1e-12 is 1e-6 of the work.
+    # Mean stress, in multiples of the largest load, with which the work on remaining volume changes
+    # and elastic strain rates is computed. If pressures nearly balance each other, the work on a
+    # strain rate of 1e-12 may be 1e-6 of the total work.
     mean_stresses = 10.0
-    lost = 0.0 if unfit else mean_stresses * cost.lost  # what is in doubt, the checker corrects
+    lost = 0.0 if unfit else mean_stresses * cost.lost  # the checker corrects mechanisms in doubt
     excess += lost * at_zero
     work -= np.copysign(lost * at_one, excess)
     if not work > 0:
@@ -162,12 +165,12 @@ def strict_upper_bound(
 def _reasons(
     problem: Problem, mechanism: fem.Function, doubts: list[str]
 ) -> tuple[list[str], list[str]]:
-    """Return why a bound does not hold for the body, and why it may not. Collective.
+    """Return the reasons why a bound does not or may not hold for the body. Collective.
 
     Args:
         problem: The bodies.
         mechanism: The velocity.
-        doubts: Other reasons why it may not hold.
+        doubts: Other reasons why the bound may not hold.
     """
     why_not = ["cells are curved"] if has_curved_cells(problem.tagged_mesh.mesh) else []
     for why in entering_between_nodes(problem, mechanism):
@@ -186,16 +189,17 @@ class _Flow:
         mechanism: The velocity.
         rates: Strain rates at the points.
         plastic: Flags of points that can yield, shape (count,).
-        dilating: Flags of points that dilate as they flow, shape (count,).
+        dilating: Flags of points that dilate in plastic flow, shape (count,).
         squares: ‖dev ε‖² at the points, shape (count,).
         volumes: Volumes of the cells that this rank owns, shape (num_cells,).
-        short: Missing part of tr ε for flow at the vertices of cells (:func:`missing_growth`).
+        short: Shortfall of tr ε at the vertices of cells (:func:`missing_growth`).
         total: Volume of all bodies.
-        part: Weighted sum of squares that must vanish: of volume changes and elastic strains.
+        part: Weighted sum of the squares of volume changes and elastic strain rates, which must
+            vanish.
         whole: Σ w‖ε‖².
         lacking: Sum of squares of ``short``.
-        is_held: Whether the velocity vanishes where supports hold the bodies.
-        slowest: Least ``whole`` that counts as strain, in bodies that separate.
+        is_held: Whether the velocity is zero where supports hold the bodies.
+        slowest: Least value of ``whole`` that counts as straining if bodies separate.
     """
 
     def __init__(self, problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> None:
@@ -218,7 +222,7 @@ class _Flow:
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         through = problem.guides.through(problem.ties, mechanism.x.petsc_vec)
         self.is_held = max(largest[0], through) <= ADMISSIBLE * largest[1]
-        slowest = 1e-5  # strain rates, relative to velocities over the size of the bodies
+        slowest = 1e-5  # strain rates, relative to velocities divided by the size of the bodies
         usual = largest[1] / self.total ** (1 / rates.gdim)
         self.slowest = (slowest * usual) ** 2 * self.total
 
@@ -226,14 +230,14 @@ class _Flow:
 def _ends(
     problem: Problem, velocity: PETSc.Vec, question: Question, work: float, aside: float
 ) -> bool:
-    """Return whether live loads do no work on a mechanism of permanent ones. Collective.
+    """Return whether the free loads do no work on a mechanism. Collective.
 
-    Where live loads act on bodies at rest, all motion is rounding. Therefore velocities count at
-    least as the mean velocity with which the permanent loads do their work.
+    If the free loads act on bodies at rest, all motion there is rounding. The comparison therefore
+    uses at least the mean velocity on which the sought loads do their work.
     """
-    # Work that counts as zero, relative to the sum of the absolute works of live loads at all
-    # nodes: half of a checker's limit. It would matter at load factors some million times as large
-    # as those that bodies carry.
+    # Largest work that counts as zero, relative to the sum of the absolute works of live loads at
+    # all nodes: half of the checker's limit. Such work would only affect load factors some million
+    # times as large as the limit load.
     least_parting = 5e-7
     comm = problem.comm
     sought = problem.loads.live if question is Question.LIMIT else problem.loads.dead
@@ -245,14 +249,14 @@ def _ends(
 
 @dataclass(frozen=True)
 class _Cost:
-    """Sums over the cells of all ranks.
+    """Sums over the cells of all ranks that determine an upper bound.
 
     Attributes:
         dissipation: Upper bound of the bodies' dissipation.
-        allowed: Part of it that rounding may add, and that of points at rest.
-        lost: Mean sizes of rates that must vanish, times volumes.
+        allowed: Part of the dissipation that rounding may add, including that of points at rest.
+        lost: Sum over cells of the mean size of rates that must vanish, times the volume.
         volume: Volume of the bodies.
-        most: Largest sizes in each cell, times volumes.
+        most: Sum over cells of the largest size of such rates, times the volume.
         loose: Number of points without cohesion.
     """
 
@@ -265,11 +269,11 @@ class _Cost:
 
 
 def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
-    """Return the dissipation of a mechanism, and the sizes of rates that must vanish. Collective.
+    """Return the dissipation of a mechanism and the rates that must vanish. Collective.
 
     Args:
         flow: Strain rates of the mechanism.
-        whole: Sum of the squares of rates, including slip.
+        whole: Sum of the squares of strain rates, including slip.
         subdivisions: Parts of a cell's edge.
     """
     problem, mechanism, rates = flow.problem, flow.mechanism, flow.rates
@@ -294,17 +298,20 @@ def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
 
 
 def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
-    """Return the order of stress that loads cause (:meth:`FacetLoads.largest`). Collective."""
+    """Return the order of magnitude of the stress due to loads, over all ranks. Collective.
+
+    See :meth:`FacetLoads.largest`.
+    """
     mine = loads.largest(volume ** (1 / problem.bodies.gdim))
     return float(problem.comm.allreduce(mine, MPI.MAX))
 
 
 def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
-    """Return the part of each cell's plastic work that rounding may add in any evaluation.
+    """Return the part of each cell's plastic work that rounding may add.
 
-    In a cell that moves and does not strain, differences of velocities are rounding. A body with
-    1e15 times the strength of others would dissipate as much by these differences as the bodies
-    that flow.
+    In a cell that moves without straining, differences of velocities are rounding errors. A body
+    with 1e15 times the strength of other bodies would dissipate as much because of these errors as
+    the bodies that flow.
 
     Args:
         problem: The bodies.
@@ -317,7 +324,8 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
     fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
-    # Rounding units in a strain rate: the number of products in the gradient of a quadratic.
+    # Rounding units in a strain rate: the number of products in the gradient of a quadratic
+    # velocity.
     roundings = 32.0
     added: Floats = roundings * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added
@@ -334,8 +342,8 @@ def gap_shares(
     Args:
         problem: The bodies and their loads, on straight cells.
         mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
-        stress: Mandel vectors at the vertices of these cells, linear between them, shape
-            (num_cells, d + 1, 4 or 6); in axisymmetry coefficients of rσ (:mod:`stress_cells`),
+        stress: Mandel vectors at the vertices of these cells, linear in each cell, shape
+            (num_cells, d + 1, 4 or 6); in axisymmetry, coefficients of rσ (:mod:`stress_cells`),
             shape (num_cells, 6, 4).
         rates: Rates of the mechanism; evaluated by default.
 
@@ -360,7 +368,7 @@ def gap_shares(
 def _of_rings(
     problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
-    """Return the shares in axisymmetry, with the work of the stress by a quadrature rule."""
+    """Return the shares in axisymmetry; a quadrature rule gives the work of the stress."""
     points = points_of_cells(problem)
     vertices, places = corners(problem.tagged_mesh.mesh)
     x = places[vertices]
@@ -384,10 +392,11 @@ def _of_rings(
 def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     """Set velocities of bodies that are rounding to zero, unless that adds penetration. Collective.
 
-    Such a body may penetrate a touching one by rounding of other bodies' velocities. That is much
-    compared with its own velocities, by which it is judged. If others move apart because of its
-    rounding, it keeps its velocity as long as nothing penetrates. Otherwise the others are moved
-    apart from it, and it rests.
+    Because of rounding in the velocities of other bodies, such a body may penetrate a body that it
+    touches. Compared with its own velocities, to which the check relates penetration, the
+    penetration is then large. If zero velocities add penetration and nothing penetrated before, the
+    bodies keep their velocities. If something penetrated before, the function moves the other
+    bodies apart from them; if penetration remains, it restores all velocities.
 
     Args:
         problem: The bodies.
@@ -397,15 +406,15 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     largest = np.zeros(bodies.count)
     np.maximum.at(largest, bodies.of_node, np.abs(v).max(axis=1, initial=0.0))
     problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    # Relative to the largest velocity: some hundred rounding units, and a tenth of the allowed
-    # penetration.
+    # Limit relative to the largest velocity: some hundred rounding units, and a tenth of the
+    # allowed penetration.
     rounding = 1e-13
     rests = largest <= rounding * largest.max(initial=0.0)
     if not rests.any():
         return
     entered, moving = _entered(problem, mechanism), v.copy()
     v[rests[bodies.of_node]] = 0.0
-    # Relative to the velocities there: a tenth of the allowed penetration.
+    # Limit relative to the velocities at a facet: a tenth of the allowed penetration.
     nothing = 1e-13
     if _entered(problem, mechanism) <= max(min(entered, UNSEEN), nothing):
         return
@@ -518,22 +527,23 @@ def _stretch(problem: Problem) -> Floats:
 
 
 def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
-    """Remove penetration of contact that is due to rounding. Collective.
+    """Remove contact penetration that is due to rounding. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
         mechanism: Velocity with updated ghosts; changed.
-        free: Flags of components of local nodes that may change, shape (num_nodes, gdim).
+        free: Flags of the velocity components of local nodes that may change, shape (num_nodes,
+            gdim).
     """
     constraints, gdim = problem.constraints, free.shape[1]
     v, owned = mechanism.x.array.reshape(free.shape), problem.V.dofmap.index_map.size_local
     on_nodes, on_rows = constraints.shares.createVecs()
-    room = np.zeros(len(constraints.host))  # |n|² of the components that may change, on both sides
+    room = np.zeros(len(constraints.host))  # |n|² of components that may change, both sides
     for axis in range(gdim):
         on_nodes.array[:] = free[:owned, axis]
         constraints.shares.mult(on_nodes, on_rows)
         room += constraints.normal[:, axis] ** 2 * on_rows.array_r
-    rounds = 4  # for nodes at edges, where the correction of one pair opens or closes another
+    rounds = 4  # at edges, a correction of one pair opens or closes another pair
     for _ in range(rounds):
         enters = np.divide(
             _entering(problem, mechanism), room, out=np.zeros_like(room), where=room > 0
@@ -548,7 +558,7 @@ def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
 
 
 def _entering(problem: Problem, velocity: fem.Function) -> Floats:
-    """Return the penetration of each pair, at midsides half its Bernstein coefficient.
+    """Return the penetration of each pair, at midsides half of its Bernstein coefficient.
 
     Collective.
     """
@@ -565,7 +575,7 @@ def _entering(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def _entered(problem: Problem, velocity: fem.Function) -> float:
-    """Return the interpenetration relative to velocities there; 0 if unknown. Collective."""
+    """Return the largest relative penetration at a facet, 0 if unknown. Collective."""
     if problem.constraints.in_mean or problem.given.ties:
         return 0.0
     return entered_share(problem, velocity, rubbing=True) or 0.0
