@@ -50,8 +50,8 @@ assert found.body.strict
 assert lower < HINGES
 assert lower < upper < 1.05 * lower
 
-# The proof file holds the stress and the velocity as numbers. The checker shares no code with the
-# program that has found them: it imports NumPy and h5py alone.
+# The proof file contains the stress and the velocity as numbers. The checker shares no code with
+# the program that found them: it imports only NumPy and h5py.
 scene = Scene("Plate with a hole: collapse mechanism", loads)
 writer = ResultWriter(folder, problem, scene, "interior-point", prescribed=Prescribed.WORK)
 writer.write_limit(found.best.mesh, found.body, found)
@@ -63,5 +63,5 @@ if comm.rank == 0:
 
 if __name__ == "__main__":
     if comm.rank == 0:
-        print(f"{found.body.in_words()} By hand at most {HINGES:.6g}.")
+        print(f"{found.body.in_words()} By hand it is at most {HINGES:.6g}.")
     draw(folder)  # results/ex02/mechanism.png

@@ -33,7 +33,7 @@ folder.on_root(lambda: write_slope(file, size=0.2))
 soil = DruckerPrager(
     young=1e4, poisson=0.3, cohesion=0.05, friction_angle=20.0, match="plane-strain"
 )
-loads = [BodyForce("soil", (0.0, -1.0), constant=True)]  # weight and height are 1
+loads = [BodyForce("soil", (0.0, -1.0), constant=True)]  # unit weight and height are 1
 supports = [Support("bottom"), Support("left", "x")]
 problem = Problem(read_gmsh(comm, file), {"soil": soil}, supports, loads, degree=2)
 

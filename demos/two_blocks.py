@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Two blocks in frictionless contact
 #
-# Two steel cantilevers lie on top of each other. A traction on the outer half of the upper one
-# bends it down; it slides on the lower one and takes it along. At what load do they yield, where,
-# and how does the load they carry level off?
+# Two steel cantilevers lie on top of each other. A traction on the outer half of the upper block
+# bends it down. The upper block slides on the lower block and deflects it too. At what load do the
+# blocks yield, where do they yield, and how does their load level off?
 #
 #                              ζ (0, 0, -1)
 #                             ↓ ↓ ↓ ↓ ↓ ↓ ↓
@@ -21,11 +21,11 @@
 # where Ψ is the elastic–perfectly plastic potential (Hencky, von Mises) and L the work of the
 # loads at ζ = 1. The answer is the curve of ζ over α = L(u).
 #
-# **Limits.** Strains are small, there is no friction and no unloading. The elements are quadratic,
-# since linear tetrahedra lock: plastic flow keeps the volume, and they have few motions that do.
-# One plastic hinge in each block would carry ζ = 67 (beam theory, plane stress) to 77 (plane
-# strain). The values of α that are asserted at the end are those of this mesh; the bracket of the
-# limit load is that of the bodies.
+# **Limits.** Strains are small; there is no friction and no unloading. The elements are quadratic,
+# since linear tetrahedra lock: plastic flow preserves volume, and linear elements have few motions
+# that do. With one plastic hinge in each block, they would carry ζ = 67 (beam theory, plane stress)
+# to 77 (plane strain). The values of α in the assertions at the end hold for this mesh; the bracket
+# of the limit load holds for the bodies.
 #
 # Run it with `make demo`, or
 #
@@ -64,9 +64,10 @@ TITLE = "Two blocks in frictionless contact"
 # %% [markdown]
 # ## The problem
 #
-# Lengths in mm, stresses in MPa; the steel is that of the square plate with a hole of E. Stein
-# (ed.), *Error-Controlled Adaptive Finite Elements in Solid Mechanics*, 2003. The names of volumes
-# and surfaces come with the mesh: `n` cubes per unit length, six tetrahedra each.
+# Lengths are in mm and stresses in MPa. The steel is that of the square plate with a hole in E.
+# Stein (ed.), *Error-Controlled Adaptive Finite Elements in Solid Mechanics*, 2003. The mesh
+# defines the names of volumes and surfaces. It has `n` cubes per unit length, with six tetrahedra
+# each.
 
 # %%
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -78,7 +79,7 @@ ZETAS = [20.0, 40.0, 50.0, 55.0, 60.0, 65.0, 70.0]
 
 
 def blocks(comm: MPI.Intracomm, n: int) -> Problem:
-    """Return the problem of two cantilevers, divided into cubes of edge 1/n. Collective."""
+    """Return the problem of two cantilevers, divided into cubes with edges 1/n. Collective."""
     materials = {"lower": STEEL, "upper": STEEL}
     return Problem(two_blocks(comm, n), materials, SUPPORTS, LOADS, CONTACTS, degree=2)
 
@@ -86,21 +87,22 @@ def blocks(comm: MPI.Intracomm, n: int) -> Problem:
 # %% [markdown]
 # ## How the Newton iteration converges
 #
-# ALG1 minimises a quadratic model of J_ζ over K_h in each step, and goes a share β ≤ 1 of the way.
-# The regularisation ρ mixes a little of the elastic stiffness into the tangent and fades away, so
-# that the increment is squared from step to step in the end: the order tends to 2.
+# In each step ALG1 minimises a quadratic model of J_ζ over K_h, and moves by the share β ≤ 1 of the
+# step to the minimum. The regularisation ρ adds a small part of the elastic stiffness to the
+# tangent, and decreases to zero. So the increment is finally squared from step to step: the order
+# tends to 2.
 
 
 # %%
 def orders(level: Level) -> list[float]:
-    """Return the order of convergence at each step from the third on."""
+    """Return the order of convergence in each step from the third one on."""
     d = [step.increment for step in level.iterations]
     steps = zip(d, d[1:], d[2:], strict=False)
     return [math.log(c / b) / math.log(b / a) for a, b, c in steps]
 
 
 def convergence_table(level: Level) -> str:
-    """Return the Newton steps of a level as text."""
+    """Return the Newton steps of a level as a text table."""
     columns = ["", "", *(f"{order:.2f}" for order in orders(level))]
     rows = [
         f"{step.number:>4}  {step.increment:>9.1e}  {step.beta:>5.2f}  {step.rho:>7.0e}"
@@ -113,14 +115,15 @@ def convergence_table(level: Level) -> str:
 # %% [markdown]
 # ## At what load do the blocks collapse?
 #
-# Not those of the mesh, but the bodies: a stress in equilibrium everywhere bounds the limit load
-# from below, a velocity that keeps the volume everywhere from above. Where their difference lies,
-# the mesh is made finer, from one half as fine on, until they are 6 % apart.
+# The bounds are for the bodies, not only for the mesh. A stress in equilibrium everywhere bounds
+# the limit load from below. A velocity that preserves volume everywhere bounds it from above. The
+# mesh is refined where the two bounds differ, starting from a mesh that is half as fine, until the
+# bounds are 6 % apart.
 
 
 # %%
 def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> AdaptiveBounds:
-    """Return strict bounds of the limit load of the bodies. Collective."""
+    """Return strict bounds on the limit load of the bodies. Collective."""
     terminal.say()
     most = Adaptation(until=0.06, cells=3000 if n == 4 else 100)
     found = adaptive_bounds(blocks(comm, n // 2), most, 1e-3, terminal.mesh, terminal.interior)
@@ -141,10 +144,10 @@ def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> AdaptiveBounds:
 # %% [markdown]
 # ## Solve
 #
-# Each level starts from the one before, and is written as soon as it is solved.
+# Each level starts from the previous one, and is written as soon as it is solved.
 #
-# The known values of α are those of this mesh; runs with ρ = 0, 1e-5 and 1e-3 agree with them to
-# eleven digits.
+# The known values of α hold for this mesh; runs with ρ = 0, 1e-5 and 1e-3 agree with them to eleven
+# digits.
 
 # %%
 KNOWN = {
@@ -154,7 +157,7 @@ KNOWN = {
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Load the blocks, write results and check them. Collective."""
+    """Load the blocks, write the results and check them. Collective."""
     parser = argparse.ArgumentParser(description=TITLE)
     parser.add_argument("-o", "--output", default="results/two_blocks", help="replaced if there")
     parser.add_argument("--coarse", action="store_true", help="n = 2 instead of 4")
@@ -188,8 +191,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     # %% [markdown]
     # ## Is it right?
     #
-    # J_ζ(u) + S(σ), which vanishes for the solution alone, is zero to rounding; no node has gone
-    # through the other body; and α is what it should be.
+    # J_ζ(u) + S(σ), which is zero only for the solution, is zero apart from rounding. No node
+    # penetrates the other body. And α has its known value.
 
     # %%
     for report in writer.results.reports:
@@ -202,7 +205,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     terminal.say("\nAll checks passed.")
     terminal.results(folder)
-    terminal.say("Look at fields.png and path.png there; open fields.vtkhdf.series with ParaView.")
+    terminal.say("Pictures: fields.png and path.png. Open fields.vtkhdf.series with ParaView.")
     terminal.say(f"The report, for any browser: {report_on(folder)}")
 
 

@@ -1,13 +1,14 @@
-"""Bound the strength of homogeneous slopes from above, by NumPy and SciPy alone.
+"""Bound the strength of homogeneous slopes from above, with NumPy and SciPy only.
 
-A block of ground rotates about a pole and leaves the rest along a log spiral (W. F. Chen, Limit
-Analysis and Soil Plasticity, 1975, chapter 9). That is a mechanism of associated ground. If the
-weight does at least the work that the spiral dissipates with strengths divided by F, the slope
-falls at F. So each such F is an upper bound, however well the pole is chosen. Without friction the
-spiral is a slip circle. Integrals are exact: no arc is replaced by chords. Only the work of the
-water in the pores, which presses the two sides of the spiral apart, is a sum over PRESSED points.
+A block of ground rotates about a pole and separates from the rest along a log spiral (W. F. Chen,
+Limit Analysis and Soil Plasticity, 1975, chapter 9). This is a mechanism of associated ground. The
+slope collapses at F if the work of the weight is at least the work that the spiral dissipates with
+strengths divided by F. So each such F is an upper bound, whatever the pole is. Without friction the
+spiral is a slip circle. Integrals are exact: chords do not replace arcs. Only the work of the pore
+water, which presses the two sides of the spiral apart, is a sum over PRESSED points.
 
-The same holds for the unit weight at which a slope falls, and for the critical seismic coefficient.
+The same holds for the unit weight at which a slope collapses, and for the critical seismic
+coefficient.
 
     python3 demos/tribunal/log_spiral.py demos/tribunal/pruska_*.toml
 """
@@ -26,19 +27,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 RANGES = {"strength": (0.05, 20.0), "bounds": (0.5, 200.0), "seismic": (1e-3, 5.0)}
-"""Where factors are sought, by the control of the case."""
+"""Range in which factors are sought, by the control of the case."""
 
 ENDS = {"base", "left", "right"}
 """Surfaces that may be held."""
 
 PRESSED = np.linspace(0.0, 1.0, 721)
-"""Points at which the pore pressure is taken, as shares of the angle of a spiral."""
+"""Points at which the pore pressure is evaluated, as shares of the angle of a spiral."""
 
 TOLERANCE = 1e-5
-"""Relative, of a factor for the best pole that was found."""
+"""Relative tolerance of the factor for the best pole that was found."""
 
 SAMPLES = np.linspace(0.0, 1.0, 181)
-"""Where a spiral is compared with the surface, as shares of its angle."""
+"""Points at which a spiral is compared with the surface, as shares of its angle."""
 
 TURN = 1.2 * math.pi
 """Largest angle (radians) through which a spiral is followed from its exit."""
@@ -50,13 +51,13 @@ class Slope:
 
     Attributes:
         x: Abscissas of the surface's corners, increasing (length).
-        y: Their heights.
+        y: Heights of the surface's corners (length).
         bottom: Height of the firm base.
-        cohesion: (stress).
+        cohesion: Cohesion (stress).
         friction: Tangent of the angle of friction.
         weight: Force per volume, (horizontal, vertical).
-        control: What is sought: "strength" a factor of safety, "bounds" a factor of the weight,
-            "seismic" the critical seismic coefficient.
+        control: Quantity that is sought: "strength" for a factor of safety, "bounds" for a factor
+            of the weight, "seismic" for the critical seismic coefficient.
         push: Direction of the earthquake, 1.0 or -1.0.
         ratio_of_pressure: r_u, the pore pressure over the weight above.
         table: Corners of the water table, shape (points, 2); empty without one.
@@ -76,7 +77,7 @@ class Slope:
     water: float = 0.0
 
     def height(self, x: ArrayLike) -> NDArray[np.float64]:
-        """Return heights of the surface."""
+        """Return the heights of the surface at given abscissas."""
         return np.asarray(np.interp(np.asarray(x), self.x, self.y))
 
     def pressure(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -88,7 +89,7 @@ class Slope:
 
     @property
     def wet(self) -> bool:
-        """Whether there is water in the pores."""
+        """Whether the pores contain water."""
         return bool(len(self.table)) or self.ratio_of_pressure > 0
 
     def mirrored(self) -> "Slope":
@@ -103,7 +104,7 @@ class Slope:
         )
 
     def at(self, value: float) -> tuple["Slope", float]:
-        """Return the slope under a value of what is sought, and the divisor of strengths."""
+        """Return the slope for a value of the sought quantity, and the divisor of strengths."""
         across, down = self.weight
         if self.control == "strength":
             return self, value
@@ -115,8 +116,8 @@ class Slope:
 def slope_of(case: dict[str, Any]) -> Slope | None:
     """Return the slope of a case file; None if the script does not apply.
 
-    It applies to one body without loads but its weight, whose base and ends alone are held, and
-    whose water does not reach above the surface.
+    The script applies to a single body that is loaded only by its weight, is held only at its base
+    and its ends, and has no water above the surface.
 
     Args:
         case: The parsed TOML file.
@@ -162,7 +163,7 @@ def slope_of(case: dict[str, Any]) -> Slope | None:
 
 
 def _surface(body: dict[str, Any]) -> tuple[NDArray[np.float64], float] | None:
-    """Return corners of the surface of a drawn body and the level of its base; None if it has none.
+    """Return the corners of a drawn body's surface and the level of its base, or None.
 
     A vertical part of the surface is inclined by a billionth.
     """
@@ -205,7 +206,7 @@ def _weight(case: dict[str, Any], control: str, name: str) -> tuple[float, float
 
 
 def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
-    """Return the dissipated work over that of the weight, with strengths divided by a factor.
+    """Return the dissipation over the work of the weight, with strengths divided by a factor.
 
     Args:
         mechanism: Abscissa and height of the pole, and abscissa of the exit on the surface.
@@ -253,7 +254,7 @@ def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
 
 
 def _root(above: Any, low: float, high: float) -> float:
-    """Return where the spiral comes out of the ground, to rounding, from below."""
+    """Return the parameter at which the spiral leaves the ground, rounded from below."""
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (low, middle) if above(np.array(middle)) > 0 else (middle, high)
@@ -269,8 +270,8 @@ def _velocity(
 ) -> tuple[float, float]:
     """Return the integral of the velocity over the block, for a unit angular velocity.
 
-    The block turns clockwise, so that its velocity is (y, -x) from the pole. Moments of its area
-    are integrals over sectors that have the pole as their corner: ∫ r³ (cos θ, sin θ) dθ / 3.
+    The block rotates clockwise, so its velocity is (y, -x) relative to the pole. Moments of its
+    area are integrals over sectors with a corner at the pole: ∫ r³ (cos θ, sin θ) dθ / 3.
     """
     angle, radius, t = spiral
     a = -3.0 * t
@@ -292,7 +293,7 @@ def _velocity(
 
 
 def least(slope: Slope, factor: float, starts: Sequence[Sequence[float]]) -> tuple[float, Any]:
-    """Return the least ratio that is found from some mechanisms, and its mechanism."""
+    """Return the least ratio that a search from given mechanisms finds, and its mechanism."""
     best: tuple[float, Any] = (math.inf, None)
     for start in starts:
         value = ratio(start, slope, factor)
@@ -304,9 +305,9 @@ def least(slope: Slope, factor: float, starts: Sequence[Sequence[float]]) -> tup
 
 
 def upper_bound(slope: Slope) -> float | None:
-    """Return the least factor at which a log spiral falls; None if no spiral falls.
+    """Return the least factor at which a log spiral collapses; None if no spiral does.
 
-    A dam, whose ends have the same level, may fall to both sides.
+    A dam, whose ends have the same level, may collapse to either side.
     """
     ways = [slope, slope.mirrored()] if slope.y[0] == slope.y[-1] else [slope]
     found = [bound for way in ways if (bound := _upper_bound(way)) is not None]
@@ -314,9 +315,9 @@ def upper_bound(slope: Slope) -> float | None:
 
 
 def _upper_bound(slope: Slope) -> float | None:
-    """Return the least factor at which a log spiral falls to the left; None if no spiral falls.
+    """Return the least factor at which a log spiral collapses to the left, or None.
 
-    The factor is rounded up, and the work of its mechanism is checked at it.
+    The factor is rounded up, and the work of the mechanism is checked at the rounded factor.
     """
     low, high = RANGES[slope.control]
     largest = high
@@ -344,7 +345,7 @@ def _upper_bound(slope: Slope) -> float | None:
 
 
 def main(paths: Sequence[str]) -> None:
-    """Print the bound of each case file."""
+    """Print the upper bound of each case file."""
     for path in map(Path, paths):
         slope = slope_of(tomllib.loads(path.read_text(encoding="utf-8")))
         bound = None if slope is None else upper_bound(slope)

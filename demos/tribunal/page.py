@@ -24,7 +24,7 @@ from demos.tribunal.verdicts import (
 )
 
 NARROW = Decimal("1.5")
-"""Width (percent) that nine of ten problems shall not exceed."""
+"""Width (percent) that nine of ten problems should not exceed."""
 
 TINY = Decimal("0.01")
 """Percentage below which impossible numbers are counted separately."""
@@ -33,7 +33,7 @@ PICTURES = "pictures/tribunal"
 """Folder of the pictures beside the page."""
 
 MOST_NAMED = 15
-"""Number of problems that are named beside published numbers."""
+"""Number of problems that are named in comparison with published numbers."""
 
 ABOVE_ALL = """# Published numbers and proven bounds
 
@@ -127,7 +127,7 @@ The checker prints F, the strengths, the area and the supports that the proof ta
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table of Markdown; heads that end with ":" are aligned to the right."""
+    """Return a Markdown table; columns whose head ends with ":" are aligned to the right."""
     lines = [[head.removesuffix(":") for head in heads]]
     lines += [["---:" if head.endswith(":") else "---" for head in heads], *map(list, rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
@@ -136,7 +136,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def page(
     cases: Mapping[str, Path], published: Sequence[Published], solved: Mapping[str, Solved]
 ) -> str:
-    """Return the page in docs, which depends on the tables and the titles of the cases alone."""
+    """Return the page for docs, which depends only on the tables and the titles of the cases."""
     titles = {
         name: tomllib.loads(case.read_text(encoding="utf-8"))["title"]
         for name, case in cases.items()
@@ -169,7 +169,7 @@ def filtered(rows: str) -> str:
 
 
 def with_spirals(kinds: Mapping[str, str], solved: Mapping[str, Solved]) -> str:
-    """Return the number of slopes with a log spiral in a sentence."""
+    """Return a sentence on the number of slopes with a log spiral."""
     rows = [row for name, row in solved.items() if kinds.get(name) == "slopes"]
     found = sum(bool(row.spiral) for row in rows)
     return (
@@ -183,12 +183,12 @@ def in_short(
     verdicts: Sequence[tuple[Published, Verdict]],
     solved: Mapping[str, Solved],
 ) -> str:
-    """Return the result in some sentences.
+    """Return a summary of the result in some sentences.
 
     Args:
-        kinds: Of all problems, by name.
-        verdicts: On all numbers.
-        solved: What is proven, by name.
+        kinds: Kinds of all problems, by name.
+        verdicts: Verdicts on all numbers.
+        solved: Proven bounds, by name.
     """
     counts = Counter(verdict.word for _, verdict in verdicts)
     widths = {name: width for name, row in solved.items() if (width := row.width) is not None}
@@ -226,13 +226,13 @@ def of_problems(
     verdicts: Sequence[tuple[Published, Verdict]],
     solved: Mapping[str, Solved],
 ) -> str:
-    """Return the table with a row a problem.
+    """Return the table with a row for each problem.
 
     Args:
-        kinds: Of all problems, by name.
-        titles: Of all problems, by name.
-        verdicts: On all numbers.
-        solved: What is proven, by name.
+        kinds: Kinds of all problems, by name.
+        titles: Titles of all problems, by name.
+        verdicts: Verdicts on all numbers.
+        solved: Proven bounds, by name.
     """
     heads = ["collapse", "problem", "kind", "lower:", "upper:", "width, %:", "s:", "numbers:"]
     heads += ["log spiral:"]
@@ -258,10 +258,10 @@ def of_problems(
 def beside(
     titles: Mapping[str, str], published: Sequence[Published], solved: Mapping[str, Solved]
 ) -> str:
-    """Return our widths beside the best published pairs of bounds, and beside published numbers.
+    """Return a comparison of the bounds' widths with published pairs of bounds and numbers.
 
-    Where we know no pair of bounds, the least and the largest published number are compared. That
-    leaves out problems with exact slip lines.
+    If no published pair of bounds is known, the least and the largest published number are
+    compared. This excludes problems with exact slip lines.
     """
     pairs, spreads = [], []
     for name in sorted(titles):
@@ -306,11 +306,12 @@ def beside(
 def beside_numbers(
     titles: Mapping[str, str], spreads: Sequence[tuple[str, Decimal, Decimal]]
 ) -> str:
-    """Return our widths beside the differences of published numbers.
+    """Return a comparison of the bounds' widths with the differences between published numbers.
 
     Args:
         titles: Of all problems, by name.
-        spreads: Name, difference of the numbers (percent) and width of the bounds (percent).
+        spreads: Name, largest difference between numbers (percent), and width of the bounds
+            (percent).
     """
     finer = sorted((it for it in spreads if it[2] < it[1]), key=lambda it: it[2] / it[1])
     ratio = median(spread / width for _, spread, width in finer) if finer else 0

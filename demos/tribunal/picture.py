@@ -1,4 +1,4 @@
-"""Draw a small picture of a problem: the bodies, and which part of them moves at collapse."""
+"""Draw a small picture of a problem: the bodies, and the part of them that moves at collapse."""
 
 from pathlib import Path
 
@@ -13,28 +13,29 @@ WIDTH, HEIGHT = 160, 64
 """Largest size of a picture (pixels)."""
 
 EDGE = 2
-"""Width of the empty edge (pixels)."""
+"""Width of the empty margin (pixels)."""
 
 COLOURS = np.array(
     [[225, 225, 225], [250, 218, 140], [246, 168, 80], [226, 106, 44], [172, 42, 24]]
 )
-"""Colours of parts at rest, and of faster and faster ones."""
+"""Colours of parts at rest, and of parts with increasing speed."""
 
 SPEEDS = (0.02, 0.25, 0.5, 0.75)
 """Shares of the largest speed at which the colour changes."""
 
 SLOW = 0.99
-"""Share of the moving area that counts: the corners of few cells may be much faster."""
+"""Share of the moving area that determines the largest speed: a few cells in corners are much
+faster."""
 
 
 def draw(proof: Path, picture: Path) -> None:
     """Draw the bodies of an upper bound, with the speed of its mechanism, as a PNG file.
 
-    Lines are the outer boundary, and the boundaries between different strengths.
+    Lines show the outer boundary, and the boundaries between different strengths.
 
     Args:
-        proof: A file with an upper bound in the plane, as ``falls.h5`` or ``bounds.h5``.
-        picture: The file.
+        proof: A file with an upper bound in the plane, such as ``falls.h5`` or ``bounds.h5``.
+        picture: The PNG file.
     """
     with h5py.File(proof) as file:
         half = file["upper"]
@@ -75,7 +76,7 @@ def _fast(speed: npt.NDArray[np.float64], area: npt.NDArray[np.float64]) -> floa
 
 
 def _outlines(cells: npt.NDArray[np.int64], cone: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the edges of one cell, or between cells of different strengths, shape (n, 2)."""
+    """Return the edges of single cells, and those between cells of different strengths, (n, 2)."""
     edges = np.sort(cells[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
     strength = np.repeat(cone, 3)
     found, first, place, count = np.unique(

@@ -1,12 +1,12 @@
-"""Judge published factors of safety and limit loads by bounds that a file proves.
+"""Compare published factors of safety and limit loads with proven bounds.
 
     ./fenicsx python3 demos/tribunal/tribunal.py [--only NAME ...] [-o DIR] [--publish]
 
-Each case file beside this script is a problem. A problem without bounds is solved, both of its
-proofs are checked, and a log spiral is compared where one applies. Then each number of
-``published.csv`` gets a verdict. What was solved stays in DIR, so that a run that was stopped goes
-on where it was. Problems that ``--only`` does not name keep the bounds of ``bounds.csv``.
-``--publish`` copies the tables beside this script, and the page and its pictures into docs.
+Each case file beside this script is a problem. If a problem has no bounds, the script solves it,
+checks both proofs, and compares a log spiral if one applies. Then each number of ``published.csv``
+gets a verdict. Results remain in DIR, so an interrupted run continues where it stopped. Problems
+that ``--only`` does not name keep the bounds of ``bounds.csv``. ``--publish`` copies the tables
+into the folder of this script, and the page and its pictures into docs.
 """
 
 import argparse
@@ -49,13 +49,13 @@ PROOFS = {
     "bounds": {"lower": "bounds.h5", "upper": "bounds.h5"},
     "seismic": {"lower": "bounds.h5", "upper": "bounds.h5"},
 }
-"""Files of the proofs by the control of a case: of a factor of safety, a load factor, or k_c."""
+"""Proof files by the control of a case: for a factor of safety, a load factor, or k_c."""
 
 LONGEST = 1800.0
-"""Wall time (s) after which a run is given up."""
+"""Wall time (s) after which a run is stopped."""
 
 DIGITS = Decimal("1e-5")
-"""To which bounds are rounded, away from each other."""
+"""Precision to which bounds are rounded, away from each other."""
 
 
 def checksum(path: Path) -> str:
@@ -67,7 +67,7 @@ def checksum(path: Path) -> str:
 
 
 class Failed(Exception):
-    """A problem has no bounds; the message says why."""
+    """A problem has no bounds; the message states the reason."""
 
 
 def solve(case: Path, folder: Path) -> Solved:
@@ -75,10 +75,10 @@ def solve(case: Path, folder: Path) -> Solved:
 
     Args:
         case: The case file.
-        folder: Takes a copy of the case, and its results.
+        folder: Folder for a copy of the case and for its results.
 
     Raises:
-        Failed: If the run ends without bounds, or a proof is not accepted.
+        Failed: If the run ends without bounds, or if a proof is not accepted.
     """
     folder.mkdir(parents=True, exist_ok=True)
     mine = Path(shutil.copy(case, folder))
@@ -114,7 +114,7 @@ def solve(case: Path, folder: Path) -> Solved:
 
 
 def drawn(case: Path, folder: Path) -> Path | None:
-    """Return the picture of a problem, drawn if it is not yet; None without a proof to draw.
+    """Return the picture of a problem, which is drawn if missing; None without a proof to draw.
 
     Args:
         case: The case file.
@@ -131,7 +131,7 @@ def drawn(case: Path, folder: Path) -> Path | None:
 
 
 def with_spiral(row: Solved, case: Path) -> Solved:
-    """Return a row with the log spiral of its case, where the script applies.
+    """Return a row after adding the log spiral of its case, where the script applies.
 
     Raises:
         Failed: If the log spiral is below the lower bound.
@@ -142,24 +142,24 @@ def with_spiral(row: Solved, case: Path) -> Solved:
         return row
     low, _ = row.sides
     if low is not None and spiral < low:
-        raise Failed(f"a log spiral falls at {spiral}, but {low} is called proven")
+        raise Failed(f"a log spiral collapses at {spiral}, below the proven lower bound {low}")
     return replace(row, spiral=f"{spiral:.5f}")
 
 
 def check_proof(path: Path, side: str, factor: float, divides: bool) -> int:
-    """Have a proof checked by the checker of proofs, in a process of its own.
+    """Check a proof with the checker, in a separate process.
 
     Args:
         path: The file.
         side: "lower" or "upper".
-        factor: What it has to prove.
-        divides: Whether the factor divides strengths; else it multiplies loads.
+        factor: The factor that the file must prove.
+        divides: Whether the factor divides strengths; otherwise it multiplies loads.
 
     Returns:
-        The number of its cells.
+        The number of cells.
 
     Raises:
-        Failed: If it is not accepted, or is one of another factor.
+        Failed: If the proof is not accepted, or proves another factor.
     """
     said = command("perfplast_fenicsx.proof", str(path))
     proven = re.search(rf"^{side}: ([\d.e+-]+) is proven", said, re.MULTILINE)
@@ -182,10 +182,10 @@ def check_proof(path: Path, side: str, factor: float, divides: bool) -> int:
 
 
 def command(module: str, *arguments: str) -> str:
-    """Run a module on one core, and return what it prints.
+    """Run a module on one core, and return its output.
 
     Raises:
-        Failed: If its exit status is not 0, or it takes too long.
+        Failed: If the exit status is not 0, or if the module takes too long.
     """
     one_core = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     words = [sys.executable, "-m", module, *arguments]
@@ -201,7 +201,7 @@ def command(module: str, *arguments: str) -> str:
 
 
 def known(folder: Path, cases: Mapping[str, Path]) -> dict[str, Solved]:
-    """Return what a folder has of the cases as they are now."""
+    """Return the stored bounds of a folder that belong to the current case files."""
     rows = read(Solved, folder / BOUNDS)
     return {
         row.problem: row
@@ -219,7 +219,7 @@ def all_cases() -> dict[str, Path]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Solve what is not solved, judge all, and write tables and page; 1 if a problem failed."""
+    """Solve missing problems, judge all numbers, write tables and page; 1 if a problem failed."""
     cases = all_cases()
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=cases, default=list(cases))
@@ -230,7 +230,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     folder: Path = arguments.o.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    stored = known(HERE, cases)  # of problems that are not selected
+    stored = known(HERE, cases)  # for problems that are not selected
     solved = {name: row for name, row in stored.items() if name not in arguments.only}
     solved |= known(folder, cases)
     failed = []
@@ -243,7 +243,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             solved[name] = with_spiral(solve(cases[name], folder / name), cases[name])
         except Failed as error:
             failed.append(name)
-            print(f"has no bounds: {error}", flush=True)
+            print(f"no bounds: {error}", flush=True)
             continue
         write_bounds(folder / BOUNDS, solved)
         row = solved[name]

@@ -1,4 +1,4 @@
-"""Judge published numbers by proven bounds, and read and write their tables."""
+"""Judge published numbers by proven bounds, and read and write the tables of both."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,7 @@ UNDECIDED = "not decided"
 WORDS = (IMPOSSIBLE, POSSIBLE, BELOW, UNDECIDED)
 
 METAL = ("constraint factor", "p/(2k)", "p/k")
-"""Quantities of problems of metal; other load factors are those of ground."""
+"""Quantities of problems in metal; other load factors belong to problems in ground."""
 
 METHODS = ("limit equilibrium", "strength reduction", "limit analysis", "slip lines", "formula")
 T = TypeVar("T")
@@ -22,19 +22,20 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Published:
-    """A number that somebody has published.
+    """A published number.
 
     Attributes:
         problem: Name of the case file.
-        value: As printed; its decimals are its rounding. "1/0.261" is the reciprocal.
-        quantity: "factor of safety", or what the load factor of the case is.
-        bound: "lower" or "upper" if the source calls the number a bound; else empty.
+        value: The number as printed; its last decimal is its rounding. "1/0.261" means the
+            reciprocal.
+        quantity: "factor of safety", or the meaning of the case's load factor.
+        bound: "lower" or "upper" if the source calls the number a bound; otherwise empty.
         method: One of :data:`METHODS`.
-        program: Who or what computed it.
-        year: Of the source, or "undated".
+        program: Program or person that computed the number.
+        year: Year of the source, or "undated".
         source: Author, year, pages or DOI.
-        transcribed_by: Whose transcription it is; empty where the source itself was seen.
-        doubt: What is not certain of the problem that was solved there; empty if nothing is known.
+        transcribed_by: Author of the transcription; empty if the source itself was read.
+        doubt: Doubt on which problem was solved there; empty if there is none.
     """
 
     problem: str
@@ -51,14 +52,14 @@ class Published:
 
 @dataclass(frozen=True)
 class Solved:
-    """What is proven of a problem; numbers are texts as in the table, empty where one is missing.
+    """The proven bounds of a problem; numbers are texts as in the table, empty if missing.
 
     Attributes:
         problem: Name of the case file.
         case: SHA-256 of the case file.
-        lower: Factor with which the bodies do not fall, rounded down.
-        upper: Factor with which they fall, rounded up.
-        spiral: Factor with which a log spiral falls.
+        lower: Factor with which the bodies do not collapse, rounded down.
+        upper: Factor with which they collapse, rounded up.
+        spiral: Factor with which a log spiral collapses.
         cells: Number of triangles of the larger proof.
         seconds: Processor time of the run.
         stands: SHA-256 of the file that proves the lower bound.
@@ -77,13 +78,13 @@ class Solved:
 
     @property
     def width(self) -> Decimal | None:
-        """Distance of the bounds in percent of the lower one; None if one is missing."""
+        """Distance of the bounds in percent of the lower bound; None if one is missing."""
         low, high = self.sides
         return None if low is None or high is None else 100 * (high / low - 1)
 
     @property
     def sides(self) -> tuple[Decimal | None, Decimal | None]:
-        """Both bounds."""
+        """The lower and the upper bound."""
         low, high = (Decimal(text) if text else None for text in (self.lower, self.upper))
         return low, high
 
@@ -94,8 +95,8 @@ class Verdict:
 
     Attributes:
         word: One of :data:`WORDS`.
-        percent: By how much the number is above the upper or below the lower bound at least, in
-            percent of that bound; None for the other verdicts.
+        percent: Least amount by which the number is above the upper or below the lower bound, in
+            percent of this bound; None for the other verdicts.
     """
 
     word: str
@@ -103,10 +104,10 @@ class Verdict:
 
 
 def ends(value: str) -> tuple[Decimal, Decimal]:
-    """Return the least and the largest number that a printed value can be the rounding of.
+    """Return the least and the largest number that round to a printed value.
 
     Args:
-        value: A decimal number, or "1/" and the decimal number whose reciprocal is meant.
+        value: A decimal number, or "1/" and a decimal number for its reciprocal.
     """
     inverse = value.startswith("1/")
     printed = Decimal(value.removeprefix("1/"))
@@ -123,10 +124,10 @@ def judge(
     """Judge a number by the bounds of its problem.
 
     Args:
-        value: As printed. It represents all numbers that round to it.
+        value: The printed value. It represents all numbers that round to it.
         lower: Proven lower bound; None if it is missing.
         upper: Proven upper bound; None if it is missing.
-        doubt: A reason for which the bounds may be those of another problem.
+        doubt: Reason why the bounds may belong to another problem.
         bound: "lower" or "upper" if the source calls the number a bound. Such a number is wrong
             only if it is on the wrong side of both proven bounds.
     """
@@ -150,7 +151,7 @@ def kind_of(quantity: str) -> str:
 def judged(
     published: Iterable[Published], solved: Mapping[str, Solved]
 ) -> list[tuple[Published, Verdict]]:
-    """Judge all numbers, in their order."""
+    """Judge all numbers in their order, and return the verdicts."""
     found = []
     for number in published:
         sides = solved[number.problem].sides if number.problem in solved else (None, None)
@@ -162,7 +163,7 @@ def judged(
 
 
 def read(kind: type[T], path: Path) -> list[T]:
-    """Return the rows of a table; nothing if there is no such file."""
+    """Return the rows of a table; an empty list if the file does not exist."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8", newline="") as file:
@@ -170,7 +171,7 @@ def read(kind: type[T], path: Path) -> list[T]:
 
 
 def write(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, str]]) -> None:
-    """Write a table, whole or not at all."""
+    """Write a table completely, or leave the old file unchanged."""
     new = path.with_suffix(".new")
     with new.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, names, lineterminator="\n")
@@ -180,7 +181,7 @@ def write(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, str]]) -
 
 
 def write_bounds(path: Path, solved: Mapping[str, Solved]) -> None:
-    """Write what is proven, a row a problem."""
+    """Write the proven bounds, with a row for each problem."""
     names = [field.name for field in fields(Solved)]
     write(path, names, (asdict(solved[name]) for name in sorted(solved)))
 
@@ -196,7 +197,7 @@ def write_verdicts(path: Path, rows: Iterable[tuple[Published, Verdict]]) -> Non
 
 
 def percent(verdict: Verdict) -> str:
-    """Return the percentage of a verdict, rounded down; empty where it has none.
+    """Return the percentage of a verdict, rounded down; empty for a verdict without one.
 
     It has two decimals, or two significant digits if it is below 0.01.
     """

@@ -1,1 +1,1 @@
-"""Verification cases with exact solutions; each is a demo, and ``verify.py`` runs all of them."""
+"""Verification cases with exact solutions. Each case is a demo; ``verify.py`` runs all of them."""

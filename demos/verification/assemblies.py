@@ -1,11 +1,11 @@
 # %% [markdown]
 # # Assemblies drawn at random
 #
-# One to three blocks in a row against a wall, most of them with a round pin, and a lid on top: two
-# to six bodies without friction, of steels drawn at random. The last block and the lid are pressed,
-# and pins are pulled one way or the other, so that they part from their bores. Nobody knows the
-# limit loads. A loading by work and the interior point method know nothing of each other: each
-# brackets the limit load of the mesh, and the brackets must meet.
+# One to three blocks stand in a row against a wall, most of them with a round pin, and a lid lies
+# on top. So there are two to six bodies without friction, of randomly chosen steels. The last block
+# and the lid are pressed, and pins are pulled in either direction, so that they lift off their
+# bores. The limit loads are not known. Loading by work and the interior point method are
+# independent: each brackets the limit load of the mesh, and the brackets must overlap.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/assemblies.py
 
@@ -30,7 +30,7 @@ SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
 
 
 def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
-    """Return loads of an assembly, drawn at random."""
+    """Return randomly drawn loads of an assembly."""
     drawn = random.Random(number)
     loads: list[Load] = [Pressure("end", 1.0)]
     if "top" in tagged_mesh.surfaces:
@@ -40,7 +40,7 @@ def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
 
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
-    """Return an assembly of steels drawn at random; ζ is the pressure on the last block."""
+    """Return an assembly of randomly drawn steels; ζ is the pressure on the last block."""
     materials = drawn_steels(sorted(tagged_mesh.volumes), number)
     loads = loads_of(tagged_mesh, number)
     contacts = [Contact(*pair) for pair in sides(tagged_mesh.surfaces)]
@@ -49,7 +49,7 @@ def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads by both methods. Collective."""
+    """Return the limit loads from both methods. Collective."""
     rows = []
     for number in FEW if coarse else ASSEMBLIES:
         problem = problem_of(mesh(folder, write_assembly, number=number), number)

@@ -1,29 +1,31 @@
 # %% [markdown]
-# # Autofrettage: what remains of a pressure that is taken away
+# # Autofrettage: the residual stress after a pressure is removed
 #
-# A thick sphere, radii a and b = 2a, is loaded until the plastic zone reaches the radius c. Then
+# A thick sphere with radii a and b = 2a is loaded until the plastic zone reaches the radius c. Then
 #
 #     p = 2σ_y ln(c/a) + (2σ_y/3)(1 − c³/b³),
 #     u(r) = (σ_y/E)((1 − ν)c³/r² − (2/3)(1 − 2ν) r (1 + 3 ln(c/r) − c³/b³)),    r ≤ c,
 #
-# and u(b) = (σ_y/E)(1 − ν)c³/b². Taken away, the pressure leaves the hoop stress
+# and u(b) = (σ_y/E)(1 − ν)c³/b². After unloading, the hoop stress at the bore is
 #
 #     σ_y − 3p b³/(2(b³ − a³))
 #
-# at the bore, while p is at most twice that of first yield (R. Hill, The Mathematical Theory of
-# Plasticity, Oxford 1950, chapter V). A second cycle is then elastic, and ends where the first one
-# ended. The plastic radius is where σ_eq, a line in 1/r³ outside of it, reaches σ_y and where the
-# accumulated plastic strain, one inside, vanishes: the mean of both, through points near by.
+# if p is at most twice the pressure at first yield (R. Hill, The Mathematical Theory of Plasticity,
+# Oxford 1950, chapter V). A second cycle is then elastic, and ends where the first one ended. Two
+# conditions give the plastic radius. Outside it, σ_eq is linear in 1/r³ and reaches σ_y there.
+# Inside it, the accumulated plastic strain is linear in 1/r³ and vanishes there. The demo fits
+# lines through points near the radius and takes the mean of both results.
 #
-# A tube in plane strain, b = 3a, has no closed form for the condition of von Mises. Its numbers are
-# those of 800 quadratic elements along the radius and 16 steps.
+# A tube in plane strain with b = 3a has no closed form for the von Mises condition. Its reference
+# numbers come from 800 quadratic elements along the radius and 16 steps.
 #
-# Steps matter where the direction of stress turns. A block that hardens, H = E/10, is pushed to
-# yield from above and then pulled from the side, the first load held:
+# The step size matters where the direction of stress rotates. A hardening block, H = E/10, is
+# compressed from above until it yields. Then it is pulled from the side while the first load is
+# constant:
 #
 #     dε^p_z = (2σ_z − σ_x)/(2σ_e) dσ_e/H,    σ_e² = σ_z² − σ_z σ_x + σ_x².
 #
-# Implicit Euler's error falls like the size of the steps.
+# The error of the implicit Euler method is proportional to the size of the steps.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/autofrettage.py
 
@@ -65,7 +67,7 @@ from perfplast_fenicsx.problem import Prescribed
 TITLE = "Autofrettage"
 MATERIAL = VonMises(young=200e3, poisson=0.3, yield_stress=240.0)
 LOADS = [Pressure("inner", 1.0, "bore"), Pressure("outer", 1.0, "outside")]
-"""The second load has the factor 0; its work gives the displacement there."""
+"""The second load has the factor 0; its work gives the displacement of the outer surface."""
 C, OUTER_SPHERE, OUTER_TUBE = 1.3, 2.0, 3.0
 TUBE_PRESSURE = 216.288835
 TUBE = {"u(a)": 2.280689e-3, "u(b)": 9.465414e-4, "residual hoop stress": -210.0515}
@@ -124,7 +126,7 @@ def hoop_at_bore(problem: Problem, stress: fem.Function) -> float:
 
 
 def plastic_radius(problem: Problem, level: Level, near: float) -> float:
-    """Return the plastic radius of a spherical body, which is about ``near``. Collective."""
+    """Return the plastic radius of a spherical body, which lies near ``near``. Collective."""
     x = ufl.SpatialCoordinate(problem.tagged_mesh.mesh)
     power, ratio = fem.Function(problem.Q), fem.Function(problem.Q)
     dev = ufl.dev(tensor(level.stress))
@@ -162,7 +164,7 @@ def vessel(problem: Problem, ends: Sequence[Level], outer: float) -> dict[str, f
     first, again = (
         {name: abs(work) for name, work in ends[i].report.works.items()} for i in (0, 2)
     )
-    area = math.pi / 2  # of the bore: an eighth of a sphere, a quarter of a circle
+    area = math.pi / 2  # area of the bore: an eighth of a sphere, a quarter of a circle
     around = (1 + ends[0].report.plastic_fraction * (outer**gdim - 1)) ** (1 / gdim)
     residual = [hoop_at_bore(problem, ends[i].stress) for i in (1, 3)]
     return {
@@ -177,7 +179,7 @@ def vessel(problem: Problem, ends: Sequence[Level], outer: float) -> dict[str, f
 
 
 # %% [markdown]
-# ## A path that turns
+# ## A path with a change of direction
 
 
 # %%
@@ -186,12 +188,12 @@ SIDEWAYS = 200.0
 
 
 def _at(axis: int, place: int) -> Callable[[npt.NDArray[np.int64]], npt.NDArray[np.bool_]]:
-    """Return a function that marks the points of a grid in a plane."""
+    """Return a function that marks the points of a grid on a plane."""
     return lambda x: x[axis] == place
 
 
 def block_strain(comm: MPI.Intracomm, steps: int) -> tuple[float, int, int]:
-    """Return the final plastic strain along z, unknowns and linear solves. Collective."""
+    """Return the final plastic strain along z, the unknowns and the linear solves. Collective."""
     sides = {"x0": (0, 0), "x1": (0, 1), "y0": (1, 0), "z0": (2, 0), "z1": (2, 1)}
     surfaces = [Surface(name, ("block",), _at(*side)) for name, side in sides.items()]
     block = structured_mesh(comm, [Box("block", (0, 0, 0), (1, 1, 1), (1, 1, 1))], surfaces)

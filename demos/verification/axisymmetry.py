@@ -1,24 +1,25 @@
 # %% [markdown]
 # # Bodies of revolution: a thick sphere, a thick tube, a circular footing
 #
-# Half a section stands for the whole body. The [thick sphere](thick_sphere.py) has the same curve
-# ζ(α) and the same limit load as its octant in space, whole and divided at a radius of 1.4a into
-# two shells in contact. The tube between smooth planes has p = 2/√3 σ_y ln(b/a).
+# Half of a section represents the whole body. The [thick sphere](thick_sphere.py) must have the
+# same curve ζ(α) and the same limit load as its octant in space. This holds for the whole sphere,
+# and for the sphere divided at a radius of 1.4a into two shells in contact. The tube between smooth
+# planes has p = 2/√3 σ_y ln(b/a).
 #
-# A smooth circular footing on the half space has the limit load 5.69 c with Tresca's condition
-# (R. T. Shield, Proc. R. Soc. A 233, 1955). With von Mises no exact one is known. His yield set
-# lies between those of two Tresca materials, that with c = σ_y/2 inside it and that with c = σ_y/√3
-# around it: so
+# A smooth circular footing on the half space has the limit load 5.69 c with Tresca's condition (R.
+# T. Shield, Proc. R. Soc. A 233, 1955). With von Mises' condition no exact value is known. The von
+# Mises yield set lies between those of two Tresca materials: it contains the set with c = σ_y/2,
+# and lies within the set with c = σ_y/√3. So
 #
 #     5.69/2 = 2.845 ≤ p/σ_y ≤ 3.285 = 5.69/√3.
 #
-# A rough one has 6.05 c (G. Eason, R. T. Shield, ZAMP 11, 1960), and so 3.025 to 3.493 σ_y.
+# A rough footing has 6.05 c (G. Eason, R. T. Shield, ZAMP 11, 1960), and so 3.025 to 3.493 σ_y.
 #
-# The table has the middle as the exact value, and half of the width as the error that is allowed.
-# The footing is given as a pressure on the ground, and as a punch a thousand times as stiff that
-# stands on it without friction; the rough one is a support that is moved down. The numbers are
-# those of the mesh: u_r/r is no polynomial, and strict bounds of the body are not known to the
-# program.
+# The table shows the middle of the range as the exact value, and half of its width as the allowed
+# error. The smooth footing is modelled as a pressure on the ground, and as a punch that is a
+# thousand times stiffer and stands on the ground without friction. The rough footing is a support
+# that moves down. The results hold for the mesh: u_r/r is no polynomial, and this demo computes no
+# strict bounds.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/axisymmetry.py
 
@@ -55,11 +56,11 @@ OUTER = 2.0
 LOADS = [Pressure("inner", 1.0)]
 TUBE = 2 / math.sqrt(3) * MATERIAL.yield_stress * math.log(OUTER)
 SMOOTH, ROUGH = 5.69, 6.05
-"""Limit loads of smooth and rough circular footings over the cohesion c, by Tresca's condition."""
+"""Limit loads of smooth and rough circular footings over the cohesion c (Tresca)."""
 MIDDLE = (1 / 2 + 1 / math.sqrt(3)) / 2
-"""Mean of c over von Mises' yield stress for both Tresca materials."""
+"""Mean of c over von Mises' yield stress for the two Tresca materials."""
 WIDTH = (1 / math.sqrt(3) - 1 / 2) / 2 / MIDDLE
-"""Relative distance of both Tresca materials from the mean."""
+"""Relative distance of the two Tresca materials from the mean."""
 WAY = (0.005, 0.02, 0.1, 1.0)
 """Displacements of the rough footing; its load has levelled off at the last one."""
 
@@ -70,7 +71,7 @@ WAY = (0.005, 0.02, 0.1, 1.0)
 
 # %%
 def shell(tagged_mesh: TaggedMesh, degree: int) -> Problem:
-    """Return half a shell, or a shell in another, under inner pressure."""
+    """Return half of a shell, or of a shell in another shell, under inner pressure."""
     contacts = [Contact("inner_tube_seam", "outer_tube_seam")]
     return Problem(
         tagged_mesh,
@@ -95,7 +96,7 @@ def curve_error(problem: Problem) -> tuple[float, int]:
 
 
 def spheres(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return curves and limit loads of whole and divided shells. Collective."""
+    """Return the curves and limit loads of whole and divided shells. Collective."""
     rows = []
     for case, interface in (("sphere's section", None), ("sphere's section, divided", INTERFACE)):
         limits = []
@@ -144,7 +145,7 @@ def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads by uniform pressure and punch, over the yield stress. Collective."""
+    """Return limit loads for uniform pressure and punch, over the yield stress. Collective."""
     rows = []
     soil, stiff = strip_footing.SOIL, strip_footing.STIFF
     contacts = [Contact("ground_footing", "punch_footing")]
@@ -172,7 +173,7 @@ def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def rough(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return reactions of a footing that is tied to the ground and moved far. Collective."""
+    """Return the reactions of a footing that is tied to the ground and moved far. Collective."""
     rows, soil = [], strip_footing.SOIL
     for size in (0.4,) if coarse else (0.4, 0.2, 0.1):
         ground = mesh(folder, write_strip_footing, size=size).turned()

@@ -1,19 +1,20 @@
 # %% [markdown]
-# # Bounds of the body, on meshes that follow them
+# # Bounds for the body, on meshes that follow them
 #
-# Both bounds of the limit load hold for the body that the mesh fills, whatever the mesh. So an
-# exact limit load must lie between them, and how far they are apart is all that a mesh decides.
-# Here coarse meshes of about equal cells are refined where the bounds say, until a gap is reached
-# with no more than a given number of cells: footings, rough platens, strips with a slit and with
-# notches, whose limit loads are known; a block on a weaker block; the tutorial's beam on its prop.
+# Both bounds of the limit load hold for the body that the mesh fills, whatever the mesh is. So an
+# exact limit load must lie between them, and the mesh decides only their distance. Coarse meshes
+# with cells of similar size are refined where the bounds require it, until the gap is small enough;
+# the number of cells is limited. The cases are footings, rough platens, and strips with a slit and
+# with notches, whose limit loads are known; a block on a weaker block; and the tutorial's beam on
+# its prop.
 #
-# Where the body is round, a mesh of straight cells is another body. A tube under pressure from
-# within has two of them: the tube carries whatever a polygon in it carries, with the pressure
-# itself as stress in what is left of it; and a mechanism of a polygon that the tube lies in is one
-# of the tube.
+# If the body is round, a mesh of straight-sided cells is another body. A tube under inner pressure
+# has a lower and an upper polygon mesh. The tube carries whatever a polygon inside it carries: the
+# pressure itself is an admissible stress in the rest of the tube. A mechanism of a polygon that
+# contains the tube is also a mechanism of the tube.
 #
-# The beam shows what a limit load of a mesh is worth: on one with edges of 12 it is 5 %
-# too large, and on the last one of those that follow the bounds it lies between them.
+# The beam shows how accurate a limit load of a mesh is. With edges of 12 it is 5 % too large. On
+# the last adapted mesh it lies between the bounds.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/body_bounds.py
 
@@ -43,7 +44,7 @@ from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Bounds of the body, plane strain"
 POLYGONS = ((8, (0.043, 96)), (29, TUBE.asked))
-"""Numbers of polygon sides in a quarter of the tube, and the gap and cells for each."""
+"""Number of polygon sides in a quarter of the tube, and the gap and number of cells for each."""
 COARSE = 12.0
 """Edge length of a mesh that is not adapted."""
 
@@ -51,13 +52,13 @@ COARSE = 12.0
 # %% [markdown]
 # ## Rows of the table
 #
-# Each case has the cells of its last mesh and the gap in percent, against those that are asked for,
-# and where the limit load is known the two inequalities.
+# For each case the table has the number of cells of the last mesh and the gap in percent, both
+# against their limits. If the limit load is known, it also has the two inequalities.
 
 
 # %%
 def rows_of(case: Case, low: BodyBounds, high: BodyBounds, cells: int, seconds: float) -> list[Row]:
-    """Return rows of the lower and the upper bound of a case."""
+    """Return the table rows for the lower and the upper bound of a case."""
     lower, upper = low.lower, high.upper
     assert lower.strict and upper.strict, f"{case.name}: {lower!r}, {upper!r}"
     assert lower.value is not None and upper.value is not None
@@ -130,13 +131,13 @@ def show(folder: ResultFolder, case: Case, found: AdaptiveBounds) -> None:
 
 
 # %% [markdown]
-# The beam's limit load on a mesh that follows no bounds is shown beside the middle of its
-# bracket: hinges, and the edge of the block that carries it, are as wide as the cells there.
+# The limit load of the beam on a mesh that is not adapted is compared with the middle of the
+# bracket. There, plastic hinges and the edge of the supporting block are as wide as the cells.
 
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds on adapted meshes, and of the tube on polygons. Collective."""
+    """Return bounds on adapted meshes, and bounds of the tube on polygons. Collective."""
     rows = []
     for case in ADAPTED:
         if coarse:

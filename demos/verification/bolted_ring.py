@@ -1,17 +1,17 @@
 # %% [markdown]
-# # The diagram of a joint
+# # The diagram of a bolted joint
 #
-# A bolt of radius 10 mm is tightened in a ring of radii 11 and 20 mm, both 60 mm long and of steel,
-# under a head that is 1000 times as stiff, and then pulled at the head. With the stiffnesses
-# k = EA/L of bolt and ring the bolt takes the share Φ = k_b/(k_b + k_r) of a load F as long as the
-# joint is closed, and all of it from then on:
+# A bolt of radius 10 mm is tightened in a ring of radii 11 and 20 mm. Both are 60 mm long and of
+# steel, under a head that is 1000 times stiffer; then the head is pulled. With the stiffnesses k =
+# EA/L of bolt and ring, the bolt takes the share Φ = k_b/(k_b + k_r) of a load F while the joint is
+# closed, and all of F after it opens:
 #
 #     N = F_V + ΦF  for  F < F_V/(1 − Φ),    N = F  beyond
 #
-# (VDI 2230, part 1, and any book on machine elements). Ring and bolt stand on smooth ground, so
-# that nothing but the head's grip on the bolt keeps them from being bars. At the limit load the
-# shank yields, with any preload: the interior point method, which leaves preloads out, has to find
-# what it finds without. That a path from the preload ends there too is a test
+# (VDI 2230, part 1, and textbooks on machine elements). Ring and bolt stand on smooth ground, so
+# only the connection of head and bolt makes them differ from bars. At the limit load the shank
+# yields, with any preload. The interior point method, which ignores preloads, must find the same
+# limit load with and without preload. A test checks that a path from the preload also ends there
 # (`tests/solvers/test_bolts.py`).
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/bolted_ring.py
@@ -42,7 +42,7 @@ from perfplast_fenicsx.io import ResultFolder, Scene
 TITLE = "A bolt that is tightened in a ring"
 ALLOWED, SAME = 0.03, 1e-4
 PRELOAD = 40e3
-"""Force (N); the shank yields at 200.9 kN."""
+"""Preload of the bolt (N); the shank yields at 200.9 kN."""
 
 STEEL, STIFF = VonMises(210e3, 0.3, 640.0), VonMises(210e6, 0.3, 64e3)
 SHARE = SHANK**2 / (SHANK**2 + OUTER**2 - INNER**2)

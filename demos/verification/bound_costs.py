@@ -1,9 +1,9 @@
 # %% [markdown]
-# # What bounds of the body cost
+# # Cost of bounds for the body
 #
-# The block between rough platens, in plane strain, of which half is rigid when it collapses: how
-# many cells bounds that are 1 % apart take, on meshes that follow the bounds and on meshes that are
-# refined everywhere, and how many steps the interior point method takes as meshes grow.
+# The case is the block between rough platens in plane strain, half of which is rigid at collapse.
+# The demo counts the cells that bounds with a gap of 1 % need, on adapted meshes and on uniformly
+# refined meshes. It also counts the iterations of the interior point method as meshes grow.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/bound_costs.py
 
@@ -25,16 +25,16 @@ from perfplast_fenicsx.mesh import refine
 
 TITLE = "Cost of bounds"
 GAP, ROUGHLY = 0.01, 0.05
-"""The gap at which cells are counted; and the gap of a quick run."""
+"""The gap for which cells are counted, and the gap of a quick run."""
 FEWER, LESS = 1 / 5, 1 / 2
-"""Largest ratio of cells of adapted to uniform meshes at these gaps."""
+"""Largest ratio of the cells of adapted meshes to those of uniform meshes, for these gaps."""
 STEPS = 30
 """Largest number of interior point iterations for one bound."""
 LARGE = 0.0125
 """Edge length of the largest mesh."""
 
 Reached = list[tuple[int, float]]
-"""Cells and gaps of a sequence of finer meshes."""
+"""Numbers of cells and gaps for a sequence of meshes."""
 
 
 def cells_for(reached: Reached, gap: float) -> float:
@@ -47,13 +47,13 @@ def cells_for(reached: Reached, gap: float) -> float:
 
 
 def num_cells(problem: Problem) -> int:
-    """Return the number of cells of all ranks."""
+    """Return the number of cells on all ranks."""
     count: int = problem.tagged_mesh.mesh.topology.index_map(2).size_global
     return count
 
 
 def uniform(problem: Problem, gap: float) -> Reached:
-    """Return gaps on uniformly refined meshes, until one is small enough. Collective."""
+    """Return the gaps on uniformly refined meshes, until one is small enough. Collective."""
     reached: Reached = []
     while not reached or reached[-1][1] > gap:
         if reached:

@@ -1,8 +1,9 @@
-"""Plane bodies with the gaps that bounds of their limit loads should reach.
+"""Define plane bodies, and the gaps that bounds of their limit loads should reach.
 
-Lengths are half widths of the loaded surface, and shear yield stresses are 1, except the beam's. A
-uniform pressure, unlike a rigid punch, does not limit the mechanisms; where it ends, the lower
-bound needs a fan of cells. The drive of the two blocks is rough: it holds their top.
+Lengths are relative to half the width of the loaded surface, and shear yield stresses are 1, except
+for the beam. A uniform pressure, unlike a rigid punch, does not restrict the mechanisms. At the end
+of the pressure the lower bound needs a fan of cells. The platen of the two blocks is rough: it
+holds their top.
 """
 
 import math
@@ -36,19 +37,19 @@ WIDE = {"width": 5.0, "depth": 4.0, "grading": 1.0, "size": 0.5}
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, with the gap that its bounds should reach.
+    """A problem, and the gap that its bounds should reach.
 
     Attributes:
         name: Name in the table.
-        write: Makes the first mesh.
+        write: Function that makes the first mesh.
         arguments: Arguments of ``write``.
-        materials: Materials of its volumes.
+        materials: Materials of the volumes.
         supports: Its supports.
         loads: Its loads.
         asked: Relative gap to reach, and largest number of cells.
         exact: Limit load; None if it is not known.
         contacts: Contacts between its bodies.
-        coarse: Gap and cells of a quick run; None to leave the case out.
+        coarse: Gap and number of cells of a quick run; None if a quick run omits the case.
     """
 
     name: str

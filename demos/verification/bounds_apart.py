@@ -1,20 +1,20 @@
 # %% [markdown]
-# # Bounds of tubes and shells that are meshed apart
+# # Bounds of tubes and shells whose parts have different meshes
 #
-# A tube in a tube (plane strain) and half the section of a shell in a shell (around an axis), under
-# inner pressure, in contact without friction or tied, of von Mises' law with k = 1. The outer body
-# has 1.5 times as many edges at the seam.
+# The bodies are a tube in a tube (plane strain), and half of the section of a shell in a shell
+# (axisymmetric). They are under inner pressure, in contact without friction or tied, with von
+# Mises' law and k = 1. The outer body has 1.5 times as many edges at the seam.
 #
-# Inner and outer faces are polygons of 16 sides a quarter.
+# The inner and outer surfaces are polygons with 16 sides in a quarter.
 #
-# - Where the seam is such a polygon, too, both bodies end there, and cells are divided until facets
-#   match: the bodies are those whose nodes match.
-# - Where it is a circle whose chords are the edges of either body, the chords differ, and the
-#   bodies overlap and part. Bounds are those of a projected model: both bodies end at the polygon
-#   through the nodes of both.
+# - If the seam is such a polygon too, both bodies end at it, and cells are divided until facets
+#   match. The bodies are then those with matching nodes.
+# - If the seam is a circle, its chords are the edges of either body. The chords differ, so the
+#   bodies overlap and separate. Then the bounds hold for a projected model: both bodies end at the
+#   polygon through the nodes of both.
 #
-# Brackets have to meet those of matching nodes, with as many cells, and be at most 1.5 times as
-# wide. Tied, the bodies are in one piece, whatever the polygon of the seam is.
+# The brackets must overlap those with matching nodes and as many cells, and be at most 1.5 times as
+# wide. Tied bodies are in one piece, whatever the polygon of the seam is.
 #
 #     ./fenicsx python3 demos/verification/bounds_apart.py
 
@@ -47,7 +47,7 @@ TITLE = "Bounds of bodies meshed apart"
 SEAM, OUTER, SIZE, FINER, SIDES = 1.4, 2.0, 0.1, 1.5, 16
 """Radii over the inner radius, edge length at the seam, ratio of edges, sides in a quarter."""
 WIDER, QUICK = 1.5, 4.0
-"""Largest width of a bracket over that of matching nodes; and the same for a quick run."""
+"""Largest width of a bracket over the width for matching nodes; and the same for a quick run."""
 CELLS, FEW = 4000, 400
 PAIR = ("inner_tube_seam", "outer_tube_seam")
 
@@ -70,7 +70,7 @@ def bounds(section: TaggedMesh, tied: bool, cells: int) -> AdaptiveBounds:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return brackets of matching nodes and of bodies meshed separately. Collective."""
+    """Return brackets for matching nodes and for separately meshed bodies. Collective."""
     rows: list[Row] = []
     cells, size, wider = (FEW, 2 * SIZE, QUICK) if coarse else (CELLS, SIZE, WIDER)
     shape = {"interface": SEAM, "outer": OUTER, "size": size, "sides": SIDES}

@@ -1,21 +1,21 @@
 # %% [markdown]
-# # Bounds of the body, in space
+# # Bounds for the body, in space
 #
-# Three bodies of the yield stress 1 in shear are bracketed, with cells that are split from their
-# centres and counted before:
+# The demo brackets the limit loads of three bodies whose shear yield stress is 1. Their cells are
+# split at the centres; the numbers of cells below count cells before the split.
 #
-# - An octant of a **thick sphere** of radii 1 and 2 under pressure, exactly 2√3 ln 2 (R. Hill,
-#   The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Facets are flat, so that each
-#   bound has a mesh of its own, as the tube in the plane has: below, the facets touch the inner
-#   sphere from outside and have their vertices on the outer one, and the pressure itself is the
-#   stress in what is left inside. Above it is the other way round: what flows is larger than the
-#   shell.
-# - A **cube between rough platens**, an octant of it; the platen is elastic, and glued to it.
-# - A smooth **square punch** on a block of ground whose bottom and outer sides are held, a quarter
-#   of it: an elastic body in frictionless contact.
+# - An octant of a **thick sphere** with radii 1 and 2 under pressure, exactly 2√3 ln 2 (R. Hill,
+#   The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Facets are flat, so each bound
+#   has its own mesh, like the tube in the plane. For the lower bound, facets touch the inner sphere
+#   from outside and have their vertices on the outer sphere. The pressure itself is the stress in
+#   the remaining inner part. For the upper bound the roles are reversed: the flowing body is larger
+#   than the shell.
+# - An octant of a **cube between rough platens**; the platen is elastic and glued to the cube.
+# - A quarter of a smooth **square punch** on a block of ground whose bottom and outer sides are
+#   held. The punch is an elastic body in frictionless contact.
 #
-# No limit load is known of the last two. Of them only the first mesh is given; both bounds say
-# which of its cells are to be divided.
+# The limit loads of the last two bodies are not known. For them only the first mesh is given; both
+# bounds decide which of its cells are divided.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/bounds_in_space.py
 
@@ -87,7 +87,7 @@ PUNCH = Case(
     asked=(0.065, 8000),
 )
 FEWER = (0.12, 2300)
-"""Gap of the punch, and largest number of cells for it."""
+"""Gap for the punch, and largest number of cells for this gap."""
 COARSE_SPHERE = 0.4
 """Edge length of a quick run."""
 
@@ -113,7 +113,7 @@ def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of the three bodies; those of the punch on adapted meshes. Collective."""
+    """Return bounds of the three bodies; those of the punch are on adapted meshes. Collective."""
     if coarse:
         assert SPHERE.coarse is not None
         assert CUBE.coarse is not None

@@ -3,8 +3,8 @@
 #
 # Čermák, Haslinger and Sysala (*Numerical solution of perfect plastic problems with contact: Part
 # I*, COMPLAS XII, 2013) describe four methods for perfectly plastic bodies in contact, and leave
-# the comparison to a Part II. Here they solve the same problem side by side: two steel cantilevers
-# on top of each other, the outer half of the upper one pressed down with ζ.
+# the comparison to a Part II. Here all four solve the same problem: two steel cantilevers lie on
+# top of each other, and a pressure ζ acts on the outer half of the upper one.
 #
 # | | prescribed | found | each iteration solves |
 # |---|---|---|---|
@@ -13,13 +13,14 @@
 # | ALG3, `WorkNewton` | work α | load ζ | as ALG1, with L(δu) given; damped |
 # | ALG4, `BorderedNewton` | work α | load ζ | the same without damping |
 #
-# Here α = L(u) is the work that the loads at ζ = 1 do on the displacement. ζ(α) levels off at the
-# limit load. ALG1 and ALG2 have no solution beyond; ALG3 and ALG4 have one for every α.
+# Here α = L(u) is the work of the loads at ζ = 1 on the displacement. ζ(α) levels off at the limit
+# load. Above it ALG1 and ALG2 have no solution; ALG3 and ALG4 have a solution for every α.
 #
-# **Limits.** One mesh, one pair of bodies, one machine: iterations and solves say something of the
-# methods, times only of this size, where a factorisation is cheap; on large meshes, where it is
-# not, ALG2 keeps its one set-up per active set. And the limit load is that of this mesh: linear
-# tetrahedra lock in bending, so that it is several times the one of the continuum (near 75).
+# **Limits.** The comparison has one mesh, one pair of bodies and one machine. The numbers of
+# iterations and solves characterise the methods. The times hold only for this size, where a
+# factorisation is cheap. On large meshes it is expensive, and ALG2 needs only one set-up per active
+# set. The limit load is that of this mesh. Linear tetrahedra lock in bending, so it is several
+# times the limit load of the continuum (about 75).
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/compare_algorithms.py
 
@@ -61,7 +62,8 @@ TITLE = "Four algorithms for two blocks in contact"
 # %% [markdown]
 # ## The problem
 #
-# Lengths in mm, stresses in MPa. `n` cubes per unit length, six tetrahedra each.
+# Lengths are in mm, and stresses in MPa. There are `n` cubes per unit length, with six tetrahedra
+# each.
 
 # %%
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
@@ -81,14 +83,14 @@ def blocks(comm: MPI.Intracomm, n: int) -> Problem:
 # %% [markdown]
 # ## Along the loading path
 #
-# The levels are shares of the limit load ζ_lim of the mesh, which loading by work finds first.
-# ALG1 and ALG2 are given ζ, and ALG3 and ALG4 the α that ALG1 has found there; if all is right
-# they give ζ back. Each level starts from those before: ALG1 and ALG2 from the last one, ALG3 and
-# ALG4 from the line through the last two, which has the right α at once. Where a level fails, the
-# step is halved, as often as it takes; what the failures cost is counted.
+# The levels are shares of the limit load ζ_lim of the mesh, which loading by work finds first. ALG1
+# and ALG2 are given ζ. ALG3 and ALG4 are given the α that ALG1 found at this level, and must return
+# the same ζ. ALG1 and ALG2 start each level from the previous one. ALG3 and ALG4 start from the
+# line through the two previous levels, which has the right α at once. If a level fails, the step is
+# halved, repeatedly if necessary; the cost of failures is counted.
 #
-# The Newton methods end where ‖δu‖ is 1e-8 of ‖u‖, which a quadratic last step passes by far. ALG2
-# converges linearly, and ends where its residuals are 1e-6.
+# The Newton methods stop if ‖δu‖ is below 1e-8 ‖u‖; a quadratic last step is far more accurate.
+# ALG2 converges linearly, and stops if its residuals are below 1e-6.
 
 # %%
 SHARES = (0.15, 0.30, 0.45, 0.60, 0.75, 0.90, 0.98)
@@ -129,7 +131,7 @@ class Row:
 
 
 def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]) -> list[Row]:
-    """Solve the levels of the path by one method and return their costs. Collective."""
+    """Solve the levels of the path by one method, and return their costs. Collective."""
     rows: list[Row] = []
     past: list[State | None] = [None, None]
     for share, value in zip(shares, values, strict=True):
@@ -142,7 +144,7 @@ def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]
             level = solver.solve(targets[-1], start)
             row = row or Row(NAMES[solver.method], share, level)
             row.add(level)
-            assert row.steps < 40, f"{row.method} does not get to {value}: {level.report.reason}"
+            assert row.steps < 40, f"{row.method} does not reach {value}: {level.report.reason}"
             if level.report.converged:
                 past.append(level.state)
                 targets.pop()
@@ -156,7 +158,7 @@ def follow(solver: LevelSolver, values: Sequence[float], shares: Sequence[float]
 
 
 def path_table(rows: Sequence[Row]) -> str:
-    """Return the rows of all methods as text."""
+    """Return the rows of all methods as a text table."""
     head = (
         "share  method  steps  iterations  solves  set-ups  Krylov  seconds          zeta"
         "         alpha  duality gap"
@@ -186,10 +188,10 @@ def path_table(rows: Sequence[Row]) -> str:
 # %% [markdown]
 # ## The penalty of ALG2
 #
-# r is the one parameter of ALG2. Relative to the elastic moduli the best one is below 1, and the
-# smaller the more of the bodies flows; adapting it by the balance of primal and dual residual
-# finds it. Anderson acceleration extrapolates from the last iterations. A coarser mesh of the same
-# blocks, each load from zero.
+# r is the only parameter of ALG2. Relative to the elastic moduli, the best r is below 1, and
+# decreases as the plastic zone grows. The adaptive choice balances primal and dual residuals and
+# finds such an r. Anderson acceleration extrapolates from the last iterations. The mesh of the same
+# blocks is coarser here, and each load starts from zero.
 
 # %%
 PENALTIES: tuple[float | str, ...] = (0.1, 1.0, 10.0, "adaptive")
@@ -329,8 +331,8 @@ def draw(
 # %% [markdown]
 # ## Run it, and is it right?
 #
-# All methods agree at every level, in ζ, in α, and J_ζ(u) + S(σ), which vanishes for the solution
-# alone, is as small as their tolerances promise. The limit loads are known numbers of these meshes.
+# All methods agree in ζ and α at every level. J_ζ(u) + S(σ), which is zero only for the solution,
+# is as small as their tolerances require. The limit loads are known numbers for these meshes.
 
 # %%
 LIMITS = {2: 328.7764, 4: 325.722, 8: 324.58}
@@ -390,8 +392,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     for row in rows:
         report = row.level.report
         i = path_shares.index(row.share)
-        # ALG2 converges linearly at a rate q near 1: a last step ε leaves an error of ε/(1 − q).
-        # α grows ever faster as ζ nears its limit, and so does what errors in forces make of it.
+        # ALG2 converges linearly at a rate q near 1: a last step ε leaves an error of ε/(1 − q). α
+        # grows faster and faster as ζ approaches its limit, and so does its error from errors in
+        # forces.
         j = max(i, 1)
         steepness = math.log(alphas[j] / alphas[j - 1]) / math.log(zetas[j] / zetas[j - 1])
         forces = 30 * UZAWA_TOLERANCE if row.method == "ALG2" else 1e-8
@@ -402,7 +405,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for i in range(len(shares)):
             best = min(counts[acceleration, r][i] for r in PENALTIES if r != "adaptive")
             assert counts[acceleration, "adaptive"][i] <= 2 * best, (acceleration, shares[i])
-    say(f"\nAll checks passed. Look at {picture}.")
+    say(f"\nAll checks passed. The picture is {picture}.")
 
 
 # %%

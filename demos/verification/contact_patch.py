@@ -1,15 +1,16 @@
 # %% [markdown]
 # # The contact patch test
 #
-# Two blocks on each other, without friction, under a uniform pressure on top. The upper one is held
-# by contact alone; rollers hold the symmetry planes and the base. Their elastic constants differ,
-# and so do the amounts by which they bulge: they slide on each other, and the stress is uniform. On
-# unstructured meshes whose nodes match in the seam it comes out exactly, up to rounding:
+# Two blocks lie on each other without friction, under a uniform pressure on top. Only contact holds
+# the upper block; rollers hold the symmetry planes and the base. The elastic constants of the
+# blocks differ, and so does their lateral expansion. So the blocks slide on each other, and the
+# stress is uniform. On unstructured meshes with matching nodes in the seam, the results are exact
+# apart from rounding:
 #
-# - in space the stress is −ζ along the vertical, the work α = ζA (H₁/E₁ + H₂/E₂), and the limit
-#   load σ_y (A: section, H: heights, all 1 here);
-# - in plane strain E becomes E/(1 − ν²), and −νζ comes in across the plane. The block of the
-#   smaller ν yields first, at σ_y/√(1 − ν + ν²); from there on ζ rises to its limit 2k = 2σ_y/√3.
+# - In space the vertical stress is −ζ, the work is α = ζA (H₁/E₁ + H₂/E₂), and the limit load is
+#   σ_y (A: section, H: heights, all 1 here).
+# - In plane strain E becomes E/(1 − ν²), and the out-of-plane stress −νζ is added. The block with
+#   the smaller ν yields first, at σ_y/√(1 − ν + ν²); then ζ increases to its limit 2k = 2σ_y/√3.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/contact_patch.py
 
@@ -61,7 +62,7 @@ ELASTIC = 100.0
 # %%
 @dataclass(frozen=True)
 class Exact:
-    """The exact solution of the blocks in space (dim 3) or in plane strain (dim 2)."""
+    """The exact solution for the blocks in space (dim 3) or in plane strain (dim 2)."""
 
     dim: int
 
@@ -130,7 +131,7 @@ def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of elastic solution, first yield and limit load, in space and plane.
+    """Return rows of elastic solution, first yield and limit load, in space and in the plane.
 
     Collective.
     """

@@ -1,17 +1,17 @@
 # %% [markdown]
 # # A block in an L-shaped seat
 #
-# A unit block lies in a corner, on one face and against another, and is pushed towards both: by the
-# pressure p from the top and q from the side. Nothing else holds it. Contact is without friction,
-# so each face of the seat must carry its own load exactly, whatever the mesh and however unevenly
-# the pressure is spread; nodes in the corner stand on both faces and have two normals.
+# A unit block lies in a corner, on one face and against another. The pressure p on its top and q on
+# its side push it towards both faces. Nothing else holds it. Contact is without friction, so each
+# face of the seat must carry its own load exactly, whatever the mesh and the pressure distribution
+# are. Nodes in the corner belong to both faces and have two normals.
 #
-# The seat may be elastic, or two rigid planes. In the rigid one the stress of the block is uniform,
-# σ_x = −q, σ_y = −p, and the work of the loads is known: in plane strain
+# The seat is elastic, or consists of two rigid planes. In the rigid seat the stress of the block is
+# uniform, σ_x = −q, σ_y = −p, and the work of the loads is known. In plane strain it is
 #
 #     α = (1 + ν)/E [(1 − ν)(p² + q²) − 2ν pq],
 #
-# and in space, where the block is free to grow along z, α = (p² + q² − 2ν pq)/E.
+# and in space, where the block is free to expand along z, it is α = (p² + q² − 2ν pq)/E.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/corner_seat.py
 
@@ -52,9 +52,9 @@ ALLOWED = 1e-9
 # %% [markdown]
 # ## The two seats
 #
-# Where the planes hold the block, the seat of the mesh is clamped and has nothing to do. Each plane
-# is named for the whole surface of two faces: the nodes of one face are at a distance from the
-# plane of the other, which they could reach.
+# If the planes hold the block, the seat in the mesh is clamped and has no function. Each plane is
+# defined for the whole surface with both faces. The nodes of one face are at a distance from the
+# plane of the other face, which they could reach.
 
 
 # %%
@@ -93,10 +93,10 @@ def exact_work(dim: int) -> float:
 # %% [markdown]
 # ## What is checked
 #
-# The forces of the faces on the block, the reactions of what holds the seat, and whether anything
-# is left unbalanced. `OutputFields.resultants` has the contact forces times the normals, summed
-# over each contact. The faces are parallel to the axes, so its components are the forces of the
-# faces.
+# The demo checks the forces of the faces on the block, the reactions of the seat's supports, and
+# the equilibrium of all forces. `OutputFields.resultants` returns the contact forces times the
+# normals, summed over each contact. The faces are parallel to the axes, so the components of these
+# sums are the forces of the faces.
 
 
 # %%

@@ -1,29 +1,31 @@
 # %% [markdown]
 # # Cracked strips in tension, in plane strain
 #
-# A strip of width 2W is pulled at its ends; by symmetry a quarter of it is enough. With k = σ_y/√3
-# and the load ζ per area of the whole section:
+# A strip of width 2W is pulled at its ends; by symmetry a quarter of the strip suffices. With k =
+# σ_y/√3, and with the load ζ per area of the whole section:
 #
-# **A slit of width 2a in the middle.** Each ligament slips along one line at 45° from the crack's
-# tip to the side, and nothing constrains it:
+# **A slit of width 2a in the middle.** Each ligament slips along one line at 45° from the crack tip
+# to the side, without constraint:
 #
 #     ζ = 2k (1 − a/W).
 #
-# **Two notches from the sides** that leave a ligament of width 2a between their tips. When they are
-# deep, the ligament is a footing turned round, with Prandtl's slip lines, and carries
+# **Two notches from the sides**, with a ligament of width 2a between their tips. If the notches are
+# deep, the ligament corresponds to a footing with the opposite sign, with Prandtl's slip lines, and
+# carries
 #
 #     ζ W/a = (2 + π) k.
 #
-# The strip must be wide and long enough for that: it takes notches deeper than 0.884 W (D. J. F.
-# Ewing, R. Hill, J. Mech. Phys. Solids 15 (1967) 115); here they are 0.9 W deep, or W = 10 a. Its
-# length is 40 a. A strip of half that length fails otherwise: tension at the ends and the ligament
-# in the middle bend its halves, and these break at x = 0 at 4.8 k.
+# This solution requires a wide and long strip. The notches must be deeper than 0.884 W (D. J. F.
+# Ewing, R. Hill, J. Mech. Phys. Solids 15 (1967) 115); here they are 0.9 W deep, or W = 10 a. The
+# length of the strip is 40 a. A strip of half this length fails in another way: tension at the ends
+# and the ligament in the middle bend its halves, which fail at x = 0 at 4.8 k.
 #
-# Around the tips elements are sixteen times smaller than elsewhere.
+# Near the tips elements are sixteen times smaller than elsewhere.
 #
-# The slip line of the first strip is hard to meet. Its velocity jumps across one line that passes
-# through elements in no order, while Prandtl's fans spread: with ten elements on the ligament the
-# error is still 1.7 %, and falls slowly. A mesh with five elements there is shown, not judged.
+# The slip line of the first strip is difficult to represent. Its velocity jumps across a single
+# line that crosses elements irregularly, while Prandtl's fans are spread out. With ten elements on
+# the ligament the error is still 1.7 %, and decreases slowly. The demo shows a mesh with five
+# elements there, but does not check its error.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/cracked_strips.py
 
@@ -56,7 +58,7 @@ class Strip:
     Attributes:
         name: Name in the table and the pictures.
         width, length: Half width and half length of the strip.
-        tip: x of the crack's tip.
+        tip: x of the crack tip.
         held: The surface of the ligament, on y = 0.
         exact: ζ of an infinitely long strip.
         lines: Slip lines of the exact solution.
@@ -86,8 +88,8 @@ SHORT = Strip("two notches, short", 10.0, 10.0, 1.0, "inner", NOTCHED.exact, NOT
 
 
 # %% [markdown]
-# What is certain of each mesh are its bounds: the largest ζ that has been in equilibrium, and the
-# dissipation of a mechanism. The first must not exceed the second.
+# For each mesh the bounds are certain: the largest ζ with equilibrium, and the dissipation of a
+# mechanism. The first number must not exceed the second.
 
 
 # %%

@@ -1,24 +1,24 @@
 # %% [markdown]
-# # Curved seams in space: mortar beside matching nodes
+# # Curved seams in space: mortar contact compared with matching nodes
 #
-# On quadratic elements a row of mortar contact is a coefficient of Bernstein's and no value at a
-# node, so that curved surfaces need care: where each row took the normal of its own node alone,
-# five quadratic facets along a quarter of a circle lost 1 % of the pressure. Three bodies with
-# closed forms tell whether mortar is as near to them as matching nodes are, on the same meshes, and
-# how near where the outer body is meshed apart, with 1.5 times as many edges:
+# On quadratic elements, a row of mortar contact is a Bernstein coefficient and no value at a node.
+# So curved surfaces need care. When each row took only the normal of its own node, five quadratic
+# facets along a quarter of a circle lost 1 % of the pressure. Three bodies with closed forms show
+# whether mortar contact is as accurate as matching nodes on the same meshes. They also show its
+# accuracy when the outer body has a separate mesh with 1.5 times as many edges:
 #
-# - a shrink fit: a sphere that is too large by δ for the shell around it (Lamé's solution);
-# - a ball in a socket, and a pin in a hole, which fill it and slip without friction, under a
-#   pressure on the outer surface of p₀ + p₂ P₂(cos θ), or p₀ + p₂ cos 2θ in plane strain.
+# - A shrink fit: a sphere is larger by δ than the hole of the shell around it (Lamé's solution).
+# - A ball in a socket, and a pin in a hole. They fill the hole and slip without friction, under a
+#   pressure on the outer surface of p₀ + p₂ P₂(cos θ), or of p₀ + p₂ cos 2θ in plane strain.
 #
 # Displacements are sums of solutions U(r) P(θ), V(r) P'(θ) of Navier's equations with powers of r
 # (A. I. Lurie, Three-dimensional Problems of the Theory of Elasticity, 1964; J. H. Michell 1899).
-# What multiplies them follows from no shear on the seam and the outer surface, the given pressure
-# there, and a normal displacement and a pressure at the seam that are the same on both sides.
+# Their coefficients follow from zero shear on the seam and on the outer surface, the given pressure
+# on the outer surface, and equal normal displacements and pressures on both sides of the seam.
 #
-# The error is that of the pressure in the mean square over the seam, over the mean square of the
-# pressure: of its field, which is linear between vertices. Beside it stands that of the force that
-# crosses an eighth of the seam along z, or a quarter along x.
+# The error is the root mean square error of the pressure over the seam, divided by the root mean
+# square of the pressure. The pressure field is linear between vertices. The table also has the
+# error of the force that crosses an eighth of the seam along z, or a quarter along x.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/curved_seams.py
 
@@ -50,7 +50,7 @@ Floats = npt.NDArray[np.float64]
 TITLE = "Curved seams in space"
 STEEL = Elastic(young=2e5, poisson=0.3)
 EVEN, UNEVEN = 100.0, 40.0
-"""p₀ and p₂, with which the seam stays closed."""
+"""p₀ and p₂, for which the seam stays closed."""
 OVERLAP, SEAM, HOLE, SHELL = 1e-3, 1.4, 1.0, 2.0
 """δ, and the radii of the shrink fit: seam, inner hole and outer surface."""
 FINER = 1.5
@@ -70,14 +70,14 @@ SLOWER = 0.3
 def second_mode(sphere: bool) -> float:
     """Return the pressure at the seam for p₂ = 1 on the outer surface.
 
-    The powers r^k have U = a r^k and V = b r^k, with a and b such that Navier's equations hold.
+    For the powers r^k, U = a r^k and V = b r^k, where a and b satisfy Navier's equations.
     """
     shear = STEEL.young / (2 * (1 + STEEL.poisson))
     lame = 2 * shear * STEEL.poisson / (1 - 2 * STEEL.poisson)
     whole = lame + 2 * shear
     rows = []
     for k in (3, 1, -2, -4) if sphere else (3, 1, -1, -3):
-        if sphere:  # growth E of volume and rotation W, each as the part of a and that of b
+        if sphere:  # volume change E and rotation W: factors of a and b
             growth, turn = np.array([k + 2.0, -6.0]), np.array([-1.0, k + 1.0]) / 2
             radial = whole * (k - 1) * growth + 12 * shear * turn
             along = whole * growth + 2 * shear * k * turn
@@ -91,7 +91,7 @@ def second_mode(sphere: bool) -> float:
         stress = lame * growth + 2 * shear * np.array([k, 0.0])
         rows.append((k, mode[0], stress @ mode, shears @ mode))
     k, U, stress, sheared = np.array(rows).T
-    inside = k > 0  # what is finite in the middle
+    inside = k > 0  # powers that are finite in the middle
 
     def at(r: float, values: Floats, less: int, inner: float, outer: float) -> Floats:
         terms = values * r ** (k - less)
@@ -110,7 +110,7 @@ def second_mode(sphere: bool) -> float:
 
 
 def shrink_fit_pressure() -> float:
-    """Return the pressure of the shrink fit: δ over the gap that a pressure of 1 opens."""
+    """Return the pressure of the shrink fit: δ over the gap that unit pressure opens."""
     nu = STEEL.poisson
 
     def give(radius: float) -> float:
@@ -135,7 +135,7 @@ class Case:
         write: Generator of the mesh.
         shape: Its arguments, except the edge length and the ratio of edges.
         load: Load on the bodies.
-        fit: Arguments of their contact.
+        fit: Arguments of the contact between the bodies.
         planes: Planes of symmetry, or surfaces held along their normal.
         sizes: Edge lengths of the meshes.
         pressures: p₀ and p₂.
@@ -285,15 +285,15 @@ def force_of(case: Case) -> float:
 
 
 # %% [markdown]
-# ## Beside each other
+# ## Comparison
 #
-# On each mesh the ratio of the errors, and over all meshes of a case the order of nodes less that
-# of mortar, are bounded.
+# The demo bounds the ratio of the errors on each mesh. Over all meshes of a case, it bounds the
+# difference between the order of convergence with matching nodes and with mortar contact.
 
 
 # %%
 def judged(nodes: Sequence[Row], mortar: Sequence[Row]) -> list[Row]:
-    """Return ratios of errors of the same quantity on each mesh, and the difference of orders."""
+    """Return ratios of errors of each quantity on each mesh, and the differences of orders."""
     rows = [
         replace(
             row,
@@ -322,7 +322,7 @@ def order(rows: Sequence[Row]) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return errors of all cases by nodes and by mortar. Collective."""
+    """Return errors of all cases with matching nodes and with mortar contact. Collective."""
     table: list[Row] = []
     for case in CASES:
         sizes = case.sizes[:2] if coarse else case.sizes

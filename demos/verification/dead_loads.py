@@ -1,17 +1,17 @@
 # %% [markdown]
-# # Bounds beside loads that stay
+# # Bounds with constant loads
 #
-# - Under a shear force H and a load V the strip of width B of weightless ground of the shear
-#   strength k carries V = kB (1 + π − arcsin h + √(1 − h²)) with h = H/(kB) (A. P. Green, J. Mech.
-#   Phys. Solids 2, 1954). Beside a dead H = kB/2 a live V may be 4.484019 kB. Turned round: beside
-#   a dead V of that size a live H may be from −kB/2 to kB/2. As the curve is steep there, a percent
-#   of H is a fifth of a percent of V. Meshes start with fans of long thin cells at the footing's
-#   ends, where stresses depend on the direction alone: without these 4 000 cells leave 1.7 % of H.
-# - A vertical cut of the height 1 with the weight γ = 2k, and a live pressure on its crest.
-# - The same with γ = 4k. Under its own weight alone the cut bears 3.7752 ... 3.7776 k (F. Kammoun
-#   and others, see published.py), so that it does not stand, and its strength falls short by
-#   4/3.7776 ... 4/3.7752. A crest that is pulled would save it: of a live pressure on the crest all
-#   factors that are carried are negative, which is proven by the upper bound of the largest one.
+# - A strip of width B on weightless ground with the shear strength k carries, with a shear force H,
+#   V = kB (1 + π − arcsin h + √(1 − h²)) with h = H/(kB) (A. P. Green, J. Mech. Phys. Solids 2,
+#   1954). With a constant H = kB/2, a live V may be 4.484019 kB. Conversely, with a constant V of
+#   this size, a live H may be from −kB/2 to kB/2. The curve is steep there: one percent of H is a
+#   fifth of a percent of V. Meshes start with fans of long thin cells at the footing's ends, where
+#   stresses depend only on the direction. Without fans, 4 000 cells leave a gap of 1.7 % of H.
+# - A vertical cut of height 1 has the weight γ = 2k, and a live pressure on its crest.
+# - The same cut has γ = 4k. Under its own weight alone it bears 3.7752 ... 3.7776 k (F. Kammoun and
+#   others, see published.py). So it collapses, and its strength is too small by the factor 4/3.7776
+#   ... 4/3.7752. Tension on the crest would prevent the collapse: all factors of a live pressure on
+#   the crest that are carried are negative. The upper bound of the largest factor proves this.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/dead_loads.py
 
@@ -45,7 +45,7 @@ CUT = (3.7752, 3.7776)
 """Published bracket of the weight that a vertical cut bears, γH/k."""
 CELLS = 4000
 STRIP, STEEP, CREST, FALLS, QUICK = 0.003, 0.01, 0.005, 0.01, 0.15
-"""Widths of strict brackets; the last one is that of a quick run."""
+"""Widths of strict brackets; the last one is for a quick run."""
 
 
 # %% [markdown]
@@ -54,9 +54,9 @@ STRIP, STEEP, CREST, FALLS, QUICK = 0.003, 0.01, 0.005, 0.01, 0.15
 
 # %%
 def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of V with a dead H, and of H of both signs with a dead V. Collective."""
+    """Return bounds of V with a constant H, and of ±H with a constant V. Collective."""
     rows = []
-    least = 1e-3  # gap that ends the search before there are so many cells
+    least = 1e-3  # gap that ends the search before the limit on cells
     cases = {
         "dead H, live V": ((0.0, -1.0), (SHEAR, 0.0), GREEN, STRIP),
         "dead V, live H": ((1.0, 0.0), (0.0, -GREEN), SHEAR, STEEP),
@@ -91,7 +91,7 @@ def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of a pressure on the crest, and of the missing load of a falling cut.
+    """Return bounds of a pressure on the crest, and the missing strength of a collapsing cut.
 
     Collective.
     """

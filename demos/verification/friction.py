@@ -1,24 +1,24 @@
 # %% [markdown]
 # # Friction: a sliding block, rough platens, a slope, and stick within slip
 #
-# Tresca's friction is a shear stress τ̄ that slip has to overcome, Coulomb's is μ times the
+# Tresca's friction is a shear stress τ̄ that slip must overcome; Coulomb's friction is μ times the
 # pressure.
 #
-# - A block is pushed aside on another one until it slides: at the force τ̄A in any direction, since
-#   nothing of its friction is a polygon.
-# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If it is as wide as high, its
-#   stress is uniform at collapse whatever m is, as slip lines at 45° leave it on its sides: 2k. If
-#   it is twice as wide, the limit load grows with m from 2k to the 2.4277 k of glued platens.
-# - A block of the weight G on a slope with tan α = 0.1 is pushed up it by a horizontal force F, and
-#   slides at F/G = (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
-# - A block of 80 mm by 40 mm, half of it, is pressed on a floor from above by 50 N/mm² and from its
-#   sides by 150 N/mm², E = 130 GPa, ν = 0.2, μ = 1: near the corner it lifts off, beside that it
-#   slips, and it sticks in the middle. Code_Aster's test SSNV128 gives from other programs that the
-#   corner moves by 0.0286 mm along the floor.
-# - Two long cylinders of one material, pressed on each other by P and aside by Q < μP, stick within
-#   |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson, Contact Mechanics,
-#   chapter 7). Half planes stand for the cylinders, with the gap x²/(2R) between them. 2c is the
-#   length of what is pressed and does not slip.
+# - A block is pushed sideways on another block until it slides. It slides at the force τ̄A in any
+#   direction, since its friction law is not approximated by a polygon.
+# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If its width equals its height,
+#   its stress is uniform at collapse for any m, since slip lines at 45° end on its sides: 2k. If it
+#   is twice as wide, the limit load increases with m from 2k to the 2.4277 k of glued platens.
+# - A horizontal force F pushes a block of weight G up a slope with tan α = 0.1. It slides at F/G =
+#   (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
+# - Half of a block of 80 mm by 40 mm is pressed on a floor, by 50 N/mm² from above and by 150 N/mm²
+#   from its sides; E = 130 GPa, ν = 0.2, μ = 1. It lifts off near the corner, slips next to this
+#   part, and sticks in the middle. According to Code_Aster's test SSNV128, other programs find that
+#   the corner moves by 0.0286 mm along the floor.
+# - Two long cylinders of one material are pressed on each other by P and sideways by Q < μP. They
+#   stick within |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson,
+#   Contact Mechanics, chapter 7). Half planes with the gap x²/(2R) represent the cylinders. 2c is
+#   the length of the part that is pressed and does not slip.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/friction.py
 
@@ -237,7 +237,7 @@ def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
     aside = share * mu * push
     parts = 6 if coarse else 16
     tagged_mesh = mesh(folder, write_facing_blocks, fine=width / parts)
-    # on top, a couple keeps the contact free of moment
+    # on top, a couple makes the moment in the contact zero
     down = f"{-push / 2!r} + {1.5 * aside!r}*x"
     problem = Problem(
         tagged_mesh,

@@ -1,28 +1,28 @@
 # %% [markdown]
-# # Ground with friction: tubes and spheres of Drucker and Prager's material
+# # Ground with friction: tubes and spheres of Drucker–Prager material
 #
-# In plane strain, limit loads of Drucker and Prager's cone with `match = "plane-strain"` are those
-# of Mohr and Coulomb with the cohesion c and the angle φ, associated. A thick tube under inner
-# pressure p, with the pressure q outside of it all the time, is plastic everywhere at
+# In plane strain, limit loads of the Drucker–Prager cone with `match = "plane-strain"` are those of
+# associated Mohr–Coulomb ground with the cohesion c and the angle φ. A thick tube under inner
+# pressure p, with a constant outer pressure q, is plastic everywhere at
 #
 #     p = (q + c cot φ)(b/a)^m − c cot φ,    m = 2 sin φ/(1 + sin φ)
 #
-# and, where q presses it together and p falls, at (q + c cot φ)(a/b)^n − c cot φ with
-# n = 2 sin φ/(1 − sin φ), which may be below zero: a tension.
+# If q compresses the tube while p decreases, it is plastic everywhere at (q + c cot φ)(a/b)^n − c
+# cot φ with n = 2 sin φ/(1 − sin φ). This value may be negative, a tension.
 #
 # A thick sphere yields where σ_θ = σ_φ > σ_r, on the meridian of triaxial compression, so that
 #
 #     p = (c/η)((b/a)^k − 1),    k = 6η/(√3 + 2η)
 #
-# with the slope η and the strength c of the cone, whatever the match; with `"compression"` this is
-# Mohr and Coulomb's (c cot φ)((b/a)^m' − 1), m' = 4 sin φ/(1 + sin φ). Elastic constants do not
-# matter. Bodies that flow dilate, and elements do not lock: linear ones converge too.
+# with the slope η and the strength c of the cone, for any match; with `"compression"` this is the
+# Mohr–Coulomb value (c cot φ)((b/a)^m' − 1), m' = 4 sin φ/(1 + sin φ). Elastic constants have no
+# effect. Plastic flow dilates, so elements do not lock: linear elements converge too.
 #
 # A smooth strip footing on ground without weight carries N_c c, N_c = (e^(π tan φ) N − 1) cot φ
 # with N = (1 + sin φ)/(1 − sin φ) (L. Prandtl, Nachr. Ges. Wiss. Göttingen (1920), 74).
 #
-# A block in space between smooth plates carries 2c √N, N = (1 + sin φ)/(1 − sin φ), whatever the
-# mesh, if the cone is that of triaxial compression.
+# A block in space between smooth plates carries 2c √N, N = (1 + sin φ)/(1 − sin φ), on any mesh, if
+# the cone matches triaxial compression.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/ground.py
 
@@ -56,7 +56,7 @@ CONTACTS = [Contact("inner_tube_seam", "outer_tube_seam")]
 
 
 def ground(angle: float, match: str = "plane-strain") -> DruckerPrager:
-    """Return ground of an angle of friction (degrees)."""
+    """Return ground with an angle of friction (degrees)."""
     return DruckerPrager(1e5, 0.3, COHESION, angle, match)  # type: ignore[arg-type]
 
 
@@ -90,8 +90,8 @@ def block_limit(angle: float) -> float:
 # %% [markdown]
 # ## Tubes
 #
-# With a constant pressure outside, the limit load is found beside it, for either sign of the
-# pressure inside.
+# With a constant outer pressure, the demo finds the limit load for either sign of the inner
+# pressure.
 
 
 # %%
@@ -133,7 +133,7 @@ def tubes(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
                 found = collapse(problem, method="path")
                 rows.append(found.row(case, size, tube_limit(angle), allowed))
         tagged_mesh = mesh(folder, write_thick_tube, outer=OUTER, size=sizes[-1], order=2)
-        signs = (1.0, -1.0) if angle > 10 else ()  # at 10° it does not stand without the inner one
+        signs = (1.0, -1.0) if angle > 10 else ()  # at 10° it collapses without inner pressure
         for sign in signs:
             problem = shell(tagged_mesh, angle, [Pressure("inner", sign), outside])
             found = collapse(problem, method="path")
@@ -164,7 +164,7 @@ def spheres(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 
 FOOTINGS = {10.0: (6.0, 3.0), 20.0: (9.0, 4.0), 30.0: (16.0, 7.0)}
-"""Width and depth of the ground by the angle, so large that its sides have no effect."""
+"""Width and depth of the ground by angle, large enough that its sides have no effect."""
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:

@@ -1,17 +1,17 @@
 # %% [markdown]
-# # Ground from both sides
+# # Bounds for ground in plane strain
 #
-# Strict bounds of associated Mohr–Coulomb ground in plane strain, on meshes that follow them.
+# The bounds are strict, for associated Mohr–Coulomb ground in plane strain, on adapted meshes.
 #
-# - Weightless ground of cohesion 1 bears N_c under a smooth strip footing, and ground without
-#   cohesion N_q beside a surcharge of 1: N_q = e^(π tan φ) N with N = tan²(45° + φ/2), and
-#   N_c = (N_q − 1) cot φ (L. Prandtl 1920, H. Reissner 1924).
-# - Ground of weight 1 alone bears N_γ = 7.6532 under a smooth stiff footing of half width 1, and
-#   14.7543 under a rough one, with φ = 30° (C. M. Martin 2005, by characteristics).
-# - A vertical cut and a slope of 60° fall at γH/c that log spirals through the toe tell; they are
-#   mechanisms, and so the least that is proven must not be above them.
-# - A vertical cut in ground that bears hardly any tension stands up to γH/c = 2 tan(45° + φ/2)
-#   without any (D. C. Drucker, W. Prager 1952): with some it stands to more.
+# - Weightless ground with cohesion 1 bears N_c under a smooth strip footing. Ground without
+#   cohesion bears N_q with a surcharge of 1 next to the footing. N_q = e^(π tan φ) N with N =
+#   tan²(45° + φ/2), and N_c = (N_q − 1) cot φ (L. Prandtl 1920, H. Reissner 1924).
+# - Ground with only its weight of 1 bears N_γ = 7.6532 under a smooth stiff footing of half-width
+#   1, and 14.7543 under a rough one, with φ = 30° (C. M. Martin 2005, by characteristics).
+# - Log spirals through the toe give values of γH/c at which a vertical cut and a slope of 60°
+#   collapse. They are mechanisms, so the proven lower bound must not exceed these values.
+# - A vertical cut in ground without tensile strength stands up to γH/c = 2 tan(45° + φ/2) (D. C.
+#   Drucker, W. Prager 1952). With a small tensile strength it stands up to a larger value.
 #
 #     ./fenicsx python3 demos/verification/ground_bounds.py
 

@@ -1,18 +1,18 @@
 # %% [markdown]
-# # Ground in space from both sides
+# # Bounds for ground in space
 #
-# Strict bounds of associated Mohr–Coulomb ground and of Tresca's in space.
+# The bounds are strict, for associated Mohr–Coulomb ground and Tresca ground in space.
 #
-# - A **thick sphere** of radii 1 and 2 under pressure, c = 10 and φ = 10°, an octant of it: exactly
-#   c cot φ (2^m − 1) with m = 4 sin φ/(1 + sin φ). Facets are flat, so that each bound has a mesh
-#   of its own, as the sphere of `bounds_in_space.py` has: ground that has a pressure on all sides
-#   carries it, and what flows never shrinks.
-# - A **cube between rough platens**, φ = 20° and c = 1, an octant of it: its mean pressure. A
-#   prototype of other elements had 2.941 … 3.349.
-# - A **square rough footing** 2×2 on ground of c = 1 without friction, Tresca's, a quarter of it.
-#   Published bounds are 5.523 and 6.221 (R. Salgado, A. V. Lyamin, S. W. Sloan, H. S. Yu,
-#   Géotechnique 54 (2004), 297): no bracket may lie beside that one, nor be wider. The ground is
-#   6 by 6 by 2, held at its bottom and sides.
+# - An octant of a **thick sphere** of radii 1 and 2 under pressure, with c = 10 and φ = 10°:
+#   exactly c cot φ (2^m − 1) with m = 4 sin φ/(1 + sin φ). Facets are flat, so each bound has its
+#   own mesh, like the sphere of `bounds_in_space.py`: ground carries a pressure that acts on all
+#   its sides, and plastic flow never decreases its volume.
+# - An octant of a **cube between rough platens** with φ = 20° and c = 1: its mean pressure. A
+#   prototype with other elements gave 2.941 … 3.349.
+# - A quarter of a **square rough footing** 2×2 on Tresca ground with c = 1. Published bounds are
+#   5.523 and 6.221 (R. Salgado, A. V. Lyamin, S. W. Sloan, H. S. Yu, Géotechnique 54 (2004), 297).
+#   The bracket must overlap the published one, and must not be wider. The ground is 6 by 6 by 2,
+#   held at its bottom and sides.
 #
 # Platens and footings are rigid surfaces, glued to the ground.
 #
@@ -55,7 +55,7 @@ SIZES = {"inner": 0.12, "outer": 0.14}
 PROTOTYPE = 2.941, 3.349
 PUBLISHED = 5.523, 6.221
 ONE_MESH = 1
-"""Largest number of cells: there is no finer mesh than the first."""
+"""Largest number of cells, so small that only the first mesh is used."""
 
 
 # %%

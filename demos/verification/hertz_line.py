@@ -7,13 +7,14 @@
 #
 #     b² = 4P′R/(πE*),   p(x) = p₀ √(1 − x²/b²),   p₀² = P′E*/(πR),
 #
-# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies, of which a rigid
-# one has none. No node is in contact at first but the one on the axis: where the bodies touch is
-# the unknown of this problem. Gaps are measured from the meshes. Cylinders that were meshed apart,
-# the lower one with elements 2/3 as large, have no opposite nodes, and touch by mortar.
+# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies; a rigid body
+# contributes zero. At first, only the node on the axis is in contact; the contact area is the
+# unknown of this problem. Gaps are measured from the meshes. Cylinders with separate meshes, whose
+# lower elements are 2/3 as large, have no matching nodes and use mortar contact.
 #
-# The half-width is taken from the pressure field by its second moment, ∫p x² / ∫p = b²/4. Hertz has
-# half spaces; here b is 0.06 of the cylinders' radius, and what that changes is far below 1 %.
+# The second moment of the pressure field gives the half-width: ∫p x² / ∫p = b²/4. Hertz's theory
+# assumes half spaces. Here b is 0.06 of the cylinders' radius, so the error of this assumption is
+# far below 1 %.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/hertz_line.py
 
@@ -51,8 +52,8 @@ def contact_modulus(*bodies: Elastic) -> float:
 # %% [markdown]
 # ## What is measured
 #
-# The pressure field is linear between the vertices of the contact surface. It integrates to the
-# contact force exactly.
+# The pressure field is linear between the vertices of the contact surface. Its integral is exactly
+# the contact force.
 
 
 # %%
@@ -99,7 +100,7 @@ def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures
 # %% [markdown]
 # ## The picture
 #
-# All vertices of the finest meshes on Hertz's half ellipse.
+# The picture shows all vertices of the finest meshes on Hertz's half ellipse.
 
 
 # %%
@@ -145,8 +146,8 @@ def draw_pressures(
 # %% [markdown]
 # ## The cases
 #
-# A quarter of the cylinder is pushed down by a pressure on its middle plane y = R. The load is such
-# that Hertz's half-width is 0.06 R.
+# A pressure on the middle plane y = R pushes a quarter of the cylinder down. The load is chosen
+# such that Hertz's half-width is 0.06 R.
 
 
 # %%

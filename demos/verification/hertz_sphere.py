@@ -7,16 +7,17 @@
 #
 #     a³ = 3PR/(4E*),   p(r) = p₀ √(1 − r²/a²),   p₀ = 3P/(2πa²),
 #
-# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies, of which a rigid
-# one has none. The ball may be rigid as well: an obstacle that a flat block is pressed against.
+# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies; a rigid body
+# contributes zero. In one case the ball is rigid: an obstacle against which a flat block is
+# pressed.
 #
-# The radius is taken from the pressure field by its second moment, ∫p r² / ∫p = 2a²/5. Quadratic
-# elements blur the field by about half an element, so that it comes out too large, by 1 % with
-# seven elements over a. With linear elements the pressures of single vertices scatter by ±5 %, and
-# the largest of them is 2 to 3 % too large on every mesh.
+# The second moment of the pressure field gives the radius: ∫p r² / ∫p = 2a²/5. Quadratic elements
+# blur the field by about half an element, so this radius is too large, by 1 % with seven elements
+# over a. With linear elements the pressures at single vertices scatter by ±5 %, and the largest
+# pressure is 2 to 3 % too large on every mesh.
 #
-# Hertz's approach a²/R of distant points is not compared: which points of a ball are distant is a
-# matter of choice.
+# The demo does not compare Hertz's approach a²/R of distant points, since the choice of distant
+# points in a ball is arbitrary.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/hertz_sphere.py
 
@@ -93,7 +94,8 @@ def write_block(path: str | Path, contact_size: float, order: int = 1) -> None:
 # ## The cases
 #
 # The load is chosen such that Hertz's contact radius is 0.12 R. It acts as a pressure on the plane
-# through the middle of the ball, or below the block; a quarter is solved.
+# through the middle of the ball, or on the bottom of the block. The model is a quarter of the
+# bodies.
 
 
 # %%
@@ -145,7 +147,7 @@ def rigid_ball(folder: ResultFolder, degree: int, size: float) -> Problem:
 
 
 def hertz_load(*bodies: Elastic) -> float:
-    """Return the force for the given contact radius; ``bodies`` are the elastic ones."""
+    """Return the force for the given contact radius; ``bodies`` are the elastic bodies."""
     return 4 / 3 * CONTACT_RADIUS**3 * contact_modulus(*bodies) * len(bodies) / RADIUS
 
 
@@ -162,7 +164,7 @@ class Case:
 
     Attributes:
         name: Name in the table.
-        make: Function of folder, degree and edge length that makes the problem.
+        make: Function of folder, degree and edge length that returns the problem.
         surface: Surface on which the pressure is measured.
         bodies: The elastic materials.
         parts: Numbers of elements over the contact radius, by degree.

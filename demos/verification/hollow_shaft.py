@@ -5,11 +5,11 @@
 #
 #     (N/N₀)² + (T/T₀)² = 1,  N₀ = σ_y A,  T₀ = 2 A_m t σ_y/√3,
 #
-# where A is the area of the walls, t their thickness and A_m the area within their middle lines: in
-# each of eight flat walls, an octagon, the stress is uniform, with σ² + 3τ² = σ_y². As the shear
-# stress crosses the corners unchanged it is in equilibrium, and as far as walls are thin nothing
-# more is carried. All pairs of N and T that are carried are between two polygons of strict bounds.
-# The circle has to be between them, and they are two percent apart.
+# where A is the area of the walls, t their thickness and A_m the area within their centre lines. In
+# each of the eight flat walls of an octagon, the stress is uniform, with σ² + 3τ² = σ_y². The shear
+# stress is equal on both sides of each corner, so it is in equilibrium. For thin walls this is the
+# largest load. All pairs of N and T that are carried lie between two polygons of strict bounds. The
+# circle must lie between the polygons, whose distance is two percent.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/hollow_shaft.py
 

@@ -1,17 +1,17 @@
 # %% [markdown]
-# # Bounds of bodies with joints
+# # Bounds for bodies with joints
 #
-# A block twice as wide as high is pressed between platens, in plane strain, a quarter of it by
-# symmetry.
+# A block that is twice as wide as high is pressed between platens in plane strain. By symmetry the
+# model is a quarter of the block.
 #
-# - With Tresca's friction τ̄ = m k, k = σ_y/√3, the mean pressure grows with m from 2k of smooth
-#   platens to the 2.4277 k of rough ones. Strict brackets on adapted meshes are half a percent
-#   wide. They rise with m without touching each other up to m = 3/4; those of 3/4 and 1 overlap, as
-#   what is carried has nearly grown to that of rough platens there.
-# - With Coulomb's friction the load at which the block collapses depends on how it slips, and lies
-#   between the limit loads without friction and with friction whose slip is associated (Drucker's
-#   two theorems): bounds tell this pair, and a path with true slip ends in it.
-# - Where slip is said to be associated, both bounds are those of that joint. Nearer bounds on finer
+# - With Tresca's friction τ̄ = m k, k = σ_y/√3, the mean pressure increases with m from 2k for
+#   smooth platens to 2.4277 k for rough platens. Strict brackets on adapted meshes are half a
+#   percent wide. They increase with m and do not overlap up to m = 3/4. Those for 3/4 and 1
+#   overlap, since the limit load at 3/4 is nearly that of rough platens.
+# - With Coulomb's friction the load at collapse depends on the slip. It lies between the limit
+#   loads without friction and with associated slip (Drucker's two theorems). The program bounds
+#   this pair, and a path with nonassociated slip ends between them.
+# - If slip is declared to be associated, both bounds hold for this joint. Closer bounds on finer
 #   meshes lie between them.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/joints.py
@@ -48,8 +48,8 @@ ROUGH = 2.42768
 """Mean pressure over k between rough platens."""
 CELLS = 4000
 MONOTONE, JOINT, FINER, QUICK = 0.005, 0.015, 0.003, 0.1
-"""Widths of strict brackets: with Tresca's friction, of an associated joint, on finer meshes, and
-of a quick run."""
+"""Widths of strict brackets: with Tresca's friction, for an associated joint, on finer meshes, and
+for a quick run."""
 COULOMB = 0.1
 
 
@@ -72,7 +72,7 @@ def between_platens(folder: ResultFolder, size: float, **friction: float | bool)
 
 # %%
 def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict brackets for several m. Collective."""
+    """Return strict brackets for several values of m. Collective."""
     gap, rows = QUICK if coarse else MONOTONE, list[Row]()
     found = []
     for m in (0.0, 1.0) if coarse else (0.0, 0.25, 0.5, 0.75, 1.0):

@@ -1,16 +1,16 @@
 # %% [markdown]
-# # Tubes and spheres in each other, meshed apart
+# # Tubes and spheres in each other, with separate meshes
 #
-# The nodes of the two bodies do not match at the seam, so that contact is by mortar. Without
-# friction and by symmetry nothing is sheared there, and the closed forms of the whole bodies hold
+# The nodes of the two bodies do not match at the seam, so contact uses mortar rows. Without
+# friction the shear there is zero by symmetry, and the closed forms for the undivided bodies hold
 # (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V):
 #
-# - a tube in a tube under inner pressure, in plane strain, bursts at p = 2k ln(b/a), k = σ_y/√3;
-# - a shell in a shell at p = 2[σ₁ ln(c/a) + σ₂ ln(b/c)] with the seam at radius c: here for equal
-#   yield stresses, and for an outer shell that is a quarter stronger;
-# - a tube that is made too large by δ for the one around it presses on it with
-#   p = Eδ(c² − a²)(b² − c²) / (2(1 − ν²) c³ (b² − a²)) (S. Timoshenko, J. N. Goodier, Theory of
-#   Elasticity, 1970, § 28), before there is any load: a press fit, which is a negative gap.
+# - A tube in a tube under inner pressure, in plane strain, collapses at p = 2k ln(b/a), k = σ_y/√3.
+# - A shell in a shell collapses at p = 2[σ₁ ln(c/a) + σ₂ ln(b/c)] with the seam at radius c; here
+#   for equal yield stresses, and for an outer shell whose yield stress is a quarter larger.
+# - A tube that is larger by δ than the hole of the tube around it exerts the pressure p = Eδ(c² −
+#   a²)(b² − c²) / (2(1 − ν²) c³ (b² − a²)) (S. Timoshenko, J. N. Goodier, Theory of Elasticity,
+#   1970, § 28) without any load. This press fit is a negative gap.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/meshed_apart.py
 
@@ -91,7 +91,7 @@ def limits(folder: ResultFolder, coarse: bool) -> list[Row]:
 # %% [markdown]
 # ## The press fit
 #
-# The mean pressure is that of the contact force, which has the components p c along x and y.
+# The mean pressure follows from the contact force, whose components along x and y are p c.
 
 
 # %%

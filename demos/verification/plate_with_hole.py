@@ -6,21 +6,21 @@
 #
 #     2k (1 − D/L) = k,
 #
-# because its narrowest section carries no more than 2k across. It collapses before, as the frame
-# around the hole bends: each quarter of it turns about a hinge in either arm. A hinge is a
-# pair of triangles of uniform strain on the axis of symmetry, which meet in the middle of the turn.
-# They fill parts s and a − s of the arm, a = (L − D)/2, and dissipate 2k times their areas if the
-# quarter turns at unit speed. With parts s of the arm beside the hole and t of the one above it, on
-# the outside, the mechanism gives the upper bound
+# because its narrowest section carries at most 2k. The plate collapses at a smaller load, as the
+# frame around the hole bends: each quarter rotates about a hinge in either arm. A hinge is a pair
+# of triangles with uniform strain on the axis of symmetry, which meet at the centre of rotation.
+# The triangles fill the parts s and a − s of the arm, a = (L − D)/2. They dissipate 2k times their
+# areas if the quarter rotates at unit speed. Let s be the part of the arm beside the hole, and t
+# the part of the arm above the hole, both on the outside. Then the mechanism gives the upper bound
 #
 #     2k [s² + (a − s)² + t² + (a − t)²] / [L²/4 − L s − t²],
 #
-# which is least for s = 0.28, t = 1.05: 0.7785 k. No better one is known here; the values of the
-# quadratic elements come down to it. Linear triangles lock.
+# which is least for s = 0.28 and t = 1.05: 0.7785 k. We know no better one; the values for
+# quadratic elements converge to it from above. Linear triangles lock.
 #
-# The plate has also been published as a slice in space, 1 thick and held in z, of linear
-# tetrahedra in cubes (a quarter of a plate twice as large, `l_plate` here). These cannot turn at
-# constant volume: refined or not, the slice carries k.
+# The plate has also been published as a slice in space, of thickness 1 and held in z, with linear
+# tetrahedra in cubes (a quarter of a plate twice as large, `l_plate` here). These tetrahedra cannot
+# rotate at constant volume: with or without refinement, the slice carries k.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/plate_with_hole.py
 
@@ -51,11 +51,11 @@ ROUNDING = 1e-4
 NEAR = 0.005
 """Largest relative distance of limit loads by quadratic elements from the bound of the hinges."""
 FALLS = 0.8
-"""Largest ratio of this distance on the finest and the coarsest mesh."""
+"""Largest ratio of this distance on the finest mesh to that on the coarsest mesh."""
 
 
 def hinges() -> float:
-    """Return the upper bound of two hinges."""
+    """Return the upper bound from two hinges."""
     arm, square = WIDTH - HOLE, WIDTH**2
 
     def bound(parts: Sequence[float]) -> float:
@@ -101,7 +101,8 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 # %% [markdown]
-# The same values against the bound of the hinges, and how much of the first distance is left.
+# The same values, compared with the bound of the hinges, and the remaining share of the first
+# distance.
 
 
 # %%

@@ -1,19 +1,20 @@
 # %% [markdown]
 # # A block between platens, in plane strain
 #
-# A block is pressed in y and free to give way in x. Between smooth platens its stress is uniform;
-# it collapses at the pressure 2k, k = σ_y/√3, whatever its width and height are. Uniform stress
-# and strain are exact with any mesh, so the only difference is where the loading stops.
+# A block is pressed in y and free to expand in x. Between smooth platens its stress is uniform. It
+# collapses at the pressure 2k, k = σ_y/√3, for any width and height. Uniform stress and strain are
+# exact on any mesh, so the only error is the tolerance of the loading.
 #
-# The lower platen is a rigid plane here, an obstacle that the block stands on: nothing else holds
-# it in y. The upper one is first a uniform pressure, and then a second body, ten times as stiff and
-# elastic, on which the pressure acts. So the second block is held by two contacts alone.
+# Here the lower platen is a rigid plane, an obstacle on which the block stands. Nothing else holds
+# the block in y. The upper platen is first a uniform pressure, and then a second, elastic body. It
+# is ten times as stiff, and the pressure acts on it. So in the second case only two contacts hold
+# the block.
 #
-# Rough platens hold the block's faces. The pressure then depends on the ratio of width and height;
-# for 2 it is 2.4277 k. The rough platen is a body a thousand times as stiff, glued to the block, of
-# which only a quarter is meshed. A slip line runs from the middle of the block to its corner, where
-# elements are ten times smaller. Linear triangles lock here without end: their loading curve has no
-# plateau, and they are left out.
+# Rough platens hold the block's faces. Then the pressure depends on the ratio of width to height;
+# for 2 it is 2.4277 k. The rough platen is a body that is a thousand times as stiff and glued to
+# the block; the mesh has a quarter of both. A slip line runs from the middle of the block to its
+# corner, where elements are ten times smaller. Linear triangles lock completely here: their loading
+# curve has no plateau, so the demo omits them.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/platens.py
 

@@ -1,15 +1,16 @@
 # %% [markdown]
 # # Press fits in plane strain
 #
-# A shaft, or a tube, is larger than the hole of the hub around it by δ on the radius. Both are
-# pressed on each other without friction and stay elastic. Lamé's solution has the pressure
+# A shaft or a tube is larger than the hole of the hub around it by δ in radius. The bodies press on
+# each other without friction and remain elastic. By Lamé's solution the pressure is
 #
 #     p = δ / (c (f + g)),   f = ((c² + a²)/(c² − a²) − ν/(1 − ν)) / E',
 #                            g = ((b² + c²)/(b² − c²) + ν/(1 − ν)) / E',   E' = E/(1 − ν²)
 #
 # with a ≤ r ≤ c inside (a = 0 for a shaft) and c ≤ r ≤ b outside (S. P. Timoshenko, J. N. Goodier,
-# Theory of Elasticity, 3rd ed., 1970, section 28). It is the contact force on a quarter of the seam
-# along an axis, over c. The displacements are quadratic on second-order geometry, the gap is −ζδ.
+# Theory of Elasticity, 3rd ed., 1970, section 28). It equals the contact force along an axis on a
+# quarter of the seam, divided by c. Displacements are quadratic on second-order geometry; the gap
+# is −ζδ.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/press_fit.py
 
@@ -51,7 +52,7 @@ def row_of(
     """Return a row of the pressure, measured by the contact force. Collective.
 
     Args:
-        folder: Folder of pictures; None to draw none.
+        folder: Folder for pictures; None to draw no pictures.
         case: Name of the case.
         tagged_mesh: Mesh with the seams of two bodies.
         steel: Material of both bodies.

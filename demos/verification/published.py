@@ -1,22 +1,24 @@
 # %% [markdown]
 # # Published numbers
 #
-# Limit loads that others have computed or bounded, with data that can be read in full or nearly so.
-# [The page](../../docs/published.md) has the sources, what was left out and why, and a verdict on
-# each.
+# These limit loads were computed or bounded by others, and their data are known completely or
+# almost completely. [The page](../../docs/published.md) has the sources, a verdict on each number,
+# and the omitted numbers with the reasons.
 #
-# - **Vertical cut** of the height H in ground of the cohesion c without friction, in plane strain:
+# - **Vertical cut** of height H in ground with cohesion c and without friction, in plane strain:
 #   3.7752 ≤ γH/c ≤ 3.7776 (F. Kammoun, J. Pastor, H. Smaoui, J. Pastor, Int. J. Numer. Anal. Meth.
-#   Geomech. 2010, doi:10.1002/nag.887). Tresca's and von Mises' conditions are the same in plane
-#   strain. The ground ends at two heights on either side and one below the foot, where it is held.
+#   Geomech. 2010, doi:10.1002/nag.887). Tresca's and von Mises' conditions are equivalent in plane
+#   strain. The ground extends two heights to either side and one height below the toe, where it is
+#   held.
 # - **Vessel with a torispherical head**, SSNV146 of Code_Aster, from the benchmark of the project
-#   LISA: σ_y = 100, internal pressure. The published table (U2.05.04, section 4) has 3.8673
-#   (estimate below) and 3.9396 (above) of EDF, 3.931 (above) of Liège, 3.997 (below) of Jülich:
-#   that below is above both from above. The text gives the inner radius 49 of the cylinder, the
-#   thickness 2 and the radii 98 and 20 of crown and knuckle, but not whether these are of the
-#   inside, the middle or the outside. All are computed here.
-# - **Thick sphere** of the radii 0.1 and 0.2 and σ_y = 240 under pressure, OnScale Solve's
-#   validation case: 2σ_y ln 2.
+#   LISA: σ_y = 100, internal pressure. The published table (U2.05.04, section 4) has 3.8673 (lower
+#   estimate) and 3.9396 (upper value) by EDF, 3.931 (upper value) by Liège, and 3.997 (lower value)
+#   by Jülich. Jülich's lower value exceeds both upper values. The text gives the inner radius 49 of
+#   the cylinder, the thickness 2, and the radii 98 and 20 of crown and knuckle. It does not say
+#   whether these radii belong to the inside, the middle or the outside. All readings are computed
+#   here.
+# - **Thick sphere** of radii 0.1 and 0.2 with σ_y = 240 under pressure, the validation case of
+#   OnScale Solve: 2σ_y ln 2.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published.py
 
@@ -51,10 +53,10 @@ TITLE = "Published numbers"
 CUT = (3.7752, 3.7776)
 """Published bounds of γH/c, for cohesion 1 and height 1."""
 ASKED, QUICK = (2e-4, 40000), (0.15, 400)
-"""Gap of the bounds of the cut and cells for it; the same for a quick run."""
+"""Gap of the bounds for the cut and number of cells; the same for a quick run."""
 VESSEL = VonMises(young=200e3, poisson=0.3, yield_stress=100.0)
 VESSEL_ASKED = (0.002, 4000)
-"""Gap of the bounds of the vessel, and cells for it."""
+"""Gap of the bounds for the vessel, and number of cells."""
 ESTIMATE, ABOVE, BELOW = 3.8673, 3.9396, 3.997
 """Limit loads of the vessel: a lower estimate and an upper value by EDF, and a lower value by
 Jülich."""
@@ -74,7 +76,7 @@ SPHERE = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
 def at_most(
     case: str, found: AdaptiveBounds, seconds: float, rows: Sequence[tuple[str, float, float]]
 ) -> list[Row]:
-    """Return rows of a strict bracket: a quantity, and a number with its upper limit."""
+    """Return rows for a strict bracket: a quantity, a number and its upper limit."""
     dofs = found.problem.num_dofs
     bracket = f"{found.lower.shown} ... {found.upper.shown}"
     return [
@@ -118,8 +120,8 @@ def show_bounds(folder: ResultFolder, title: str, found: AdaptiveBounds) -> None
 # %% [markdown]
 # ## The cut
 #
-# The published bracket and the one that is computed hold for the same number, so that neither
-# lower bound may be above the other's upper one.
+# The published bracket and the computed bracket hold for the same number. So neither lower bound
+# may exceed the other's upper bound.
 
 
 # %%
@@ -147,10 +149,10 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
 # %% [markdown]
 # ## The vessel and the sphere
 #
-# Both are bodies of revolution. What the published numbers of the vessel can decide depends on what
-# its radii mean; but of each reading the strict bounds say that one of them is no bound: either
-# EDF's value from above is below our lower bound, and Jülich's from below is one, or that is above
-# our upper one.
+# Both are bodies of revolution. The verdict on the published numbers for the vessel depends on the
+# meaning of its radii. But for each reading, the strict bounds show that one published number is no
+# bound. In one case EDF's upper value is below our lower bound, and Jülich's lower value is a valid
+# bound. In the other case Jülich's value is above our upper bound.
 
 
 # %%

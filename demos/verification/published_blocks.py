@@ -1,16 +1,16 @@
 # %% [markdown]
 # # Published limit loads of blocks: SSNV124
 #
-# Code_Aster's test of limit analysis by Norton's and Hoff's regularisation (V6.04.124; its data are
-# `astest/ssnv124a.comm` to `c`): σ_y = 10, uniform states but in the tube.
+# Code_Aster's test of limit analysis by Norton–Hoff regularisation (V6.04.124; its data are in
+# `astest/ssnv124a.comm` to `c`) has σ_y = 10, and uniform states except in the tube.
 #
-# - A: a rectangle in plane strain, pressed by 0.8ζ along x and by a constant 0.2 along y: 14.6837;
-#   by ζ along x alone: 11.547.
-# - B: a cube, pressed by 0.2ζ along x and 0.8ζ along y: 13.8675.
-# - C: a tube whose ends cannot move along its axis, of radii 1 and 3 (which the published value
-#   says, 2σ_y/√3 ln 3), under ζ inside: 12.6857.
+# - A: a rectangle in plane strain, under the pressure 0.8ζ along x and a constant pressure 0.2
+#   along y: 14.6837; under ζ along x alone: 11.547.
+# - B: a cube under the pressures 0.2ζ along x and 0.8ζ along y: 13.8675.
+# - C: a tube whose ends cannot move along its axis, under the inner pressure ζ: 12.6857. Its radii
+#   are 1 and 3, which follows from the published value 2σ_y/√3 ln 3.
 #
-# The lower values that are published beside them (9.6225, 11.556, 8.5545) are estimates.
+# The published lower values (9.6225, 11.556, 8.5545) are estimates.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published_blocks.py
 

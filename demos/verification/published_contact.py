@@ -1,18 +1,20 @@
 # %% [markdown]
 # # Published contact: a roller and a rounded punch
 #
-# The first two of five contact benchmarks of NAFEMS (A. W. A. Konter, FENET-UNOTT-DLE-09, 2005),
-# elastic, with small motions. [The page](../../docs/published.md) has the sources and a verdict.
+# These are the first two of five contact benchmarks of NAFEMS (A. W. A. Konter, FENET-UNOTT-DLE-09,
+# 2005), elastic, with small motions. [The page](../../docs/published.md) has the sources and a
+# verdict.
 #
 # - **Roller** of steel (210 GPa, diameter 100) on a block of aluminium (70 GPa, 200×200) in plane
 #   strain, pressed by 35 kN on each mm of length; SSNP154 of Code_Aster. Without friction its
 #   reference is Hertz's: p₀ = 3585.37 MPa, half-width 6.21 mm.
 # - **Punch** of steel, diameter and height 100, edge radius 10, on a foundation of aluminium,
-#   diameter and height 200, under 100 MPa; SSNA122 of Code_Aster (V6.01.122). The middle of the
-#   foundation's top sinks there by 0.13073 (linear elements) to 0.13290 mm (quadratic ones), with
-#   σ_yy = −91.10 and −93.63 MPa, extrapolated from the elements. Our displacement is asked to lie
-#   as near to that of the quadratic ones as they lie to each other; the pressure is shown. The
-#   foundation's bottom is held here; where its sides are held too, it sinks by less.
+#   diameter and height 200, under 100 MPa; SSNA122 of Code_Aster (V6.01.122). There the middle of
+#   the foundation's top moves down by 0.13073 mm (linear elements) to 0.13290 mm (quadratic
+#   elements). The stresses σ_yy are −91.10 and −93.63 MPa, extrapolated from the elements. Our
+#   displacement must be as close to the quadratic value as the two values are to each other; the
+#   pressure is only shown. The bottom of the foundation is held here; if its sides are held too,
+#   the displacement is smaller.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published_contact.py
 
@@ -48,8 +50,8 @@ LINE_LOAD, PEAK, HALF_WIDTH = 35e3, 3585.37, 6.21
 """Published line load (N/mm) of the roller, and Hertz's pressure (MPa) and half-width (mm)."""
 
 SUNK, PRESSED = (0.13073, 0.13290), 93.63
-"""Published values in the middle of the punch: downward displacement (mm) by linear and quadratic
-elements, and pressure (MPa) by quadratic ones."""
+"""Published values in the middle of the punch: downward displacement (mm) with linear and quadratic
+elements, and pressure (MPa) with quadratic elements."""
 
 
 Numbers = tuple[float, float, float | None]
@@ -85,7 +87,8 @@ def rows(
 # %% [markdown]
 # ## The roller
 #
-# Half of the force acts on a small arc at the top, as a force on a line has no finite displacement.
+# Half of the force acts on a small arc at the top, since the displacement under a line force is
+# infinite.
 
 
 # %%

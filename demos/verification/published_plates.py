@@ -1,14 +1,14 @@
 # %% [markdown]
 # # Published limit loads of plates: NAFEMS' NL7
 #
-# A square plate of von Mises' metal under a uniform load q, simply supported (NL7A) or clamped
+# A square plate of von Mises metal under a uniform load q is simply supported (NL7A) or clamped
 # (NL7B). A. Ramsay (NAFEMS Benchmarks for Plastic Collapse of Square Metal Plates) finds that the
-# benchmark's references are wrong. The limit load q L²/m_p of a thin plate (Kirchhoff's, of the
-# moment m_p = σ_y t²/4) has no closed form.
+# reference values of the benchmark are wrong. The limit load q L²/m_p of a thin plate (Kirchhoff
+# plate with the moment m_p = σ_y t²/4) has no closed form.
 #
-# Here the plate is a body in space, with shear, of the thickness L/20. Half of the load acts on
-# each face, which leaves an eighth of it to be meshed. "Supported" holds the outer sides along z
-# alone, "clamped" all of them.
+# Here the plate is a body in space, with shear deformation, of thickness L/20. Half of the load
+# acts on each face, so an eighth of the plate suffices. "Supported" holds the outer sides only
+# along z, "clamped" along all axes.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published_plates.py
 
@@ -34,7 +34,8 @@ PLATES = {"supported": ("z", 0.1, (0.025, 6000)), "clamped": ("xyz", 0.025, (0.0
 """Held components of the sides, width of the outermost elements of the first mesh, and the gap with
 its largest number of cells."""
 THIN = {"supported": 25.02, "clamped": 42.86}
-"""Quoted values of thin plates: upper bound of the supported plate, lower bound of the clamped one.
+"""Quoted values for thin plates: upper bound of the supported plate, lower bound of the clamped
+one.
 """
 RTOL = 2e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""

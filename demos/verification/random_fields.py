@@ -8,8 +8,8 @@
 # drawn at the vertices of the first mesh and are linear between them, so that both bounds take the
 # field as it is. As the ground has no friction, the factor of the weight is the factor of safety.
 #
-# Field k is in `field_k.vtu`, and its proof, which the checker reads, in `field_k/bounds.h5`.
-# `fields.csv` has a row a field; a field with a row is not solved again.
+# Field k is in `field_k.vtu`, and its proof, which the checker reads, is in `field_k/bounds.h5`.
+# `fields.csv` has a row for each field; a field that has a row is not solved again.
 #
 #     ./fenicsx python3 demos/verification/random_fields.py
 
@@ -49,7 +49,7 @@ COLUMNS = ("seed", "lower", "upper", "cells", "seconds", "mean_cohesion")
 
 # %%
 def square_root(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return a matrix that maps independent normal numbers to the field of the logarithm."""
+    """Return a matrix that maps independent normal numbers to the logarithm of the field."""
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     variance = np.log(1 + VARIATION**2)
     return np.asarray(np.linalg.cholesky(variance * np.exp(-2 * apart / LENGTH)))
@@ -89,7 +89,7 @@ def write_field(
 
 
 # %% [markdown]
-# ## Its bounds
+# ## Bounds of a field
 
 
 # %%
@@ -123,7 +123,7 @@ def solve(folder: Path, seed: int, coarse: bool) -> dict[str, str]:
 
 
 def first_mesh(case: Case) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Return vertices and triangles of the mesh of a case."""
+    """Return the vertices and triangles of the mesh of a case."""
     geometry = case.tagged_mesh(MPI.COMM_SELF).mesh.geometry
     return geometry.x[:, :2].astype(np.float64), geometry.dofmap.astype(np.int64)
 
@@ -134,7 +134,7 @@ def of_file(seed: int) -> str:
 
 
 def write_case(folder: Path, cohesion: str) -> Path:
-    """Write the case with a cohesion, and return its file, beside which the mesh is kept."""
+    """Write the case with a cohesion, and return its file; the mesh is stored beside it."""
     text = CASE.read_text(encoding="utf-8")
     assert COHESION in text
     (folder / CASE.name).write_text(text.replace(COHESION, cohesion), encoding="utf-8")
@@ -142,7 +142,7 @@ def write_case(folder: Path, cohesion: str) -> Path:
 
 
 def known(path: Path) -> dict[int, dict[str, str]]:
-    """Return the rows of fields that are solved, by their seeds."""
+    """Return the rows of solved fields, by seed."""
     if not path.is_file():
         return {}
     with path.open(encoding="utf-8", newline="") as file:
@@ -150,7 +150,7 @@ def known(path: Path) -> dict[int, dict[str, str]]:
 
 
 # %% [markdown]
-# ## All of them
+# ## All fields
 
 
 # %%
@@ -193,7 +193,7 @@ def draw_field(folder: Path, row: dict[str, str], picture: Path) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve all fields that have no row, and check the widths."""
+    """Solve all fields that have no row, and check the widths of their brackets."""
     parser = argparse.ArgumentParser(description="200 random fields of one slope.")
     parser.add_argument("-o", "--output", type=Path, default=Path("results/random_fields"))
     parser.add_argument("--coarse", action="store_true", help="two fields on coarse meshes")

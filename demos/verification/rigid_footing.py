@@ -1,25 +1,26 @@
 # %% [markdown]
-# # A rough rigid footing under loads that lean and turn
+# # A rough rigid footing under inclined and eccentric loads
 #
 # The footing is a surface of the ground that moves as a rigid body: a rough plate. A central load V
-# carries Prandtl's pressure (2 + π) k on its width of 2, as in the case of the strip footing; the
-# values here are above it. Beside a horizontal load H the footing of width B carries
+# reaches Prandtl's pressure (2 + π) k on the width 2, as for the strip footing; the values here are
+# above it. With a horizontal load H, a footing of width B carries
 #
 #     V = kB (1 + π − arcsin(H/kB) + √(1 − (H/kB)²))
 #
 # (A. P. Green, The plastic yielding of metal junctions due to combined shear and pressure, J. Mech.
-# Phys. Solids 2, 1954), and the values come nearer to that by nearly a half with each mesh. Beside
-# a moment M the central load bounds V. The sign of H and M makes no difference, as the mesh is its
-# own mirror image: the loads of both signs are a row each, and the second is compared with the
-# first. Each is known to the tolerance of the search; where both take as many steps they agree to
-# rounding.
+# Phys. Solids 2, 1954). Each finer mesh reduces the error of the values by almost a half. With a
+# moment M, the central load is an upper bound of V. The sign of H and M has no effect, since the
+# mesh is symmetric. The table has a row for each sign, and compares the second row with the first.
+# Each value is accurate to the tolerance of the search; if both searches take equally many steps,
+# they agree apart from rounding.
 #
-# The limit load of the body is bracketed by strict bounds on adapted meshes of 4 000 cells: half
-# of the footing under the central load, and all of it under loads that lean and turn. What is known
-# has to lie between. All pairs of V and H that are carried are between two polygons, which after at
-# most twelve directions are 1 % apart along any ray, and Green's curve is between them. So are all
-# pairs of V and M, of which no exact curve is known. As a mirror image changes the sign of H and M,
-# and all signs may change together, the pairs above zero show the whole.
+# Strict bounds on adapted meshes of 4 000 cells bracket the limit load of the body: half of the
+# footing under the central load, and the whole footing under inclined and eccentric loads. Known
+# values must lie between the bounds. All pairs of V and H that are carried lie between two
+# polygons. After at most twelve directions the polygons are 1 % apart along any ray, and Green's
+# curve lies between them. The same holds for pairs of V and M, for which no exact curve is known. A
+# mirror image changes the signs of H and M, and all signs may change together. So positive pairs
+# represent all pairs.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/rigid_footing.py
 
@@ -62,16 +63,16 @@ LOADS = {
 """H and M of loads with V = 1."""
 PRANDTL = (2 + math.pi) * SHEAR
 ALLOWED = {"central": (0.2, 0.015), "half": (0.1, 0.015), "inclined": (0.1, 0.025)}
-"""Largest relative error against known values, and edge length for it."""
+"""Largest relative error against known values, and the edge length for which it holds."""
 BOUNDED, TOLERANCE = 0.015, 1e-4
 
 WIDTHS, QUICK = {"central": 0.006, "inclined": 0.015, "eccentric": 0.015}, 0.2
-"""Widths of strict brackets by load; and the width of a quick run."""
+"""Widths of strict brackets by load, and the width for a quick run."""
 CELLS = 4000
 APART, FOR_POLYGONS = 0.01, Adaptation(until=0.004, cells=25000)
 """Largest distance of the polygons of V and H, and the adaptation of each direction's mesh."""
 UNIT = 5 * SHEAR
-"""Unit of V/B, near the limit load, so that directions are spread evenly."""
+"""Unit of V/B, close to the limit load, which spaces the directions evenly."""
 
 
 def green(lean: float) -> float:
@@ -87,7 +88,7 @@ def green(lean: float) -> float:
 
 # %%
 def half(folder: ResultFolder, size: float) -> Row:
-    """Return the central load on half of the footing, held at its plane of symmetry. Collective."""
+    """Return the central load on half of the footing, held on its plane of symmetry. Collective."""
     began = time.perf_counter()
     problem = Problem(
         mesh(folder, write_strip_footing, size=size, punch=False),
@@ -116,7 +117,7 @@ def half(folder: ResultFolder, size: float) -> Row:
 
 # %%
 def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
-    """Return strict bounds of the bodies, with the known values. Collective."""
+    """Return strict bounds of the bodies, compared with the known values. Collective."""
     began = time.perf_counter()
     across, moment = LOADS[case]
     central = case == "central"
@@ -165,7 +166,7 @@ def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
 
 
 def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return proven polygons outside and inside Green's curve, and those of V and M. Collective."""
+    """Return polygons around and inside Green's curve, and polygons of V and M. Collective."""
     began = time.perf_counter()
     push, shove = Force("footing", (0.0, -2 * UNIT)), Force("footing", (2 * SHEAR, 0.0))
     turn = Force("footing", (), 6 * SHEAR)
@@ -185,7 +186,7 @@ def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
         v, h = math.cos(math.radians(angle)) * UNIT / SHEAR, math.sin(math.radians(angle))
         if angle == 0:
             known = (2 + math.pi) / v
-        elif v <= (1 + math.pi / 2) * h:  # where H = kB the curve goes straight down
+        elif v <= (1 + math.pi / 2) * h:  # at H = kB the curve is a vertical line
             known = 1 / h
         else:
             known = green(h / v) / SHEAR / v

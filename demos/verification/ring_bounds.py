@@ -1,19 +1,19 @@
 # %% [markdown]
-# # Bounds of bodies of revolution
+# # Bounds for bodies of revolution
 #
-# By half a section, from both sides, of von Mises' bodies with the yield stress 1: a tube between
+# The model is half of a section. The bodies have von Mises' law with yield stress 1: a tube between
 # smooth planes, p = (2/√3) ln(b/a), a sphere, p = 2 ln(b/a), whose section is a polygon, and
-# circular footings. No exact load of these is known. They lie between those of two Tresca
-# materials, 2.845 and 3.285 of a smooth footing and 3.025 and 3.493 of a rough one
-# (R. T. Shield, Proc. R. Soc. A 233, 1955; G. Eason, R. T. Shield, ZAMP 11, 1960).
+# circular footings. No exact load of these footings is known. Their limit loads lie between those
+# of two Tresca materials: 2.845 and 3.285 for a smooth footing, 3.025 and 3.493 for a rough one (R.
+# T. Shield, Proc. R. Soc. A 233, 1955; G. Eason, R. T. Shield, ZAMP 11, 1960).
 #
-# - The smooth one is a uniform pressure, under which the ground may sink as it likes.
-# - The rough one is a rigid surface: its tractions are any that have the force, and it moves along
-#   the axis and no otherwise.
+# - The smooth footing is a uniform pressure, under which the ground moves freely.
+# - The rough footing is a rigid surface. Its tractions are arbitrary with a given resultant force,
+#   and it moves only along the axis.
 #
-# The last two are smooth footings on Mohr–Coulomb ground of the cohesion 1: a strong punch in
-# contact. Their N_c is that of characteristics (A. D. Cox, G. Eason, H. G. Hopkins, Phil. Trans. R.
-# Soc. A 254, 1961).
+# The last two cases are smooth footings on Mohr–Coulomb ground with cohesion 1: a strong punch in
+# contact. Their N_c comes from the method of characteristics (A. D. Cox, G. Eason, H. G. Hopkins,
+# Phil. Trans. R. Soc. A 254, 1961).
 #
 #     ./fenicsx python3 demos/verification/ring_bounds.py
 
@@ -55,7 +55,7 @@ CELLS = 4000
 N_C = {10.0: 9.987, 20.0: 20.077}
 """N_c of smooth circular footings, by the angle of friction (degrees)."""
 DILATING = 0.02
-"""Gap of the bounds of these footings."""
+"""Gap of the bounds for these footings."""
 
 
 # %%

@@ -1,15 +1,17 @@
 # %% [markdown]
 # # Factors of safety
 #
-# Strict bounds of factors of safety, their width, and how many bounds they take. Each mesh takes a
-# lower and an upper one, and each further F one.
+# The demo checks strict bounds of factors of safety, their width, and the number of bounds that
+# they require. Each mesh requires a lower and an upper bound, and each further F requires one
+# bound.
 #
-# - Ground that is glued to other bodies: a gravity wall, a footing of steel beside a slope, sand on
-#   clay, and a strip in the slope of ACADS 1(a). They are to be within 1 % after 12 bounds.
-# - A slope of sand of φ = 32° at 21.8°, as its cohesion goes to zero: F tends to tan φ/tan β, which
-#   is 1.5622. They are to be within 2 %.
-# - Slopes of one ground beside log spirals, which are mechanisms: D. V. Griffiths and P. A. Lane
-#   (Géotechnique 49 (1999), 387), ACADS 1(a), and a slope of 45°.
+# - Ground that is glued to other bodies: a gravity wall, a footing of steel near a slope, sand on
+#   clay, and a strip in the slope of ACADS 1(a). The brackets must be narrower than 1 % after 12
+#   bounds.
+# - A slope of sand with φ = 32° at 21.8°, as its cohesion tends to zero: F tends to tan φ/tan β =
+#   1.5622. The brackets must be narrower than 2 %.
+# - Homogeneous slopes, compared with log spirals, which are mechanisms: D. V. Griffiths and P. A.
+#   Lane (Géotechnique 49 (1999), 387), ACADS 1(a), and a slope of 45°.
 #
 #     ./fenicsx python3 demos/verification/safety_factors.py
 

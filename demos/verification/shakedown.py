@@ -1,21 +1,22 @@
 # %% [markdown]
 # # Shakedown
 #
-# - A thick tube in plane strain whose pressure comes and goes: twice the pressure of first yield
-#   (alternating plasticity), or the limit load if that is less, p = 2k ln(b/a).
-# - A wall under a steady pull x whose gradient of temperature comes and goes, y, in units of σ_y:
-#   x + y/4 ≤ 1, above which it gets longer with each cycle, and y ≤ 2, above which its faces flow
-#   to and fro (J. Bree, Journal of Strain Analysis 2 (1967), 226). Half of a narrow sheet, whose
-#   middle stays straight, with an elastic end, where stresses are not those of the wall.
-# - A beam on two supports and a load over c that moves along it: nothing is left to shake down to
-#   once the load stands in the middle, P (L/4 − c/8) = σ_y h²/4. A slender one, since the load
-#   spreads over its height.
-# - A round plate with a hole under two tensions that come and go by themselves: the edge of the
-#   hole flows to and fro, K p₁ − K' p₂ ≤ 2σ_y, by Airy's functions.
-# - The square plate with a hole of a fifth of its width, in plane stress, on which methods are
-#   compared since T. Belytschko, Int. J. Mech. Sci. 14 (1972), 619. Of one tension, of another of
-#   half of it and of two of equal size K. Krabbenhøft, A. V. Lyamin, S. W. Sloan, Int. J. Solids
-#   Struct. 44 (2007), 1533 have 0.595, 0.499 and 0.430 (as later papers quote them).
+# - A thick tube in plane strain under a cyclic pressure. Its shakedown load is twice the pressure
+#   at first yield (alternating plasticity), or the limit load p = 2k ln(b/a) if this is less.
+# - A wall under a constant tension x with a cyclic temperature gradient y, both in units of σ_y.
+#   Above x + y/4 = 1 the wall lengthens in each cycle. Above y = 2 its faces yield alternately (J.
+#   Bree, Journal of Strain Analysis 2 (1967), 226). The model is half of a narrow sheet whose
+#   middle remains straight, with an elastic end, where stresses differ from those of the wall.
+# - A beam on two supports with a load over the length c that moves along it. When the load is in
+#   the middle, no shakedown is possible above the limit load, P (L/4 − c/8) = σ_y h²/4. The beam is
+#   slender, since the load spreads over its height.
+# - A round plate with a hole under two independent cyclic tensions. The edge of the hole yields
+#   alternately unless K p₁ − K' p₂ ≤ 2σ_y, by Airy's functions.
+# - The square plate with a hole of a fifth of its width, in plane stress, which is a benchmark
+#   since T. Belytschko, Int. J. Mech. Sci. 14 (1972), 619. K. Krabbenhøft, A. V. Lyamin, S. W.
+#   Sloan, Int. J. Solids Struct. 44 (2007), 1533 have 0.595 for one tension, 0.499 with a second
+#   tension of half its size, and 0.430 with a second tension of equal size (as later papers quote
+#   them).
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/shakedown.py
 
@@ -58,14 +59,14 @@ CLOSE, NEAR, ROUGHLY = 0.005, 0.01, 0.02
 
 
 def of(case: str, quantity: str, problem: Problem, *numbers: float | int) -> Row:
-    """Return a row of a mesh; ``numbers`` are computed, exact, allowed, solves, seconds."""
+    """Return a row for a mesh; ``numbers`` are computed, exact, allowed, solves, seconds."""
     computed, exact, allowed, solves, seconds = numbers
     about = (case, quantity, f"P{problem.degree}", 1.0, problem.num_dofs)
     return Row(*about, computed, exact, allowed, int(solves), seconds)
 
 
 # %% [markdown]
-# ## Loads that come and go
+# ## Cyclic loads
 
 
 # %%
@@ -150,7 +151,7 @@ def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
 
 
 def pair(row: Direction) -> tuple[float, float]:
-    """Return both factors of a direction; nan where none was found."""
+    """Return the two factors of a direction; nan where none was found."""
     if row.first is None or row.second is None:
         return math.nan, math.nan
     return row.first, row.second
@@ -183,8 +184,8 @@ def bree(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 def hoop(radius: float) -> tuple[float, float]:
     """Return the extreme hoop stresses at a hole of radius 1 in a round plate under unit tension.
 
-    By Airy's functions (A r² + B r⁴ + C/r² + D) cos 2θ and that of Lamé; 3 and −1 (G. Kirsch 1898)
-    of an infinite one.
+    The solution consists of Airy's functions (A r² + B r⁴ + C/r² + D) cos 2θ and of Lamé's
+    solution. For an infinite plate the stresses are 3 and −1 (G. Kirsch 1898).
     """
     b = radius**2
     rows = [

@@ -13,7 +13,7 @@ Line = Sequence[tuple[float, float]]
 """Points (x, y) of a slip line."""
 
 SHARPEST = 0.2
-"""Share of the plastic work in the cells that have the darkest colour."""
+"""Share of the plastic work in the cells with the darkest colour."""
 
 MARGIN = 0.25
 """Margin around the exact slip lines, relative to the size of their bounding box."""
@@ -40,10 +40,10 @@ def subfolder(folder: ResultFolder, name: str) -> ResultFolder:
 
 
 def draw_slip(folder: ResultFolder, title: str, exact: Sequence[Line] = ()) -> None:
-    """Draw ``slip.png``: plastic work of a mechanism, and exact slip lines. Collective.
+    """Draw ``slip.png``: plastic dissipation of a mechanism, and exact slip lines. Collective.
 
     Args:
-        folder: Results of a plane problem's limit load; the picture is written there.
+        folder: Results of a plane problem with a limit load; the picture is written there.
         title: Title of the picture.
         exact: Slip lines of the exact solution; the picture shows their neighbourhood.
     """

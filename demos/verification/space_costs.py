@@ -1,23 +1,25 @@
 # %% [markdown]
-# # What a per cent costs in space
+# # The cost of bounds in space
 #
-# Nine bodies in space between strict bounds, each after about a minute of one core, with the start
-# of the program, and one of them once more after some minutes. Of each the part between planes of
-# symmetry is meshed, by few cells that suit its hinges
+# The demo brackets nine bodies in space by strict bounds, each within about a minute on one core,
+# including the start of the program. One body is repeated with some minutes. The mesh covers the
+# part between planes of symmetry, with few cells that suit the hinges
 # ([meshes/sectors.py](../../meshes/sectors.py)):
 #
-# - the tutorial's **beam on its prop**, the demo's **two blocks**, an **L-bracket**: halves;
+# - the tutorial's **beam on its prop**, the demo's **two blocks**, and an **L-bracket**: halves;
 # - a smooth **square punch**, an elastic body in contact, and a **uniform pressure** on a square:
-#   eighths between a middle plane and a diagonal one; the pressure's bounds have a mesh each;
-# - a **cube between rough platens**, a sixteenth, whose platen is a rigid surface;
-# - a **thick sphere**, a 120th, a polyhedron for each bound ([why](bounds_in_space.py));
+#   eighths between a middle plane and a diagonal plane; each bound for the pressure has its own
+#   mesh;
+# - a **cube between rough platens**: a sixteenth, whose platen is a rigid surface;
+# - a **thick sphere**: a 120th, with a polyhedron for each bound ([why](bounds_in_space.py));
 # - a **cantilever** 5×1×1 under an end shear, a quarter, and a clamped **plate** 10×10×1 under a
-#   pressure, a sixteenth: stress is odd about the middle plane of what bends. A mechanism's mirror
-#   image, turned round, is one as well, and so is the mean of both, which moves across that plane
-#   alone: it is held in its plane. Half the load acts on each half; half the plate's pressure on
-#   either face differs from all on one by a hydrostatic stress that clamped sides take.
+#   pressure, a sixteenth. The bending stress is an odd function about the middle plane. The mirror
+#   image of a mechanism with the opposite sign is a mechanism as well, and so is the mean of both.
+#   In the middle plane this mean moves only normal to the plane, so the model holds it in its
+#   plane. Half of the load acts on each half. Half of the plate's pressure on each face differs
+#   from the whole pressure on one face by a hydrostatic stress, which clamped sides take.
 #
-# Metals are von Mises', with k = 1 but for the first two. Rates are from the second mesh on.
+# Metals have von Mises' law, with k = 1 except for the first two. Rates start at the second mesh.
 #
 #     OMP_NUM_THREADS=1 ./fenicsx python3 demos/verification/space_costs.py
 
@@ -60,12 +62,12 @@ from perfplast_fenicsx.materials import Material
 TITLE = "What a per cent costs in space"
 RTOL = 1e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""
-NARROWER = 1e-3  # gap that no case comes down to, as cells end it
-ONE_MESH = 1  # cell that no finer mesh may have: the first mesh is the only one
+NARROWER = 1e-3  # gap below that of all cases: the number of cells ends each
+ONE_MESH = 1  # largest number of cells: only the first mesh is used
 S235 = VonMises(young=210e3, poisson=0.3, yield_stress=235.0)
 Y0, OBLIQUE = Support("y0", "y"), Support("oblique", "normal")
 MIDDLE = Support("z0", "xy")
-"""Support of bent bodies in their plane."""
+"""Support that holds the middle plane of bent bodies in its plane."""
 EXACT = 2 * math.sqrt(3) * math.log(OUTER / INNER)
 SIZES = {"inner": 0.065, "outer": 0.09}
 """Edge lengths of the sphere's elements, for the lower and the upper bound."""
@@ -76,19 +78,20 @@ STARTED = sum(os.times()[:4])
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, with the gap that its bounds should reach.
+    """A problem, and the gap that its bounds should reach.
 
     Attributes:
         name: Name in the table.
-        write: Makes the first mesh.
-        materials: Materials of its volumes.
-        supports: Its supports, including planes of symmetry.
-        loads: Its loads.
+        write: Function that makes the first mesh.
+        materials: Materials of the volumes.
+        supports: Supports, including planes of symmetry.
+        loads: Loads.
         asked: Gap (percent) to reach, and largest number of cells.
-        coarse: Gap on the first mesh for a quick run; None to leave the case out.
-        contacts: Contacts between its bodies.
+        coarse: Gap on the first mesh for a quick run; None if a quick run omits the case.
+        contacts: Contacts between the bodies.
         rigid: Rigid surfaces.
-        above: Makes the first mesh of the upper bound; then ``write`` makes that of the lower one.
+        above: Function that makes the first mesh for the upper bound; ``write`` then makes the mesh
+            for the lower bound.
     """
 
     name: str
@@ -193,7 +196,7 @@ class Clock:
 
     Attributes:
         comm: Communicator; the times of its ranks are added.
-        below: A lower bound of another mesh, if any.
+        below: A lower bound from another mesh, if there is one.
         reached: Cells, gap and seconds after each mesh.
     """
 
@@ -208,7 +211,7 @@ class Clock:
         return float(self.comm.allreduce(sum(os.times()[:4])))
 
     def seconds(self) -> float:
-        """Return the processor time (s) so far, including the start of the program. Collective."""
+        """Return the processor time (s) so far, including the program's start. Collective."""
         return self._now() - self.began + self.comm.size * STARTED
 
     def mesh(self, round_: Round) -> None:
@@ -259,7 +262,7 @@ def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveB
 
 
 def apart(clock: Clock, below: Problem, above: Problem, cells: int) -> AdaptiveBounds:
-    """Return a lower bound on one mesh, and upper bounds on other, adapted ones. Collective."""
+    """Return a lower bound on one mesh, and upper bounds on other, adapted meshes. Collective."""
     low = adaptive_bounds(below, Adaptation(NARROWER, ONE_MESH), RTOL)
     clock.below = low.lower.value
     found = adaptive_bounds(above, Adaptation(NARROWER, cells), RTOL, clock.mesh)
@@ -301,7 +304,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     told = [("gap in %", 100 * (high / low - 1), 20.0 if coarse else 1.0)]
     told += [("below, exact", low, EXACT), ("exact, above", EXACT, high)]
     for surface, body in zip(SIZES, polyhedra, strict=True):
-        if not coarse:  # a proof is one of one body
+        if not coarse:  # a proof holds for a single body
             show_bounds(subfolder(folder, f"sphere_{surface}"), f"sphere, {surface}", body)
     return rows + at_most("thick sphere", found, seconds, told)
 

@@ -1,15 +1,15 @@
 # %% [markdown]
-# # Bounds of each kind of statement
+# # Bounds for each kind of problem
 #
-# Strict bounds of a strip footing, and of a strong punch on the same ground, k = 1, on one mesh
-# each: with constant loads, friction, ties, a rigid surface, around an axis, and several of them at
-# once.
+# The demo computes strict bounds of a strip footing, and of a strong punch on the same ground, with
+# k = 1 and one mesh for each. The problems have constant loads, friction, ties, a rigid surface,
+# axial symmetry, and combinations of these.
 #
-# - Both bounds are those that one rank found, to the tolerance of the search, on any number of
-#   ranks.
-# - What they cost is told beside frictionless loads that grow in proportion, on the same mesh: at
-#   most 1.5 times the factorisations, and at most 1.3 times the processor time of each, which is
-#   shown and not judged, as other work on the machine changes it.
+# - On any number of ranks, both bounds must equal those found on one rank, within the tolerance of
+#   the search.
+# - Their cost is compared with that of frictionless, proportional loads on the same mesh. The limit
+#   is 1.5 times the factorisations. The table also shows the processor time of each factorisation,
+#   about 1.3 times at most; it is not checked, since other work on the machine changes it.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/statements.py
 
@@ -45,21 +45,22 @@ TITLE = "Bounds of each kind of statement"
 TOLERANCE = 1e-4
 """Relative tolerance of each bound on its mesh."""
 MORE = 1.5
-"""Largest ratio of factorisations with and without the statement."""
+"""Largest ratio of factorisations with and without the additional statement."""
 REPEATED = 3
-"""Measurements of processor time, after one that is not counted."""
+"""Number of measurements of processor time, after one that is not counted."""
 GROUND, PUNCH = of_shear(1.0), of_shear(50.0)
 SEAM = ("ground_footing", "punch_footing")
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A problem with one more statement, and its known bounds.
+    """A problem with an additional statement, and its known bounds.
 
     Attributes:
         words: Name of the case.
-        beside: Name of the frictionless proportional case on the same mesh; that case names itself.
-        known: Both bounds, as computed on one rank.
+        beside: Name of the frictionless proportional case on the same mesh; for this case, its own
+            name.
+        known: Both bounds, computed on one rank.
         given: Arguments of :class:`Problem` that differ from those of the plain footing or punch.
         punch: Whether a strong punch rests on the ground.
         turned: Whether the bodies are axisymmetric.

@@ -1,27 +1,28 @@
 # %% [markdown]
 # # A strip footing in plane strain: Prandtl's problem
 #
-# A long footing of width 2 presses on the ground. A wedge below it goes down, two fans turn about
-# its edges, and a wedge on either side goes up, when the pressure is
+# A long footing of width 2 presses on the ground. It moves a wedge below it down, rotates two fans
+# about its edges, and moves a wedge on either side up, when the pressure is
 #
 #     p = (2 + π) k,   k = σ_y/√3
 #
 # (L. Prandtl, Über die Härte plastischer Körper, Nachr. Ges. Wiss. Göttingen 1920), whether the
-# footing is rough or smooth. The pressure is given here in two ways: on the ground itself, and on a
-# second body, a punch a thousand times as stiff that stands on the ground without friction. The
-# punch goes down as a whole, which the pressure does not ask for: a mesh has fewer mechanisms under
-# it, and a larger limit load. The punch may be meshed apart, with elements 2/3 as large.
+# footing is rough or smooth. Here the pressure acts in two ways: on the ground itself, and on a
+# second body. This punch is a thousand times as stiff and stands on the ground without friction.
+# The punch moves as a whole, which a pressure does not require. So a mesh has fewer mechanisms
+# under the punch, and a larger limit load. The punch may have a separate mesh, with elements that
+# are 2/3 as large.
 #
-# The ground is 6 half widths wide and deep instead of infinite. Its side is held in x; a free one
-# would let the ground split, at 4.56 k already.
+# The ground is 6 half-widths wide and deep instead of infinite. Its side is held in x; with a free
+# side, the ground would split at 4.56 k.
 #
-# At the edge of the footing the exact velocity jumps, and the stress has as many values as there
-# are directions of the fan. Elements there are ten times smaller than elsewhere.
+# At the edge of the footing the exact velocity jumps, and the stress depends on the direction
+# within the fan. Elements there are ten times smaller than elsewhere.
 #
-# An incompressible velocity of quadratic elements keeps the volume everywhere, so that its exact
-# plastic work would give an upper bound. That work is not a polynomial, however, and it is
-# integrated by three points a triangle: the values may lie on either side of the exact one.
-# Those here are above it. Linear triangles lock.
+# An incompressible velocity of quadratic elements preserves volume everywhere, so its exact plastic
+# work would give an upper bound. But this work is not a polynomial, and three points in each
+# triangle integrate it. So the values may lie on either side of the exact value. Here they are
+# above it. Linear triangles lock.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/strip_footing.py
 
@@ -67,12 +68,12 @@ def problem_of(
 
 
 # %% [markdown]
-# Besides each limit load, the error on the finest mesh is compared with that on the coarsest.
+# The demo also compares the error on the finest mesh with the error on the coarsest mesh.
 
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads by a uniform pressure and by punches. Collective."""
+    """Return limit loads for a uniform pressure and for punches. Collective."""
     sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
     rows = []
     cases = [("pressure", 1), ("pressure", 2), ("punch", 1), ("punch", 2)]

@@ -1,4 +1,4 @@
-"""Shared parts of verification cases: table rows, limit loads with pictures, command line."""
+"""Define shared parts of verification cases: table rows, limit loads, pictures, command line."""
 
 import argparse
 import math
@@ -28,27 +28,27 @@ from perfplast_fenicsx.pictures import draw
 from perfplast_fenicsx.problem import Prescribed
 
 MOST_FACTORISATIONS, MOST_SOLVES = 35, 80
-"""Largest numbers of factorisations and solves of the interior point method."""
+"""Largest numbers of factorisations and solves in the interior point method."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One computed number with its exact value.
+    """A computed number with its exact value.
 
     Attributes:
         case: Name of the case.
         quantity: Name of the computed quantity.
-        element: Such as "P2", or "P2, curved" on second-order geometry.
+        element: Name of the element, such as "P2", or "P2, curved" on second-order geometry.
         size: Edge length of the mesh, for rates.
         dofs: Displacement unknowns.
-        computed: The number.
+        computed: The computed number.
         exact: Exact value; 0 for differences that should vanish.
         allowed: Largest relative error (absolute if ``exact`` is 0); None if it is not checked.
         solves: Number of linear systems solved.
         seconds: Wall time (s).
         bound: Whether ``exact`` is an upper bound.
         factorisations: Number of factorisations of the interior point method, if it was used.
-        bracket: Strict bounds of the body, in words.
+        bracket: Strict bounds for the body, in words.
     """
 
     case: str
@@ -72,7 +72,7 @@ class Row:
 
     @property
     def right(self) -> bool:
-        """Return whether the error and the work of a direct limit load are allowed."""
+        """Return whether the error and the work of a direct limit load are within limits."""
         if self.factorisations is not None and (
             self.factorisations > MOST_FACTORISATIONS or self.solves > MOST_SOLVES
         ):
@@ -84,11 +84,11 @@ class Row:
 
 
 Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
-"""Function of communicator, folder and whether meshes are coarse: it solves and draws a case."""
+"""Function of communicator, folder and a flag for coarse meshes; it solves and draws a case."""
 
 
 def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> TaggedMesh:
-    """Write a mesh by a generator of ``meshes/`` and read it on all ranks. Collective."""
+    """Write a mesh with a generator of ``meshes/``, and read it on all ranks. Collective."""
     path, fault = folder.file(f"{write.__name__.removeprefix('write_')}.msh"), None
     if folder.comm.rank == 0:
         try:
@@ -106,7 +106,7 @@ class Collapse:
     Attributes:
         problem: The problem.
         limit: Bounds, mechanism and levels.
-        bracket: Strict bounds of the body.
+        bracket: Strict bounds for the body.
         seconds: Wall time (s) of the limit load alone.
     """
 
@@ -236,7 +236,7 @@ def rates(rows: Sequence[Row]) -> list[str]:
 
 
 def orders(rows: Sequence[Row]) -> list[float]:
-    """Return the orders of convergence from mesh to mesh; rounding errors are left out."""
+    """Return the orders of convergence from mesh to mesh, except for rounding errors."""
     found = []
     for coarse, fine in pairwise(rows):
         if min(abs(coarse.error), abs(fine.error)) > 1e-5 and coarse.size > fine.size:
@@ -267,7 +267,7 @@ def run(title: str, study: Study, argv: Sequence[str] | None = None) -> None:
     """Run a case from the command line: solve, print the table and check it. Collective.
 
     Raises:
-        SystemExit: If a number is wrong, on every rank.
+        SystemExit: If a number is wrong; raised on every rank.
     """
     parser = argparse.ArgumentParser(description=title)
     name = title.lower().replace(",", "").replace(" ", "_")

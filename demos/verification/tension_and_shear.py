@@ -1,20 +1,20 @@
 # %% [markdown]
-# # Tension and shear that do not grow together: a benchmark of another program
+# # Tension and shear along different paths: a benchmark of another program
 #
-# A cube is pulled by σ and sheared by τ, at first together, then the shear is taken back while the
-# tension goes on, so that the direction of stress turns:
+# A cube is under the tension σ and the shear τ. At first both increase together; then the shear
+# decreases while the tension increases further, so the direction of the stress rotates:
 #
 #     (σ, τ) = (0, 0), A (151.2, 93.1), B (257.2, 33.1), and with kinematic hardening C (259.3, 0).
 #
-# It is SSNP14 (kinematic) and SSNP15 (isotropic hardening) of Code_Aster's validation manual
-# (V6.03.014 and V6.03.015, https://code-aster.org), after the guide VPCS of AFNOR. Young's modulus
-# is 195000, σ_y = 181, the tangent of the curve E_T = 1930, so that the modulus of hardening is
-# E E_T/(E − E_T). Strains at A are those of a single step; at B and C the numbers that Code_Aster
-# finds with 40 (isotropic) and 30 + 30 (kinematic) steps of the same implicit Euler, which are
-# taken here too, and the guide's, of infinitely many steps, which these approach.
+# This is SSNP14 (kinematic hardening) and SSNP15 (isotropic hardening) of Code_Aster's validation
+# manual (V6.03.014 and V6.03.015, https://code-aster.org), after the guide VPCS of AFNOR. Young's
+# modulus is 195000, σ_y = 181, and the tangent modulus E_T = 1930, so the hardening modulus is E
+# E_T/(E − E_T). The strains at A come from a single step. At B and C Code_Aster uses 40 (isotropic)
+# and 30 + 30 (kinematic) steps of the same implicit Euler method, which this demo repeats. The
+# values of the guide hold for infinitely many steps, and the numbers converge to them.
 #
-# Nothing but an elastic pad, softer by nine powers of ten, holds the cube along x: no plane across
-# it keeps its place.
+# Along x, only an elastic pad holds the cube, which is softer by nine powers of ten. So no plane
+# across the cube is fixed.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/tension_and_shear.py
 
@@ -71,14 +71,14 @@ AT_B = (0.035324711958965, 0.020351415903945)
 GUIDE_B = (0.035265, 0.020471)
 KINEMATIC_B = (0.040661299997639, 0.019780067836272)
 KINEMATIC_C = (0.044151267768728, 0.019085331590312)
-"""Reference values of ε_xx and ε_xy."""
+"""Reference values of ε_xx and ε_xy at C, with kinematic hardening."""
 SAME_STEPS, MORE_STEPS = 1e-6, 1e-3
 """Largest relative differences of strains; the manual allows 1e-2."""
 
 
 # %%
 def _at(axis: int, place: int) -> Callable[[npt.NDArray[np.int64]], npt.NDArray[np.bool_]]:
-    """Return a function that marks the points of a grid in a plane."""
+    """Return a function that marks the points of a grid on a plane."""
     return lambda x: x[axis] == place
 
 
@@ -97,7 +97,7 @@ def strains(
 ) -> tuple[list[npt.NDArray[np.float64]], Problem, list[Level]]:
     """Return ε_xx and ε_xy at the end of each stage, the problem and its levels. Collective.
 
-    The strains are the works of loads of 1 on a cube of side 1.
+    The strains equal the works of unit loads on a cube of side 1.
     """
     supports = [Support("front", "y"), Support("below", "z"), Support("end", "x")]
     problem = Problem(

@@ -1,18 +1,20 @@
 # %% [markdown]
 # # Total FETI: iterations against subdomains
 #
-# Two steel blocks on each other, clamped at one end, the upper one pressed down with ζ. With
-# `contact_solver = "tfeti"` they are cut into cubes, each of them the same small mesh, and contact
-# and glue become forces between them. A coarse problem, the balance of all cubes, tells every cube
-# of every other at once: so the number of products with the dual operator hardly depends on how
-# many there are, as long as each has as many cells (H/h).
+# Two steel blocks lie on each other, clamped at one end, and ζ presses the upper block down. With
+# `contact_solver = "tfeti"` they are divided into cubes with equal small meshes, and forces between
+# the cubes replace contact and glue. A coarse problem, the balance of all cubes, couples all cubes
+# at once. So the number of products with the dual operator hardly depends on the number of cubes,
+# if each cube has equally many cells (H/h).
 #
-# The ranks get whole cubes: the products are those of the cubes, however many ranks there are.
+# Each rank gets whole cubes, so the number of products does not depend on the number of ranks.
 #
-# In plastic flow it does depend: the tangent of a cube that flows has, besides its rigid motions,
-# others that cost next to nothing, and the coarse problem knows nothing of them.
+# In plastic flow the number of products does depend on the number of cubes. The tangent of a cube
+# in plastic flow has motions with almost no energy in addition to its rigid motions, and the coarse
+# problem does not contain them.
 #
-# **Limits.** Linear elements, and small cubes; products, not times.
+# **Limits.** The elements are linear, and the cubes are small. The demo counts products and
+# measures no times.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/tfeti_scaling.py
 
@@ -57,7 +59,7 @@ GROWTH = 1.3
 def blocks(comm: MPI.Intracomm, cubes: tuple[int, int, int], n: int) -> TaggedMesh:
     """Return two bodies of unit cubes with n cells along an edge; each rank gets whole cubes."""
     each = math.prod(cubes)
-    steps = np.array([1, cubes[0], cubes[0] * cubes[1]])  # body by body, as they lie in z
+    steps = np.array([1, cubes[0], cubes[0] * cubes[1]])  # body by body, upwards in z
 
     def rank_of(middles: np.ndarray) -> np.ndarray:
         return (np.floor(middles).astype(np.int32) @ steps) * comm.size // (2 * each)

@@ -1,22 +1,23 @@
 # %% [markdown]
 # # A thick sphere under inner pressure
 #
-# A shell of inner radius a and outer radius b = 2a yields from the inside. While the plastic zone
-# reaches as far as the radius c,
+# A shell of inner radius a and outer radius b = 2a yields from the inside. When the plastic zone
+# extends to the radius c,
 #
 #     p = 2σ_y ln(c/a) + (2σ_y/3)(1 − c³/b³),
 #     u(a) = σ_y (1 − ν) c³/(E a²) − (1 − 2ν) p a/E,
 #
-# and at c = b it is all plastic: p = 2σ_y ln(b/a), 332.7 for σ_y = 240, whatever more is done to it
-# (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V). An octant is solved here
-# for prescribed work α = L(u) = (4πa²/8) u(a), at first yield, between, and on the plateau, which
-# gives the whole curve ζ(α) to compare. What is divided at a radius of 1.4a into two shells, one in
-# the other without friction, has the same solution: a test of contact on a curved surface.
+# and at c = b it is completely plastic: p = 2σ_y ln(b/a), or 332.7 for σ_y = 240, at any larger
+# deformation (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Here an
+# octant is solved for prescribed work α = L(u) = (4πa²/8) u(a), at first yield, beyond it, and on
+# the plateau. So the demo compares the whole curve ζ(α). A sphere that is divided at a radius of
+# 1.4a into two shells without friction has the same solution. This tests contact on a curved
+# surface.
 #
-# Plastic flow keeps the volume at every point where the law is evaluated. Of linear tetrahedra
-# there are five to six for each node, and they cannot flow at all: their ζ rises for ever.
-# Quadratic ones have about as many conditions as unknowns, and limit loads that are a little too
-# large.
+# Plastic flow preserves volume at every point at which the constitutive law is evaluated. A mesh
+# has five to six linear tetrahedra for each node, and they cannot flow at all: their ζ increases
+# without limit. Quadratic tetrahedra have about as many conditions as unknowns, and their limit
+# loads are slightly too large.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_sphere.py
 
@@ -92,10 +93,10 @@ def exact_points(radii: int) -> Points:
 # %% [markdown]
 # ## Solve
 #
-# At collapse, quadratic tetrahedra give way little by little: from full plasticity to a thousand
-# times the work, ζ creeps up by 0.1 to 0.3 % on these meshes, to its limit there. For the divided
-# shell this is not followed as far. The corner nodes of a quadratic face carry next to nothing of a
-# uniform pressure, so that it takes hundreds of linear systems then to tell which of them push.
+# At collapse, quadratic tetrahedra yield gradually. From full plasticity to a thousand times the
+# work, ζ increases by 0.1 to 0.3 % on these meshes to its limit. The demo does not follow the
+# divided shell as far. The corner nodes of a quadratic face carry almost nothing of a uniform
+# pressure, so hundreds of linear systems are needed to find which of them push.
 
 
 # %%
@@ -199,8 +200,8 @@ def row(
 # %% [markdown]
 # ## The picture
 #
-# Left the curves; right, for one level, the equivalent stress σ_θ − σ_r at all points where the law
-# is evaluated: σ_y as far as c, and σ_y (c/r)³ beyond.
+# The left part shows the curves. The right part shows, for one level, the equivalent stress σ_θ −
+# σ_r at all points at which the law is evaluated: σ_y up to c, and σ_y (c/r)³ beyond.
 
 # %%
 HALF = 3

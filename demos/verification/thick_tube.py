@@ -1,20 +1,21 @@
 # %% [markdown]
 # # A thick tube under inner pressure, in plane strain
 #
-# A long tube of inner radius a and outer radius b yields from the inside; it bursts when the
-# plastic zone has reached its outer face. Then σ_θ − σ_r = 2k everywhere, with k = σ_y/√3, and
+# A long tube of inner radius a and outer radius b yields from the inside. It collapses when the
+# plastic zone reaches its outer surface. Then σ_θ − σ_r = 2k everywhere, with k = σ_y/√3, and
 #
 #     p = 2k ln(b/a),
 #
-# whatever the elastic constants are: with b/a = 1.3 and σ_y = 250, p = 75.74 (R. Hill, The
-# Mathematical Theory of Plasticity, Oxford 1950, chapter V).
+# for any elastic constants. With b/a = 1.3 and σ_y = 250, p = 75.74 (R. Hill, The Mathematical
+# Theory of Plasticity, Oxford 1950, chapter V).
 #
-# The same tube may be made of two, one in the other, without friction. By symmetry nothing is
-# sheared at their interface and the pressure there holds it closed, so that the solution is the
-# same: a test of contact on curved surfaces.
+# The same tube may consist of two tubes, one in the other, without friction. By symmetry the shear
+# at their interface is zero, and the pressure keeps the interface closed. So the solution is the
+# same. This tests contact on curved surfaces.
 #
-# Linear triangles lock: each must keep its area in plastic flow, and there are about two of them
-# for each node, which has two unknowns. Their limit load is too large: how much is the mesh's luck.
+# Linear triangles lock. Each triangle must preserve its area in plastic flow, but there are about
+# two triangles for each node with its two unknowns. Their limit load is too large; the amount
+# depends on the mesh.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_tube.py
 

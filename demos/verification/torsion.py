@@ -1,20 +1,22 @@
 # %% [markdown]
 # # Torsion of bars
 #
-# A bar is twisted by its end, which is turned as a rigid one in its plane and may warp. The torque
-# rises to that of a heap of sand on the section (A. Nádai, Plasticity, 1931), with k = σ_y/√3:
+# A bar is twisted at its end, whose section rotates rigidly in its plane and may warp. The torque
+# increases to that of Nádai's sand hill on the section (A. Nádai, Plasticity, 1931), with k =
+# σ_y/√3:
 #
 #     round bar, radius 1:  T = 2πk/3        square bar, side 1:  T = k/3
 #
 # The round bar does not warp, and at the twist θ > θ_el = k/G it has T/T_el = (4 − (θ_el/θ)³)/3.
-# Its limit is also that of a traction k along circles on the end, a formula in x and y. Twisted to
-# 2θ_el and unloaded, it keeps the twist (2 − 31/24)θ_el, since T/T_el = 31/24 at 2θ_el and back it
-# is elastic. The traction k min(2r, 1) along circles is that of the twist 2θ_el; the bar is then so
-# long that the half of it behind the end feels the torque alone.
+# Its limit load is also that of a traction k along circles on the end, given as a formula in x and
+# y. After twisting to 2θ_el and unloading, the twist (2 − 31/24)θ_el remains, since T/T_el = 31/24
+# at 2θ_el and unloading is elastic. The traction k min(2r, 1) along circles belongs to the twist
+# 2θ_el. For this case the bar is long enough that the half away from the end depends only on the
+# torque.
 #
-# By symmetry a quarter is enough: on the planes x = 0 and y = 0 nothing moves within the plane. A
-# slice of one element is as good as a long bar. ζ is the angle, the driving force the torque of the
-# quarter.
+# By symmetry a quarter suffices: on the planes x = 0 and y = 0 points do not move within the plane.
+# A slice of one element replaces a long bar. ζ is the angle, and the driving force is the torque of
+# the quarter.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/torsion.py
 
@@ -73,7 +75,7 @@ def twisted(
     """Return rows of torques at given twists. Collective.
 
     Args:
-        folder: Folder of pictures; None to draw none.
+        folder: Folder for pictures; None to draw no pictures.
         case: Name of the case.
         bar: Mesh of a quarter of a slice that is one element long.
         size: Edge length of the element.
@@ -197,7 +199,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
         pictures = subfolder(folder, "square") if size == sizes[-1] else None
         rows += twisted(pictures, "square bar", bar, size, {TWISTS[-1]: SQUARE})
     partly = ROUND / 4 * (4 - TWISTS[1] ** -3)
-    along = "sqrt(x*x + y*y + 1e-20)"  # not 0/0 on the axis
+    along = "sqrt(x*x + y*y + 1e-20)"  # avoids 0/0 on the axis
     traction = Traction("z1", (f"-y/{along}", f"x/{along}", 0.0))
     sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
     for size in sizes:

@@ -1,7 +1,7 @@
 """Run all verification cases and print one table: ``make verify``, on any number of ranks.
 
-Each case is a module of this folder with a function ``study``. Its pictures are in a folder of its
-name. The exit status is 1 if a number is wrong; all cases are solved first.
+Each case is a module of this folder with a function ``study``. Its pictures are in a folder with
+the name of the module. The exit status is 1 if a number is wrong, after all cases have been solved.
 """
 
 import argparse
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Solve the cases and print the table. Collective.
 
     Raises:
-        SystemExit: If a number is wrong, on every rank.
+        SystemExit: If a number is wrong; raised on every rank.
     """
     parser = argparse.ArgumentParser(description="All verification cases in one table.")
     parser.add_argument("-o", "--output", default="results/verification", help="for pictures")

@@ -1,19 +1,22 @@
 # %% [markdown]
-# # A wall that rubs, from both sides
+# # Bounds for a wall with friction
 #
-# A stiff wall of height 1 is pushed against ground of the angle of friction φ without cohesion and
-# weight, beside a surcharge of 1, or lets it follow. Wall and ground have a joint of the angle δ
-# that parts as it slips. The wall does not turn, and the force along its way is
+# A stiff wall of height 1 is pushed against ground with the angle of friction φ, without cohesion
+# and weight, under a surcharge of 1; or it moves away from the ground. The joint between wall and
+# ground has the angle δ and opens as it slips. The wall does not rotate, and the force along its
+# direction of motion is
 #
 #     K = cos δ (cos δ ± √(sin²φ − sin²δ))/(1 ∓ sin φ) exp(±θ tan φ),  θ = asin(sin δ/sin φ) ± δ
 #
-# with the upper signs where it is pushed (K_pq), the lower ones where it yields (K_aq).
+# with the upper signs for a wall that is pushed (K_pq), and the lower signs for one that yields
+# (K_aq).
 #
-# The velocity of the mechanism jumps at the toe. Ground that is one body cannot follow on a mesh if
-# it is held there; so it reaches below the toe, and its face there has neither a support nor a
-# contact but a constant pressure, between what would let the ground follow it and what would push
-# it away. In the mechanism of K the ground below the toe is at rest, so that this pressure does no
-# work, and K is an upper bound beside any; that it is carried is what the lower bound shows.
+# The velocity of the mechanism jumps at the toe. On a mesh, ground in one piece cannot represent
+# this jump if it is held at the toe. So the ground extends below the toe, and its face there has
+# neither a support nor a contact but a constant pressure. This pressure lies between the pressure
+# at which the ground would follow the wall and that at which it would be pushed away. In the
+# mechanism for K the ground below the toe is at rest. So this pressure does no work, and K is an
+# upper bound for any such pressure; the lower bound shows that K is carried.
 #
 #     ./fenicsx python3 demos/verification/wall_bounds.py
 
@@ -47,7 +50,7 @@ TITLE = "Walls from both sides"
 
 @dataclass(frozen=True)
 class Wall:
-    """A wall and its ground.
+    """A wall and the ground next to it.
 
     Attributes:
         friction: Angle of the ground (degrees).
@@ -83,7 +86,7 @@ PUSHED = Wall(30.0, 15.0, below=3.0)
 YIELDS = Wall(30.0, 15.0, below=1.0, pushed=False, width=3.0)
 ROUGH = Wall(30.0, 30.0, below=3.0)
 ASKED, CELLS, FEW = 0.015, 4000, 150
-"""Gap of both factors, largest number of cells for it, and that of a quick run."""
+"""Gap of both factors, largest number of cells for this gap, and number for a quick run."""
 
 
 # %%
