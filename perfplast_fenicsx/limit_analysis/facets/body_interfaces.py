@@ -99,10 +99,13 @@ def facet_type(gdim: int) -> np.dtype:
 
     The fields are:
 
-    - ``x``: the midpoint (3 numbers), - ``normal``: the outward unit normal, - ``corners``: the
-    vertices in the order of their global numbers, - ``rank``: the rank that owns the facet, -
-    ``facet`` and ``number``: its local and its global number, - ``held``: flags of the components
-    that supports prescribe, - ``free``: whether supports leave the facet free along its normal.
+    - ``x``: the midpoint (3 numbers),
+    - ``normal``: the outward unit normal,
+    - ``corners``: the vertices in the order of their global numbers,
+    - ``rank``: the rank that owns the facet,
+    - ``facet`` and ``number``: its local and its global number,
+    - ``held``: flags of the components that supports prescribe,
+    - ``free``: whether supports leave the facet free along its normal.
     """
     return np.dtype(
         [
