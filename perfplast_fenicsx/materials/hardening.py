@@ -150,7 +150,7 @@ class Hardening:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        yield_stress: Initial uniaxial yield stress σ_y > 0.
+        yield_stress: Initial uniaxial yield stress σ_y > 0 (stress).
         isotropic: Isotropic modulus H: growth of the yield stress per equivalent plastic strain
             (stress).
         kinematic: Kinematic modulus H: growth of the back stress per plastic strain (stress), in

@@ -154,7 +154,7 @@ class VonMises:
     Args:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
-        yield_stress: Uniaxial yield stress σ_y > 0, a number or a field.
+        yield_stress: Uniaxial yield stress σ_y > 0 (stress), a number or a field.
         expansion: Thermal strain per degree (1/temperature).
         reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
 

@@ -174,7 +174,8 @@ def test_clicks_make_the_case_of_the_tutorial(
     left = page(LEFT)
     assert "[support]: nothing holds the bodies; choose a face and add a support" in left
     assert any(line.startswith("[load]: no load grows") for line in left)
-    assert "Material of beam, young: 0 is not positive" in left
+    zero = "0 is not positive; give it, or choose a material from the library"
+    assert f"Material of beam, young: {zero}" in left
     for body in ("beam", "block"):
         page.choose(f"e-material-{body}--library", "s235")
     page.press("beam_x_low", "block_z_low")
@@ -680,6 +681,73 @@ def section(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
         assert main([*arguments, "--material", "s235"]) == SOLVED
     return folder / "case"
+
+
+LABELS = "[...document.querySelectorAll('#wanted label')].map((a) => a.textContent)"
+"""Script for the labels of the form's fields."""
+
+UNITS_IN_SPACE = {
+    "pressure": "Pressure (MPa)",
+    "traction": "traction x (MPa)",
+    "force": "force x (N)",
+    "moment": "moment x (N mm)",
+    "bearing_force": "bearing force x (N)",
+}
+
+
+def test_numbers_of_loads_and_materials_have_units(prop: Path, browser: Any) -> None:
+    page = SetupPage(browser, prop / "setup.html")
+    for kind, label in UNITS_IN_SPACE.items():
+        page.choose("kind", kind)
+        assert page(LABELS)[0] == label
+    for key in ("young", "yield_stress"):
+        label = f"document.querySelector('[for=e-material-beam--{key}]').textContent"
+        assert page(label) == f"{key} (MPa)"
+
+
+def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> None:
+    """Stresses and forces of the full turn are not."""
+    page = SetupPage(browser, section / "setup.html")
+    expected = {"force": "force x (N", "moment": "Moment on the whole face (N mm"}
+    for kind, label in expected.items():
+        page.choose("kind", kind)
+        assert page(LABELS)[0] == f"{label} per mm of depth)"
+    page.choose("kind", "pressure")
+    assert page(LABELS)[0] == "Pressure (MPa)"
+    page.drop(page.case + '\n[model]\nkind = "axisymmetric"\n')
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
+    page.choose("kind", "force")
+    assert page(LABELS)[0] == "force x (N)"
+
+
+def test_the_form_and_what_is_missing_are_beside_the_picture(prop: Path, browser: Any) -> None:
+    """On a laptop one window has the picture, the form and what is missing; a phone a column."""
+    box = (
+        "(() => { const a = document.getElementById(NAME).getBoundingClientRect(); return BOX; })()"
+    )
+
+    def of(name: str, what: str) -> Any:
+        return page(box.replace("NAME", json.dumps(name)).replace("BOX", what))
+
+    browser.set_window_size(1366, 900)
+    page = SetupPage(browser, prop / "setup.html")
+    top = of("canvas", "a.top")
+    assert of("add", "a.left") > of("canvas", "a.right")
+    assert of("add", "a.top") < top
+    assert of("add-button", "a.bottom") < of("left", "a.top") < of("canvas", "a.bottom")
+    browser.set_window_size(500, 900)
+    assert of("add", "a.top") > of("canvas", "a.bottom")
+    assert of("asked", "a.top") > of("file", "a.bottom")
+    assert page("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_what_was_clicked_is_not_called_chosen_after_its_entry(prop: Path, browser: Any) -> None:
+    page = SetupPage(browser, prop / "setup.html")
+    page.press("beam_x_low")
+    assert page.part("told").text.endswith("; chosen")
+    page.add("support")
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
+    assert "chosen" not in page.part("told").text
 
 
 def test_a_click_chooses_a_line_of_a_plane_drawing(section: Path, browser: Any) -> None:

@@ -75,8 +75,8 @@ class Contact(FrictionTerms):
         hosts: The surface, "primary" or "secondary", whose nodes have the multipliers of mortar
             contact. By default the surface that the other surface covers, or the surface with
             smaller facets.
-        tresca: Tresca's friction: the shear stress, not negative, at which slip begins. It does not
-            depend on the pressure, and it also acts where the surfaces are apart.
+        tresca: Tresca's friction: the shear at which slip begins, not negative (stress). It does
+            not depend on the pressure, and it also acts where the surfaces are apart.
         coulomb: Coulomb's coefficient of friction μ, not negative. Together with it, ``tresca`` is
             an adhesion: the shear stress at which slip begins without pressure.
         associated: Whether slip follows the normal of the friction cone, as in a dilating joint:

@@ -328,10 +328,10 @@ class Force(Load):
 
     Args:
         on: The surface.
-        value: The whole force on a surface, one number for each direction; in the plane per unit of
-            depth. It is spread linearly, or acts on a rigid surface that is free to move.
-        moment: Moment in addition to or instead of a force: a number in the plane, one for each
-            axis in space.
+        value: The whole force on a surface (force; in the plane per unit of depth), one number for
+            each direction. It is spread linearly, or acts on a rigid surface that is free to move.
+        moment: Moment in addition to or instead of a force (moment; in the plane per unit of
+            depth): a number in the plane, one for each axis in space.
         point: The point where the force acts and about which the moment is taken (length). The
             default is the origin for rigid surfaces and the centroid for others.
         name: Name in messages.
@@ -355,9 +355,9 @@ class Bearing(Load):
 
     Args:
         on: Physical surface, such as a whole bore or half of one.
-        value: The whole force of a pin or shaft on its bore, one number for each direction; in the
-            plane per unit of depth. The pressure follows the cosine and acts only where the surface
-            faces the force. It is scaled so that its resultant on the mesh is exact.
+        value: The whole force of a pin or shaft on its bore (force; in the plane per unit of
+            depth), one number for each direction. The pressure follows the cosine and acts where
+            the surface faces the force. It is scaled so that its resultant on the mesh is exact.
         name: Name in messages.
         constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
     """

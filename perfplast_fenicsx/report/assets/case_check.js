@@ -242,7 +242,8 @@ function faultsOfCase(value, schema, drawn) {
     const inside = typeof one === "object" && !Array.isArray(one) && !OF_NUMBERS.includes(key);
     if (inside) ranges(one, [...path, key]);
     const words = inside ? "" : outOfRange(key, one);
-    if (words) add([...path, key], words);
+    // A first case has zeros for numbers that are to be given.
+    if (words) add([...path, key], path[0] === "material" && key === "young" && one === 0 ? `${words}; give it, or choose a material from the library` : words);
   });
   for (const [name, one] of Object.entries(value)) {
     if (Array.isArray(one)) one.forEach((row, k) => ranges(row, [name, k]));

@@ -24,8 +24,14 @@ const units = () => setup.systems[system()] ?? {};
 
 /** The unit of a key, by its description in the schema. */
 function unitOf(schema) {
-  const kind = /\((stress|length|force)\b[^)]*\)/.exec(schema?.description ?? "")?.[1];
-  return units()[kind] ?? (/degrees/.test(schema?.description ?? "") ? "degrees" : "");
+  const words = schema?.description ?? "";
+  const [, kind, per] = /\((stress|length|force|moment)\b( per (?:volume|time))?[^)]*\)/.exec(words) ?? [];
+  const { length, force } = units();
+  if (!kind || !length) return /degrees/.test(words) ? "degrees" : "";
+  const unit = kind === "moment" ? `${force} ${length}` : units()[kind];
+  if (per) return per === " per volume" ? `${unit}/${length}³` : `${unit} per unit of time`;
+  const deep = setup.dim === 2 && parsed?.value.model?.kind !== "axisymmetric" && /per unit of depth/.test(words);
+  return deep ? `${unit} per ${length} of depth` : unit;
 }
 
 /* ---- The text ---- */
@@ -232,9 +238,10 @@ const KINDS = {
     label,
     fields: () => {
       const schema = schemaOf(["load"]).properties[key];
+      const { description } = schema;
       const numbers = key === "pressure" || (key === "moment" && setup.dim === 2)
-        ? [formField({ id: `add-${key}`, label, key, schema: key === "moment" ? NUMBER_SCHEMA : schema })]
-        : vectorFields(key, key === "moment" ? schema.anyOf[1] : schema, key.replace("_", " "));
+        ? [formField({ id: `add-${key}`, label, key, schema: key === "moment" ? { ...NUMBER_SCHEMA, description } : schema })]
+        : vectorFields(key, key === "moment" ? { ...schema.anyOf[1], description } : schema, key.replace("_", " "));
       return [...numbers, formField({ id: "add-constant", label: "The load", choices: CONSTANT })];
     },
     tables: (given) => {
@@ -379,6 +386,7 @@ part("adding").addEventListener("submit", (event) => {
   say("");
   done(`Added: ${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}.`);
   chosen.clear();
+  part("told").textContent = "Click a face to choose it.";
   kind.after?.(values);
   take(text);
   showKind();
