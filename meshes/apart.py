@@ -1,4 +1,4 @@
-"""Bodies of gmsh's current model that are meshed one by one, so that their nodes do not match."""
+"""Mesh the bodies of gmsh's current model one by one, so that their nodes do not match."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from meshes.naming import name
 from perfplast_fenicsx.mesh import write_split
 
 Elements = list[tuple[int, npt.NDArray[np.uint64]]]
-"""Gmsh's types of elements and the nodes of all elements of each, one after the other."""
+"""Gmsh's types of elements, each with the nodes of all its elements in a single array."""
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class MeshedBody:
     """The mesh of one body.
 
     Attributes:
-        name: Of the body.
-        tags: Of its nodes, in rising order, shape (n,).
-        points: Their coordinates, shape (n, 3).
-        solid: Its elements.
-        surfaces: Those of its named surfaces.
+        name: Name of the body.
+        tags: Tags of its nodes in ascending order, shape (n,).
+        points: Coordinates of these nodes, shape (n, 3).
+        solid: Elements of the body.
+        surfaces: Elements of its named surfaces.
     """
 
     name: str
@@ -35,11 +35,12 @@ class MeshedBody:
 
 
 def write_apart(path: str | Path, generate: Callable[[str], None]) -> None:
-    """Mesh each named body by itself and write them all, as ``write_split`` names their surfaces.
+    """Mesh each named body separately, and write all bodies as ``write_split`` does.
 
     Args:
         path: The file to write.
-        generate: Meshes what is visible of gmsh's current model; the argument is the body's name.
+        generate: Function that meshes the visible part of gmsh's current model; its argument is the
+            body's name.
     """
     model = gmsh.model
     dim = model.getDimension()
@@ -57,7 +58,7 @@ def write_apart(path: str | Path, generate: Callable[[str], None]) -> None:
 
 
 def meshed_body(body: str) -> MeshedBody:
-    """What gmsh's current model has meshed of a body."""
+    """Return the mesh of a body in gmsh's current model."""
     model = gmsh.model
     dim = model.getDimension()
     groups = {model.getPhysicalName(*group): group for group in model.getPhysicalGroups(dim)}
@@ -83,7 +84,7 @@ def meshed_body(body: str) -> MeshedBody:
 
 
 def write_bodies(path: str | Path, bodies: Sequence[MeshedBody]) -> None:
-    """Write bodies that share no node as one .msh file."""
+    """Write bodies without common nodes as one .msh file."""
     model = gmsh.model
     gmsh.model.add("apart")
     first = 1

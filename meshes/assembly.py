@@ -1,9 +1,9 @@
-"""Blocks in a row against a wall, with pins in them and a lid on top, drawn at random.
+"""Mesh random blocks in a row against a wall, with pins in the blocks and a lid on top.
 
-Half of it, by symmetry. Volumes ``block_0`` (at the wall), ``pin_0`` in it and so on, and ``lid``;
-surfaces ``x0`` (the wall, blocks and lid), ``y0`` (the plane of symmetry), ``z0`` (below all but
-the lid), ``end`` (the last block's) and ``top`` (the lid's), and the contact surfaces, such as
-``block_0_joint_1`` and ``pin_0_joint_1``.
+The mesh is half of the assembly, by symmetry. Volumes are ``block_0`` (at the wall), ``pin_0`` in
+it and so on, and ``lid``. Surfaces are ``x0`` (at the wall, of blocks and lid), ``y0`` (the plane
+of symmetry), ``z0`` (the bottom of all bodies except the lid), ``end`` (of the last block) and
+``top`` (of the lid). Contact surfaces have names such as ``block_0_joint_1`` and ``pin_0_joint_1``.
 """
 
 import random
@@ -18,10 +18,10 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 BLOCKS = (1, 3)
-"""The fewest and the most blocks of a row. Where there is but one, it has a pin."""
+"""Least and largest number of blocks in a row. A single block has a pin."""
 
 MOST_WITHOUT_LID = 5
-"""Bodies of a row at most, the pins included."""
+"""Largest number of bodies in a row without a lid, including the pins."""
 
 LID = 0.3
 """Thickness of the lid."""
@@ -34,7 +34,7 @@ def write_assembly(path: str | Path, size: float = 0.45, order: int = 1, number:
         path: The file to write.
         size: Edge length; blocks are 0.7 to 1.2 long, and radii of pins 0.15 to 0.3.
         order: Degree of the geometry, 1 or 2.
-        number: Which one of all assemblies.
+        number: Number of the random assembly.
     """
     draw = random.Random(number)
     with gmsh_session():

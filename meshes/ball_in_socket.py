@@ -1,8 +1,8 @@
-"""An octant of a round socket, and of the ball that fills it: contact on a whole sphere.
+"""Mesh an octant of a round socket and of the ball that fills it: contact on a whole sphere.
 
-Both are about the origin. Volumes ``ball`` and ``socket``; surfaces ``outer`` (the socket's),
-``x0``, ``y0`` and ``z0`` (the symmetry planes, both bodies) and the contact surfaces ``ball_seam``
-and ``socket_seam``, whose nodes match unless the two are meshed apart.
+Both are centred at the origin. Volumes are ``ball`` and ``socket``. Surfaces are ``outer`` (of the
+socket), ``x0``, ``y0`` and ``z0`` (the symmetry planes of both bodies), and the contact surfaces
+``ball_seam`` and ``socket_seam``. Their nodes match unless the bodies have separate meshes.
 """
 
 import math
@@ -21,13 +21,14 @@ RADIUS, OUTER = 1.0, 2.0
 def write_ball_in_socket(
     path: str | Path, size: float = 0.35, order: int = 2, finer: float | None = None
 ) -> None:
-    """Mesh an octant of both and write a .msh file. On one process.
+    """Mesh an octant of both bodies and write a .msh file. On one process.
 
     Args:
         path: The file to write.
-        size: Edge length in the ball; outside it grows in proportion to the radius.
+        size: Edge length in the ball; outside the ball it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
-        finer: Mesh the two apart, the socket with so many times as many edges at the seam.
+        finer: Mesh both bodies separately, and multiply the number of the socket's edges at the
+            seam by this factor.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ

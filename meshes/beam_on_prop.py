@@ -1,8 +1,8 @@
-"""A beam that is built into a wall and rests on a block near its other end, in millimetres.
+"""Mesh a beam that is fixed in a wall and rests on a block near its other end, in millimetres.
 
-The beam is (0, 400)×(100, 150), the block (300, 400)×(0, 100). Volumes ``beam`` and ``block``;
-curves ``wall`` (x = 0), ``floor`` (y = 0), ``top`` (y = 150), and the contact curves ``beam_seam``
-and ``block_seam``. The same as in the tutorial.
+The beam is (0, 400)×(100, 150), the block (300, 400)×(0, 100). Volumes are ``beam`` and ``block``.
+Curves are ``wall`` (x = 0), ``floor`` (y = 0), ``top`` (y = 150), and the contact curves
+``beam_seam`` and ``block_seam``. The tutorial has the same bodies.
 """
 
 from pathlib import Path

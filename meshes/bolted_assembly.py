@@ -1,15 +1,16 @@
-"""Two brackets bolted onto a plate, with a rod between them: ten bodies, sixteen contacts.
+"""Mesh two brackets bolted onto a plate, with a rod between them: ten bodies, sixteen contacts.
 
-The plate lies below z = 0, its long side along x. Each bracket has a foot on it and an upright, and
-three carriage bolts, each with its nut a body of its own: a square neck in the foot keeps it from
-turning, its round shank fits the plate. The rod has a square end in one upright and a round one in
-the other, with a nut outside each. Only the plate has supports; contact alone holds the rest.
+The plate lies below z = 0, with its long side along x. Each bracket has a foot on the plate, an
+upright, and three carriage bolts; a bolt and its nut are one body. The square neck of a bolt in the
+foot prevents it from turning, and its round shank fits the plate. The rod has a square end in one
+upright and a round end in the other, with a nut outside each upright. Only the plate has supports;
+contact alone holds the other bodies.
 
-Volumes ``plate``, ``bracket_1`` and ``bracket_2``, ``bolt_1`` to ``bolt_6``, ``rod``; surfaces
-``ends`` (the plate's short sides) and ``grip`` (the middle of the rod), and one interface for each
-two bodies that touch: ``joint_1``, …, of which each side has its name, as in ``plate_joint_1``.
-Nodes match there, unless the bodies are meshed apart.
-A STEP file of the bodies is written beside the mesh.
+Volumes are ``plate``, ``bracket_1`` and ``bracket_2``, ``bolt_1`` to ``bolt_6``, and ``rod``.
+Surfaces are ``ends`` (the plate's short sides) and ``grip`` (the middle of the rod). Each pair of
+touching bodies has an interface ``joint_1``, …, whose sides have names such as ``plate_joint_1``.
+Nodes match at an interface, unless the bodies have separate meshes. The generator also writes a
+STEP file of the bodies beside the mesh.
 """
 
 import math
@@ -26,28 +27,30 @@ from meshes.shapes import add_box
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 LENGTH, WIDTH, THICKNESS = 240.0, 80.0, 10.0
-"""Of the plate (mm)."""
+"""Dimensions of the plate (mm)."""
 
 FOOT, LEG, UPRIGHT, HEIGHT = 40.0, 8.0, 10.0, 60.0
-"""Of a bracket (mm): length and thickness of its foot, thickness and height of its upright."""
+"""Dimensions of a bracket (mm): length and thickness of its foot, thickness and height of its
+upright."""
 
 INNER = 50.0
-"""From the middle to an upright (mm)."""
+"""Distance from the middle to an upright (mm)."""
 
 SHANK, NECK, HEAD, HEAD_HEIGHT = 5.0, 12.0, 10.0, 6.0
-"""Of a bolt (mm): radius of the shank, side of the neck, radius and height of the head."""
+"""Dimensions of a bolt (mm): shank's radius, neck's side, radius and height of the head."""
 
 ROD, ROD_NECK, ROD_NUT, ROD_HEIGHT = 6.0, 14.0, 12.0, 38.0
-"""Of the rod (mm): radius, side of its square end, circumradius of its nuts, height of its axis."""
+"""Dimensions of the rod (mm): radius, side of its square end, circumradius of its nuts, height of
+its axis."""
 
 GRIP = 15.0
-"""Half of the length on which the rod is pulled (mm)."""
+"""Half of the length of the rod on which it is pulled (mm)."""
 
 ROWS = (-26.0, 0.0, 26.0)
-"""Places y of a bracket's bolts (mm)."""
+"""Coordinates y of a bracket's bolts (mm)."""
 
 ROUND = 10
-"""Elements about a circle, at least."""
+"""Least number of elements around a circle."""
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -62,12 +65,12 @@ def write_bolted_assembly(
     """Mesh the assembly and write a .msh and a .step file. On one process.
 
     Args:
-        path: The .msh file to write; the .step file has the same name otherwise.
+        path: The .msh file to write; the .step file has the same name except for the suffix.
         size: Largest edge length of the tetrahedra (mm); round parts have smaller ones.
         order: Degree of the geometry, 1 or 2.
-        glued: Leave the bodies in one piece, for a comparison without contact.
-        apart: Mesh each body by itself, with edges of the brackets so many times as short as those
-            of plate and rod, and those of the bolts as those of the brackets; None for one mesh.
+        glued: Whether the bodies form one piece, for a comparison without contact.
+        apart: Ratio of the edges of plate and rod to those of brackets and bolts, if each body is
+            meshed separately; None for a common mesh.
     """
     with gmsh_session():
         parts = {"plate": _plate()}
@@ -110,20 +113,20 @@ def _plate() -> list[Solid]:
 
 
 def _bracket(side: int) -> list[Solid]:
-    """The bracket on the side of positive or negative x."""
+    """Return the bracket on the side of positive or negative x."""
     foot = _from_middle(side, FOOT, (0.0, LEG))
     upright = _from_middle(side, UPRIGHT, (0.0, HEIGHT))
     return gmsh.model.occ.fuse([foot], [upright])[0]
 
 
 def _from_middle(side: int, length: float, z: tuple[float, float]) -> Solid:
-    """A box that begins where uprights do and is as wide as the plate."""
+    """Return a box that begins at the place of an upright and is as wide as the plate."""
     x = INNER if side > 0 else -INNER - length
     return add_box((x, -WIDTH / 2, z[0]), (length, WIDTH, z[1] - z[0]))
 
 
 def _bolt(x: float, y: float) -> list[Solid]:
-    """A carriage bolt with its nut below the plate."""
+    """Return a carriage bolt with its nut below the plate."""
     occ = gmsh.model.occ
     bottom = -THICKNESS - HEAD_HEIGHT
     head = occ.addCylinder(x, y, LEG, 0, 0, HEAD_HEIGHT, HEAD)
@@ -134,7 +137,7 @@ def _bolt(x: float, y: float) -> list[Solid]:
 
 
 def _rod() -> list[Solid]:
-    """The rod, with its square end at negative x, in three pieces: the middle one is the grip."""
+    """Return the rod in three pieces, with the square end at negative x and the grip between."""
     occ = gmsh.model.occ
     outer = INNER + UPRIGHT
     low = (-outer, -ROD_NECK / 2, ROD_HEIGHT - ROD_NECK / 2)
@@ -149,7 +152,7 @@ def _rod() -> list[Solid]:
 
 
 def _hexagon(centre: Sequence[float], axis: Sequence[float], radius: float, height: float) -> Solid:
-    """A hexagonal prism from a centre along an axis."""
+    """Return a hexagonal prism that extends from a centre along an axis."""
     occ = gmsh.model.occ
     along_x = axis[0] > 0
     corners = []
@@ -165,7 +168,7 @@ def _hexagon(centre: Sequence[float], axis: Sequence[float], radius: float, heig
 
 
 def _grip(rod: list[int]) -> list[int]:
-    """The outer face of the piece of the rod in the middle."""
+    """Return the outer face of the middle piece of the rod."""
     middle = next(t for t in rod if abs(gmsh.model.occ.getCenterOfMass(3, t)[0]) < GRIP)
     faces = gmsh.model.getAdjacencies(3, middle)[1]
     return [tag for tag in faces if tag not in interface(2)]

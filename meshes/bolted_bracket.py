@@ -1,7 +1,8 @@
-"""A bracket bolted to a wall, as a STEP file: ten parts that fit each other, each with its name.
+"""Write a bracket bolted to a wall as a STEP file: ten named parts that fit each other.
 
-Parts ``wall``, ``bracket``, ``bolt_1`` to ``bolt_4`` and ``nut_1`` to ``nut_4`` (mm). The wall is a
-plate at x < 0; the bracket's arm reaches to x = REACH at mid-height. Bolts fill their holes.
+The parts are ``wall``, ``bracket``, ``bolt_1`` to ``bolt_4`` and ``nut_1`` to ``nut_4`` (mm). The
+wall is a plate at x < 0; the bracket's arm extends to x = REACH at mid-height. Bolts fill their
+holes.
 """
 
 import argparse
@@ -16,16 +17,16 @@ WALL, FOOT, RIB = 15.0, 12.0, 14.0
 """Thickness of the wall, of the bracket's foot and of its arm (mm)."""
 
 HALF, REACH = 60.0, 120.0
-"""Half the side of the foot, and how far the arm reaches from the wall (mm)."""
+"""Half of the side of the foot, and length of the arm from the wall (mm)."""
 
 SHANK, HEAD, HEAD_HEIGHT = 6.0, 10.0, 8.0
-"""Radius of a bolt, radius and height of its head and of its nut (mm)."""
+"""Radius of a bolt, and radius and height of its head and of its nut (mm)."""
 
 PLACES = [(y, z) for y in (-40.0, 40.0) for z in (-40.0, 40.0)]
-"""Of the bolts (mm)."""
+"""Coordinates (y, z) of the bolts (mm)."""
 
 PRODUCT = re.compile(r"Open CASCADE STEP translator [\d.]+ \d+\.(\d+)")
-"""What OpenCASCADE calls the parts of a file, which it numbers in each process."""
+"""Pattern of OpenCASCADE's names for the parts of a file, which it numbers in each process."""
 
 
 def write_bolted_bracket(path: str | Path) -> None:

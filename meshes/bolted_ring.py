@@ -1,9 +1,8 @@
-"""Half the section of a bolt in a ring, with one stiff head over both, about the axis x = 0.
+"""Mesh half of the section of a bolt in a ring, with one stiff head on both, about x = 0.
 
-Volumes ``bolt``, (0, SHANK)×(0, LENGTH), and ``head``, (0, OUTER)×(LENGTH, LENGTH + HEAD), which
-share their curve, and ``ring``, (INNER, OUTER)×(0, LENGTH). Curves ``bolt_bottom`` and
-``ring_bottom`` (y = 0), ``ring_top`` and ``seat`` under the head, which lie on each other, and
-``top``.
+Volumes are ``bolt``, (0, SHANK)×(0, LENGTH), and ``head``, (0, OUTER)×(LENGTH, LENGTH + HEAD),
+which share a curve, and ``ring``, (INNER, OUTER)×(0, LENGTH). Curves are ``bolt_bottom`` and
+``ring_bottom`` (y = 0), ``ring_top`` and the coinciding curve ``seat`` under the head, and ``top``.
 """
 
 from pathlib import Path
@@ -17,7 +16,7 @@ SHANK, INNER, OUTER = 10.0, 11.0, 20.0
 """Radius of the bolt, and radii of the ring (mm)."""
 
 LENGTH, HEAD = 60.0, 20.0
-"""Of the bolt and the ring, and height of the head (mm)."""
+"""Length of the bolt and the ring, and height of the head (mm)."""
 
 
 def write_bolted_ring(path: str | Path, size: float = 3.0) -> None:

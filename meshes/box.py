@@ -1,6 +1,6 @@
-"""A rectangle or a box with its faces named by axis and end: ``x_low``, ``x_high`` and so on.
+"""Mesh a rectangle or a box whose faces have names by axis and end: ``x_low``, ``x_high``, ...
 
-Volume ``box``.
+The volume is ``box``.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def write_box(
 
     Args:
         path: The file to write.
-        corner: Of the smallest coordinates, (x, y) or (x, y, z).
+        corner: Corner with the smallest coordinates, (x, y) or (x, y, z).
         extent: Lengths along the axes.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.

@@ -1,4 +1,4 @@
-"""The command line that the mesh generators share: -o, --size, --order, and what one adds."""
+"""Define the command line of the mesh generators: -o, --size, --order, and further options."""
 
 import argparse
 import inspect
@@ -7,12 +7,12 @@ from pathlib import Path
 
 
 def mesh_parser(write: Callable[..., None], description: str) -> argparse.ArgumentParser:
-    """A parser for the arguments of a generator, with the generator's own defaults.
+    """Return a parser for the arguments of a generator, with the generator's own defaults.
 
     Args:
-        write: The generator, ``write_NAME(path, ..., size=..., order=1)``; options that are added
-            to the parser get the default of the argument of the same name.
-        description: What it meshes, for the help text.
+        write: The generator, ``write_NAME(path, ..., size=..., order=1)``. An option that is added
+            to the parser gets the default of the argument with the same name.
+        description: Description of the mesh, for the help text.
     """
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter
@@ -30,7 +30,7 @@ def write_from(parser: argparse.ArgumentParser, write: Callable[..., None]) -> N
     """Write the mesh that the command line asks for.
 
     Args:
-        parser: Made by :func:`mesh_parser` for the same generator.
+        parser: Parser of :func:`mesh_parser` for the same generator.
         write: The generator.
     """
     write(**vars(parser.parse_args()))

@@ -1,8 +1,8 @@
-"""Two stacked blocks without any order in their elements, in the plane or in space.
+"""Mesh two stacked blocks with unstructured elements, in the plane or in space.
 
-``lower`` is the unit square (cube), ``upper`` the same on top of it; the vertical axis is y in the
-plane and z in space. Surfaces ``x0`` and, in space, ``y0`` (both bodies), ``bottom``, ``top``, and
-the contact surfaces ``lower_seam`` and ``upper_seam``. The other sides have no name.
+``lower`` is the unit square (cube), and ``upper`` an equal one on top of it. The vertical axis is y
+in the plane and z in space. Surfaces are ``x0`` and, in space, ``y0`` (both bodies), ``bottom``,
+``top``, and the contact surfaces ``lower_seam`` and ``upper_seam``. The other sides have no name.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ def write_contact_patch(path: str | Path, dim: int = 3, size: float = 0.25, orde
     Args:
         path: The file to write.
         dim: 2 or 3.
-        size: Edge length; that of the blocks is 1.
+        size: Edge length of the elements; the edges of the blocks are 1.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:

@@ -1,4 +1,4 @@
-"""A block in an L-shaped seat: one contact surface with a corner, in the plane or in space.
+"""Mesh a block in an L-shaped seat: one contact surface with a corner, in the plane or in space.
 
 The block (0, 1)×(0, 1) lies in the seat (-LEG, 1)×(-LEG, 1) without the block; in space both are
 THICKNESS thick in z. Volumes ``block`` and ``seat``; surfaces ``top`` (y = 1) and ``right`` (x = 1)
@@ -24,7 +24,7 @@ def write_corner_seat(path: str | Path, dim: int = 3, size: float = 0.2, order: 
     Args:
         path: The file to write.
         dim: 2 or 3.
-        size: Edge length; that of the block is 1.
+        size: Edge length of the elements; the edges of the block are 1.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:

@@ -1,9 +1,9 @@
-"""A strip with a crack or a notch, a quarter of it by symmetry.
+"""Mesh a quarter, by symmetry, of a strip with a crack or a notch.
 
-The strip is (0, width)×(0, length), and its bottom y = 0 is divided at the tip of the crack. Volume
-``strip``; curves ``x0``, ``side`` (x = width), ``top`` (y = length), ``inner`` (y = 0, x ≤ tip) and
-``outer`` (y = 0, x ≥ tip). Hold ``inner`` for two notches from the sides, ``outer`` for a slit in
-the middle.
+The strip is (0, width)×(0, length), and its bottom y = 0 is divided at the crack tip. The volume is
+``strip``. Curves are ``x0``, ``side`` (x = width), ``top`` (y = length), ``inner`` (y = 0, x ≤ tip)
+and ``outer`` (y = 0, x ≥ tip). Hold ``inner`` for two notches from the sides, and ``outer`` for a
+slit in the middle.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 FINER = 16.0
-"""How much smaller the elements are at the tip unless told otherwise."""
+"""Default ratio of the largest to the smallest edge length, which is at the tip."""
 
 
 def write_cracked_strip(
@@ -33,10 +33,10 @@ def write_cracked_strip(
         path: The file to write.
         width: Half of the strip's width.
         length: Half of the strip's length.
-        tip: Place of the tip on the line y = 0, between 0 and ``width``.
-        grading: How much smaller the elements are at the tip.
-        size: Edge length around the tip, as far as twice the shorter part of the bottom; it grows
-            beyond.
+        tip: Coordinate x of the tip on the line y = 0, between 0 and ``width``.
+        grading: Factor by which the elements are smaller at the tip.
+        size: Edge length around the tip, up to a distance of twice the shorter part of the bottom;
+            it grows beyond.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:

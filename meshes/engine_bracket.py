@@ -1,7 +1,7 @@
-"""A loading bracket with two lugs, as a STEP file: one part, four bolt holes, a bored clevis.
+"""Write a loading bracket with two lugs as a STEP file: one part, four bolt holes, a bored clevis.
 
-Of our own making, in the manner of the bracket of GE's challenge of 2013 and smaller than that: a
-foot 100×60×10 with bolt holes of the radius 5, and two lugs with a bore of the radius 8 (mm).
+We designed it after the bracket of GE's challenge of 2013; it is smaller. It has a foot of
+100×60×10 with bolt holes of radius 5, and two lugs with a bore of radius 8 (mm).
 """
 
 import argparse
@@ -11,10 +11,10 @@ from meshes.shapes import add_box
 from perfplast_fenicsx.mesh import gmsh_session
 
 LENGTH, WIDTH, FOOT = 100.0, 60.0, 10.0
-"""Of the foot: along x and y, and its thickness (mm)."""
+"""Dimensions of the foot along x and y, and its thickness (mm)."""
 
 LUG, GAP, TALL = 10.0, 20.0, 40.0
-"""Thickness of a lug, the distance between both, and the height of the bore's axis (mm)."""
+"""Thickness of a lug, distance between the lugs, and height of the bore's axis (mm)."""
 
 BORE, EYE, BOLT = 8.0, 16.0, 5.0
 """Radii of the bore, of the round end of a lug, and of a bolt hole (mm)."""

@@ -1,4 +1,4 @@
-"""Two rectangles that face each other on y = 0 with matching nodes, finer about a point of it.
+"""Mesh two rectangles that face each other on y = 0 with matching nodes, finer near a point.
 
 Volume ``lower`` is (left, right)×(−below, 0), ``upper`` (left, right)×(0, above). Curves ``left``
 and ``right`` (both bodies), ``bottom``, ``top``, and the contact curves ``lower_seam`` and
@@ -33,10 +33,10 @@ def write_facing_blocks(
         left: Smallest x.
         right: Largest x.
         below: Height of the lower block.
-        above: Height of the upper one.
-        finest_at: x of the point on y = 0 about which the elements are smallest.
+        above: Height of the upper block.
+        finest_at: Coordinate x of the point on y = 0 near which the elements are smallest.
         flat: Radius of the finest part.
-        fine: Edge length there, from where it grows to ``size``.
+        fine: Edge length in this part; outside it the edge length grows to ``size``.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
     """

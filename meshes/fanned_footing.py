@@ -1,9 +1,10 @@
-"""A strip footing in plane strain whose mesh has fans of long thin cells at the footing's ends.
+"""Mesh a strip footing in plane strain, with fans of long thin cells at the footing's ends.
 
-The ground is (-WIDTH, WIDTH)×(-DEPTH, 0), the footing the part |x| ≤ 1 of y = 0. Volume ``ground``;
-curves ``bottom``, ``sides``, ``footing`` and ``free`` (the rest of y = 0). At either end stresses
-depend on the direction: from the free surface on, through two thirds of the half plane, one cell
-stands beside the other, and each reaches from the end to ``RADIUS``.
+The ground is (-WIDTH, WIDTH)×(-DEPTH, 0); the footing is the part |x| ≤ 1 of y = 0. The volume is
+``ground``. Curves are ``bottom``, ``sides``, ``footing`` and ``free`` (the rest of y = 0). At
+either end of the footing, stresses depend on the direction. A fan of cells begins at the free
+surface and covers two thirds of the half plane. Each of its cells extends from the end of the
+footing to ``RADIUS``.
 """
 
 import math
@@ -16,11 +17,11 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 4.0
-"""Extent of the ground; the half width of the footing is 1."""
+"""Extent of the ground; half of the footing's width is 1."""
 RADIUS = 1.0
-"""Of the fans, half as large as the footing is wide."""
+"""Radius of the fans, which is half of the footing's width."""
 ANGLE = math.radians(120.0)
-"""Of each fan."""
+"""Angle of each fan (radians)."""
 
 
 def write_fanned_footing(
@@ -32,7 +33,7 @@ def write_fanned_footing(
         path: The file to write.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
-        cells: Of each fan.
+        cells: Number of cells in each fan.
     """
     with gmsh_session() as gmsh:
         occ, straight = gmsh.model.occ, list[int]()

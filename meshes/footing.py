@@ -1,8 +1,8 @@
-"""A strip footing in plane strain, both halves of it: for loads that lean or turn.
+"""Mesh both halves of a strip footing in plane strain, for inclined or eccentric loads.
 
-The ground is (-WIDTH, WIDTH)×(-DEPTH, 0), the footing the part |x| ≤ 1 of y = 0. Volume ``ground``;
-curves ``bottom``, ``sides``, ``footing`` and ``free`` (the rest of y = 0). The mesh is its own
-mirror image.
+The ground is (-WIDTH, WIDTH)×(-DEPTH, 0); the footing is the part |x| ≤ 1 of y = 0. The volume is
+``ground``. Curves are ``bottom``, ``sides``, ``footing`` and ``free`` (the rest of y = 0). The mesh
+is symmetric.
 """
 
 from pathlib import Path
@@ -14,9 +14,9 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 4.0
-"""Extent of the ground; the half width of the footing is 1."""
+"""Extent of the ground; half of the footing's width is 1."""
 REACH = 2.2
-"""How far from the footing's edges ``size`` holds."""
+"""Distance from the footing's edges up to which the edge length is ``size``."""
 
 
 def write_footing(path: str | Path, size: float = 0.4, order: int = 1, finer: float = 10.0) -> None:
@@ -26,7 +26,7 @@ def write_footing(path: str | Path, size: float = 0.4, order: int = 1, finer: fl
         path: The file to write.
         size: Edge length in the region of the slip lines.
         order: Degree of the geometry, 1 or 2.
-        finer: How many times smaller it is at the footing's edges.
+        finer: Factor by which the edge length is smaller at the footing's edges.
     """
     with gmsh_session() as gmsh:
         occ, mesh = gmsh.model.occ, gmsh.model.mesh

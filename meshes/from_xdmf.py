@@ -1,9 +1,9 @@
-"""A gmsh file from an XDMF file of DOLFINx: a mesh with tags of cells and facets.
+"""Convert an XDMF file of DOLFINx, with tags of cells and facets, to a gmsh file.
 
     python3 meshes/from_xdmf.py blocks.xdmf blocks.msh --bodies bodies lower=1 --surfaces sides a=3
 
-``bodies`` and ``sides`` are the names that the tags have in the XDMF file, and what follows names
-the values. Straight tetrahedra, or triangles in a plane. One process.
+``bodies`` and ``sides`` are the names of the tags in the XDMF file; the following arguments name
+the values of the tags. Cells are straight tetrahedra, or triangles in a plane. One process.
 """
 
 import argparse
@@ -20,22 +20,22 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh import gmsh_session
 
 SIMPLEX = {2: 1, 3: 2, 4: 4}
-"""gmsh's element type of a simplex with so many nodes."""
+"""Gmsh's element type of a simplex by its number of nodes."""
 
 Tags = tuple[npt.NDArray, npt.NDArray]
 """Nodes of the tagged entities, shape (n, nodes); values, shape (n,)."""
 
 
 def read_grid(source: Path, name: str, items: Sequence[str]) -> list[npt.NDArray]:
-    """Arrays of a grid of an XDMF file.
+    """Return arrays of a grid in an XDMF file.
 
     Args:
         source: The XDMF file.
-        name: Of the grid.
-        items: Paths of elements in it that hold a DataItem.
+        name: Name of the grid.
+        items: Paths of its elements that contain a DataItem.
 
     Raises:
-        InputError: If there is no such grid, or its arrays cannot be read.
+        InputError: If the grid does not exist, or if its arrays cannot be read.
     """
     try:
         grids = {grid.get("Name"): grid for grid in ET.parse(source).iter("Grid")}
@@ -62,11 +62,11 @@ def write_msh(
 
     Args:
         target: The .msh file.
-        points: Shape (n, 3).
-        parts: Tags of cells, then of facets, each with the values of its names.
+        points: Coordinates, shape (n, 3).
+        parts: Tags of cells and tags of facets, each with the tag values by name.
 
     Raises:
-        InputError: If no entity has the value of a name.
+        InputError: If no entity has the value for a name.
     """
     with gmsh_session() as gmsh:
         for (nodes, values), names in parts:

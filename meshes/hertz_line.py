@@ -1,11 +1,11 @@
-"""A half-cylinder that touches a plane along a line, or its mirror image, half by symmetry.
+"""Mesh half of a half-cylinder that touches a plane, or its mirror image, along a line.
 
-In the plane z = 0: a quarter of the disc of RADIUS about (0, RADIUS), 0 ≤ x, 0 ≤ y ≤ RADIUS, which
-touches y = 0 at the origin. Volume ``upper``; curves ``x0``, ``top`` (y = RADIUS), ``upper_arc``
-(the arc as far as x = ARC: where contact may come) and ``upper_free`` (the rest of it). With two
-bodies, the other one is the image in y = 0: ``lower``, ``lower_arc``, ``lower_free``, ``bottom``,
-and ``x0`` of both. Their nodes are exact mirror images unless they are meshed apart; at the origin
-there are two of them.
+The section in the plane z = 0 is a quarter of the disc of radius RADIUS about (0, RADIUS), with 0 ≤
+x and 0 ≤ y ≤ RADIUS. It touches y = 0 at the origin. The volume is ``upper``. Curves are ``x0``,
+``top`` (y = RADIUS), ``upper_arc`` (the arc up to x = ARC, where contact is possible) and
+``upper_free`` (the rest of the arc). A second body is the image in y = 0, with ``lower``,
+``lower_arc``, ``lower_free`` and ``bottom``; ``x0`` then belongs to both. The nodes are exact
+mirror images unless the bodies have separate meshes. At the origin each body has a node of its own.
 """
 
 import math
@@ -35,11 +35,12 @@ def write_hertz_line(
 
     Args:
         path: The file to write.
-        contact_size: Edge length within FINE of the origin, from where it grows to ``size``.
+        contact_size: Edge length up to the distance FINE from the origin; from there it grows to
+            ``size``.
         bodies: 1, or 2 for the mirror image as well.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
-        finer: Mesh the image apart, with edges so many times as short.
+        finer: Mesh the image separately, with edges that are shorter by this factor.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ

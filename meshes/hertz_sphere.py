@@ -1,11 +1,12 @@
-"""A half-ball that touches a plane, or its mirror image, a quarter of it by symmetry.
+"""Mesh a quarter of a half-ball that touches a plane, or its mirror image, at a point.
 
-A quarter (x, y ≥ 0) of the lower half of the ball of RADIUS about (0, 0, RADIUS), which touches
-z = 0 at the origin. Volume ``upper``; surfaces ``x0``, ``y0``, ``top`` (z = RADIUS), ``upper_cap``
-(the sphere as far as CAP from the z axis: where contact may come) and ``upper_free`` (the rest of
-it). With two bodies, the other one is the image in z = 0: ``lower``, ``lower_cap``, ``lower_free``,
-``bottom``, and ``x0`` and ``y0`` of both. Their nodes are exact mirror images unless they are
-meshed apart; at the origin there are two of them.
+The body is a quarter (x, y ≥ 0) of the lower half of the ball of radius RADIUS about (0, 0,
+RADIUS), which touches z = 0 at the origin. The volume is ``upper``. Surfaces are ``x0``, ``y0``,
+``top`` (z = RADIUS), ``upper_cap`` (the sphere up to the distance CAP from the z axis, where
+contact is possible) and ``upper_free`` (the rest of the sphere). A second body is the image in z =
+0, with ``lower``, ``lower_cap``, ``lower_free`` and ``bottom``; ``x0`` and ``y0`` then belong to
+both. The nodes are exact mirror images unless the bodies have separate meshes. At the origin each
+body has a node of its own.
 """
 
 import math
@@ -34,11 +35,12 @@ def write_hertz_sphere(
 
     Args:
         path: The file to write.
-        contact_size: Edge length within FINE of the origin, from where it grows to ``size``.
+        contact_size: Edge length up to the distance FINE from the origin; from there it grows to
+            ``size``.
         bodies: 1, or 2 for the mirror image as well.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
-        finer: Mesh the image apart, with edges so many times as short.
+        finer: Mesh the image separately, with edges that are shorter by this factor.
     """
     with gmsh_session() as gmsh:
         geo = gmsh.model.geo

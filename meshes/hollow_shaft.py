@@ -1,8 +1,8 @@
-"""A hollow shaft of eight flat thin walls around the z-axis.
+"""Mesh a hollow shaft with eight flat thin walls around the z axis.
 
-Middle lines of the walls are at a distance of 1 from the axis; the shaft is ``LENGTH`` long and its
-walls are ``THICK``. Volume ``shaft``; surfaces ``bottom0`` ... ``bottom7`` (z = 0) and ``top0`` ...
-``top7``, of which each belongs to one wall: number i faces the angle 45° i.
+The centre lines of the walls have the distance 1 from the axis. The shaft is ``LENGTH`` long, and
+its walls are ``THICK``. The volume is ``shaft``. Surfaces are ``bottom0`` ... ``bottom7`` (z = 0)
+and ``top0`` ... ``top7``, each of one wall: wall i faces the angle 45° i.
 """
 
 import math

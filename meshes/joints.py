@@ -1,4 +1,4 @@
-"""Bodies of gmsh's current model that are cut along each other, and the faces between them."""
+"""Cut bodies of gmsh's current model along each other, and find the faces between them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -7,17 +7,17 @@ import gmsh
 from meshes.naming import interface
 
 Solid = tuple[int, int]
-"""Dimension (3) and tag."""
+"""Dimension (3) and tag of a solid."""
 
 
 def fragment(parts: Mapping[str, Sequence[Solid]]) -> dict[str, list[int]]:
-    """Cut bodies along each other; where two overlap, the later one has what both had.
+    """Cut bodies along each other; where two overlap, the later one gets the common part.
 
     Args:
         parts: The solids of each body.
 
     Returns:
-        The tags of the volumes by name.
+        Tags of the volumes by name.
     """
     occ = gmsh.model.occ
     solids = [solid for own in parts.values() for solid in own]
@@ -32,10 +32,10 @@ def fragment(parts: Mapping[str, Sequence[Solid]]) -> dict[str, list[int]]:
 
 
 def joints(bodies: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
-    """The faces that two bodies share, numbered by pair of bodies.
+    """Return the faces that two bodies share, numbered by pair of bodies.
 
     Args:
-        bodies: The tags of the volumes by name.
+        bodies: Tags of the volumes by name.
 
     Returns:
         Tags of faces by name: ``joint_1`` and so on.
@@ -50,7 +50,7 @@ def joints(bodies: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
 
 
 def sides(surfaces: Iterable[str]) -> list[tuple[str, str]]:
-    """The two surfaces of each joint, which ``write_split`` has named after their bodies.
+    """Return the two surfaces of each joint, which ``write_split`` has named after their bodies.
 
     Args:
         surfaces: All names of a mesh, such as ``plate_joint_1``.

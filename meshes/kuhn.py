@@ -1,9 +1,8 @@
-"""Boxes in graded layers of cubes, each of six tetrahedra around one of its diagonals: Kuhn's.
+"""Divide boxes into graded layers of cubes with six tetrahedra each around one diagonal (Kuhn).
 
-Which diagonal it is may be said for each layer along each axis by itself, and cells of neighbouring
-cubes fit whatever is said: the diagonal of a face depends on the layers along the two axes in its
-plane, which both cubes have in common. Where layers along x and y are the same, facets lie in the
-plane x = y.
+Each layer along each axis has its own direction of the diagonals. Cells of neighbouring cubes
+always fit: the diagonal of a face depends only on the layers along the two axes in its plane, which
+both cubes have in common. If the layers along x and y are equal, facets lie in the plane x = y.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,8 +20,8 @@ class Layers:
     """Layers along an axis.
 
     Attributes:
-        places: Where they begin and end, growing, shape (n + 1,).
-        back: Of which of them diagonals start at the upper end, shape (n,).
+        places: Coordinates of the layers' ends in ascending order, shape (n + 1,).
+        back: Flags of layers whose diagonals start at the upper end, shape (n,).
     """
 
     places: Floats
@@ -30,26 +29,26 @@ class Layers:
 
 
 def layers(places: Sequence[float] | Floats, signs: str = "+") -> Layers:
-    """Layers along an axis, with ``+`` or ``-`` for the diagonals of each, or one for all."""
+    """Return layers along an axis, with a sign for the diagonals of each layer, or one for all."""
     signs = signs * (len(places) - 1) if len(signs) == 1 else signs
     return Layers(np.array(places, dtype=np.float64), np.array([sign == "-" for sign in signs]))
 
 
 @dataclass(frozen=True)
 class Kuhn:
-    """One body of cubes.
+    """A body of cubes.
 
     Attributes:
-        layers: Along each axis.
-        keep: From the middles of tetrahedra, shape (n, 3), which of them the body has; all by
-            default.
+        layers: Layers along each axis.
+        keep: Function that returns which tetrahedra belong to the body, from their middles of shape
+            (n, 3); by default all.
     """
 
     layers: tuple[Layers, Layers, Layers]
     keep: Callable[[Floats], Booleans] | None = None
 
     def cells(self) -> tuple[Floats, Longs]:
-        """Points (p, 3), and the numbers of those of tetrahedra (q, 4), right-handed."""
+        """Return points (p, 3), and the point indices of right-handed tetrahedra (q, 4)."""
         counts = [len(along.back) for along in self.layers]
         cubes = np.array(list(product(*map(range, counts))))
         back = np.column_stack(

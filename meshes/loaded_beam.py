@@ -1,4 +1,4 @@
-"""A slender beam in the plane, with places on its top where a load may stand.
+"""Mesh a slender beam in the plane, with places for a load on its top.
 
 Volume ``beam`` = (0, LENGTH)×(0, 1); curves ``left``, ``right`` (its ends) and ``at0``, ``at1``,
 ... (WIDTH wide, around ``PLACES``).
@@ -13,9 +13,9 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 LENGTH, WIDTH = 24.0, 0.5
-"""Of the beam and of the load."""
+"""Length of the beam, and width of the load."""
 PLACES = (6.0, 12.0, 18.0)
-"""Middles of the load."""
+"""Coordinates x of the middles of the load."""
 
 
 def write_loaded_beam(path: str | Path, size: float = 0.25, order: int = 1) -> None:

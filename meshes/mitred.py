@@ -1,9 +1,9 @@
-"""Bodies whose plane section is swept around a square, with a mitre where it turns: tetrahedra.
+"""Sweep a plane section around a square, with a mitre at the corner, into tetrahedra.
 
-The section lies in (x, z), x ≥ 0. It is swept from the plane y = 0 along y to the plane x = y,
-and from there, as its own mirror image, along x to the plane x = 0: a quarter of a body about the
-axis z; or not from there, which is an eighth. So edges of a square are lines of the sweep, and what
-stands around an end of a line of the section stands around each of its edges.
+The section lies in (x, z), x ≥ 0. The sweep goes from the plane y = 0 along y to the plane x = y.
+From there its mirror image goes along x to the plane x = 0, which gives a quarter of a body about
+the axis z; without this image the result is an eighth. So edges of a square are lines of the sweep,
+and the cells around a point of the section extend along these edges.
 """
 
 import math
@@ -19,18 +19,18 @@ from perfplast_fenicsx.arrays import Floats, Longs
 def mitred(
     points: Floats, triangles: Longs, layers: Sequence[float], first: Floats, eighth: bool = False
 ) -> tuple[Floats, Longs]:
-    """Points and tetrahedra of a quarter, or of an eighth.
+    """Return points and tetrahedra of a quarter or of an eighth.
 
     Args:
-        points: Of the section (x, z), shape (n, 2).
-        triangles: Its cells, shape (m, 3).
-        layers: Where y/x has layers, from 0 to 1.
-        first: A number for each point of the section; diagonals go to the plane of the mitre from
-            the end whose number is smaller.
+        points: Points (x, z) of the section, shape (n, 2).
+        triangles: Cells of the section, shape (m, 3).
+        layers: Values of y/x between layers, from 0 to 1.
+        first: A number for each point of the section. A diagonal goes to the plane of the mitre
+            from the end with the smaller number.
         eighth: Whether the sweep ends at the plane of the mitre.
 
     Returns:
-        Shapes (p, 3) and (q, 4).
+        Arrays of shapes (p, 3) and (q, 4).
     """
     image = [] if eighth else [2 - layer for layer in layers[-2::-1]]
     along = np.array([*layers, *image])
@@ -54,15 +54,15 @@ def mitred(
 
 
 def straight_fan(centre: Sequence[float], radius: float, turns: Sequence[float]) -> list[int]:
-    """Add the plane cells of a fan: each reaches from the centre to the radius.
+    """Add the plane cells of a fan; each extends from the centre to the radius.
 
     Args:
-        centre: (x, z).
-        radius: Of all.
-        turns: Angles from the direction x on (degrees).
+        centre: Centre (x, z) of the fan.
+        radius: Radius of all cells.
+        turns: Angles between the cells, from the direction of x (degrees).
 
     Returns:
-        Tags of their surfaces.
+        Tags of the cells' surfaces.
     """
     occ = gmsh.model.occ
     middle = occ.addPoint(*centre, 0.0)

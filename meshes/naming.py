@@ -1,4 +1,4 @@
-"""Names for entities of gmsh's current model: the physical groups that the program reads."""
+"""Name entities of gmsh's current model: the physical groups that the program reads."""
 
 from collections.abc import Iterable, Mapping
 
@@ -8,11 +8,11 @@ from perfplast_fenicsx.mesh import on_plane
 
 
 def name(dim: int, groups: Mapping[str, Iterable[int]]) -> None:
-    """Give entities of one dimension their names.
+    """Name the entities of one dimension.
 
     Args:
         dim: Dimension of the entities.
-        groups: Their tags by name.
+        groups: Tags of the entities by name.
     """
     for label, tags in groups.items():
         gmsh.model.addPhysicalGroup(dim, list(tags), name=label)
@@ -29,13 +29,13 @@ def name_planes(dim: int, planes: Mapping[str, tuple[int, float]]) -> None:
 
 
 def interface(dim: int) -> list[int]:
-    """Tags of the entities of dimension ``dim`` that two bodies share."""
+    """Return the tags of the entities of dimension ``dim`` that two bodies share."""
     entities = [tag for _, tag in gmsh.model.getEntities(dim)]
     return [tag for tag in entities if len(gmsh.model.getAdjacencies(dim, tag)[0]) == 2]
 
 
 def on_diagonal() -> list[int]:
-    """Tags of the faces around the plane x = y, by their middles: all others are on one side."""
+    """Return the tags of the faces whose middles lie on the plane x = y."""
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
     middles = [gmsh.model.occ.getCenterOfMass(2, tag) for tag in faces]
     rounding = 1e-9

@@ -1,9 +1,9 @@
-"""A pin in the eye of a lug, half of it by symmetry: contact on a cylinder.
+"""Mesh half of a pin in the eye of a lug, by symmetry: contact on a cylinder.
 
 The lug is a bar of width 2·WIDTH with a round end about the pin's axis (the z axis); its shank
-reaches to y = -LENGTH. Volumes ``lug`` and ``pin``; surfaces ``x0`` (the symmetry plane x = 0, both
-bodies), ``z0`` and ``z1`` (the flat faces, both bodies), ``end`` (y = -LENGTH, the lug's), and the
-contact surfaces ``lug_bore`` and ``pin_bore``.
+extends to y = -LENGTH. Volumes are ``lug`` and ``pin``. Surfaces are ``x0`` (the symmetry plane x =
+0, both bodies), ``z0`` and ``z1`` (the flat faces, both bodies), ``end`` (y = -LENGTH, of the lug),
+and the contact surfaces ``lug_bore`` and ``pin_bore``.
 """
 
 import math

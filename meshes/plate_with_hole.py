@@ -1,4 +1,4 @@
-"""A square plate with a square hole in plane strain, a quarter of it by symmetry.
+"""Mesh a quarter of a square plate with a square hole in plane strain.
 
 The plate is (0, WIDTH)² without (0, HOLE)². Volume ``plate``; curves ``x0`` (x = 0, y ≥ HOLE),
 ``y0`` (y = 0, x ≥ HOLE), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole`` (two lines).
@@ -13,9 +13,9 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, HOLE = 5.0, 2.5
-"""Half widths of the plate and of the hole."""
+"""Half-widths of the plate and of the hole."""
 FINER = 10.0
-"""How much smaller the elements are at the hole's corner."""
+"""Factor by which the elements are smaller at the hole's corner."""
 
 
 def write_plate_with_hole(path: str | Path, size: float = 0.25, order: int = 1) -> None:
@@ -23,7 +23,7 @@ def write_plate_with_hole(path: str | Path, size: float = 0.25, order: int = 1) 
 
     Args:
         path: The file to write.
-        size: Edge length; it is a tenth at the hole's corner.
+        size: Edge length; at the hole's corner it is a tenth of this.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:

@@ -1,9 +1,10 @@
-"""A block pressed between rough platens in plane strain, a quarter of it by symmetry.
+"""Mesh a quarter of a block pressed between rough platens in plane strain.
 
-The block is (0, WIDTH/2)×(0, HEIGHT/2). Volume ``block``; curves ``x0``, ``y0`` (the symmetry
-lines), ``side`` (x = WIDTH/2) and ``top``. With a platen on top, glued to the block and as wide as
-it: volumes ``block`` and ``platen``, one body of shared nodes whose common line has no name;
-``top`` is then the platen's, ``x0`` is of both, and ``side`` of the block alone.
+The block is (0, WIDTH/2)×(0, HEIGHT/2). The volume is ``block``. Curves are ``x0``, ``y0`` (the
+symmetry lines), ``side`` (x = WIDTH/2) and ``top``. With a platen, which is glued on top of the
+block and has the same width, the volumes are ``block`` and ``platen``. They are one body with
+shared nodes, and their common line has no name. Then ``top`` belongs to the platen, ``x0`` to both,
+and ``side`` only to the block.
 """
 
 from pathlib import Path
@@ -17,7 +18,7 @@ from perfplast_fenicsx.mesh import gmsh_session, on_plane
 WIDTH, HEIGHT, PLATEN = 2.0, 1.0, 0.25
 """Width and height of the whole block; thickness of a platen."""
 FINER = 10.0
-"""How much smaller the elements are at the edge of the block's top unless another is given."""
+"""Default factor by which the elements are smaller at the edge of the block's top."""
 
 
 def write_platens(
@@ -32,7 +33,7 @@ def write_platens(
     Args:
         path: The file to write.
         platen: Whether a platen is glued to the block.
-        grading: How much smaller the elements are at the edge of the block's top.
+        grading: Factor by which the elements are smaller at the edge of the block's top.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
     """
@@ -52,7 +53,7 @@ def write_platens(
         _, curves = gmsh.model.getAdjacencies(*block)
         name(1, {"side": [tag for tag in on_plane(1, 0, width) if tag in curves]})
         generate(2, finer_at((width, height), size / grading, size), order)
-        # Not write_split, which would take the platen off the block.
+        # Not write_split, which would separate the platen from the block.
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         gmsh.write(str(path))
 

@@ -1,4 +1,4 @@
-"""More cells around points and edges where the stress depends on the direction: stars and fans."""
+"""Add cells around points and edges where the stress depends on the direction: stars and fans."""
 
 import numpy as np
 
@@ -6,31 +6,31 @@ from meshes.tetrahedra import Booleans
 from perfplast_fenicsx.arrays import Floats, Longs
 
 Body = tuple[Floats, Longs]
-"""Points (p, 3), and the numbers of those of tetrahedra (q, 4)."""
+"""Points (p, 3), and the point indices of tetrahedra (q, 4)."""
 
 
 def star(body: Body, point: Booleans) -> Body:
-    """Cut every edge that faces some points, each of which then has about three times the cells.
+    """Cut every edge opposite given points; each point then has about three times as many cells.
 
     Args:
-        body: What is cut.
-        point: Which of its points these are, no two of them in one cell.
+        body: The body to cut.
+        point: Flags of these points; no two of them are in one cell.
     """
     return cut(body, _opposite(body[1], point[body[1]], 1))
 
 
 def fan(body: Body, edge: Booleans) -> Body:
-    """Cut the edge that faces a singular one in every cell around that.
+    """Cut the edge opposite a singular edge in every cell around the singular edge.
 
     Args:
-        body: What is cut.
-        edge: Which of its points are on the line of singular edges.
+        body: The body to cut.
+        edge: Flags of the points on the line of singular edges.
     """
     return cut(body, _opposite(body[1], edge[body[1]], 2))
 
 
 def _opposite(cells: Longs, there: Booleans, count: int) -> Longs:
-    """Edges between the other corners of the cells that have so many corners there."""
+    """Return the edges between the other corners of cells with ``count`` flagged corners."""
     here = there.sum(axis=1) == count
     others = cells[here][~there[here]].reshape(-1, 4 - count)
     first, second = np.triu_indices(4 - count, 1)
@@ -38,11 +38,11 @@ def _opposite(cells: Longs, there: Booleans, count: int) -> Longs:
 
 
 def cut(body: Body, edges: Longs) -> Body:
-    """Cut edges at their midpoints, the longest first, and all cells around each of them in two.
+    """Cut edges at their midpoints, the longest first, and halve all cells around each edge.
 
     Args:
-        body: What is cut.
-        edges: Numbers of their ends, shape (n, 2), in any order.
+        body: The body to cut.
+        edges: Indices of the edges' ends, shape (n, 2), in any order.
     """
     x, cells = body
     ends = np.unique(np.sort(edges, axis=1), axis=0)

@@ -1,4 +1,4 @@
-"""A beam that is held at one end and rests on a block at the other, in space.
+"""Mesh a beam in space that is held at one end and rests on a block at the other.
 
 Volumes ``beam`` = (0, 4)×(0, 1)×(0, THICK) and ``block`` = (3, 4)×(0, 1)×(−1, 0); surfaces ``held``
 (x = 0), ``y0`` (of both), ``floor`` (z = −1), ``top`` (of the beam), and the contact surfaces
@@ -14,7 +14,7 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 THICK = 0.5
-"""Of the beam."""
+"""Thickness of the beam."""
 
 
 def write_propped_beam(path: str | Path, size: float = 0.3, order: int = 1) -> None:

@@ -1,4 +1,4 @@
-"""A stiff wall against ground that reaches below its toe, in plane strain.
+"""Mesh a stiff wall, and ground that extends below the toe of the wall, in plane strain.
 
 The ground is (0, width)×(-depth, 1) without the wall, which is (-1/2, 0)×(0, 1). Volumes ``ground``
 and ``wall``; curves ``top`` (the ground's), ``side``, ``bottom``, ``below`` (the ground's face
@@ -15,7 +15,7 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 1.0
-"""Extent of the ground beside and below a wall of height 1, unless others are given."""
+"""Default extent of the ground beside and below a wall of height 1."""
 
 
 def write_retaining_wall(
@@ -31,8 +31,8 @@ def write_retaining_wall(
     Args:
         path: The file to write.
         width: Width of the ground.
-        depth: How far the ground reaches below the toe.
-        grading: How much smaller the elements are at the wall's top.
+        depth: Depth of the ground below the toe.
+        grading: Factor by which the elements are smaller at the wall's top.
         size: Edge length elsewhere.
         order: Degree of the geometry, 1 or 2.
     """

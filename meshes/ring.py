@@ -1,4 +1,4 @@
-"""Half the section of a ring about the axis x = 0, whole or as two rings one in the other.
+"""Mesh half of the section of a ring about the axis x = 0, as one ring or two nested rings.
 
 The section is (inner, outer)×(0, height), with x as radius. Volume ``ring``; curves ``inner``,
 ``outer``, ``bottom`` and ``top``. With an interface: volumes ``inner_ring`` and ``outer_ring`` and
@@ -30,8 +30,8 @@ def write_ring(
         path: The file to write.
         inner: Inner radius; 0 for a disc.
         outer: Outer radius.
-        height: Along the axis.
-        interface: Radius at which the ring is cut in two; None for one ring.
+        height: Height along the axis.
+        interface: Radius at which the ring is divided in two; None for one ring.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
     """

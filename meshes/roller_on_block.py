@@ -1,9 +1,9 @@
-"""A roller on a block, half by symmetry, in millimetres: NAFEMS' first contact benchmark.
+"""Mesh half of a roller on a block, in millimetres: NAFEMS' first contact benchmark.
 
-In the plane: half of a disc of RADIUS, which touches the block (0, 100)×(−200, 0) at the origin.
-Volumes ``roller`` and ``block``; curves ``x0`` (of both), ``crown`` (the roller's top, as far as
-x = CROWN), ``bottom`` (y = −200), and the contact curves ``roller_seam`` and ``block_seam`` (as far
-as x = SEAM). The bodies are meshed one by one.
+The mesh is plane. Half of a disc of radius RADIUS touches the block (0, 100)×(−200, 0) at the
+origin. Volumes are ``roller`` and ``block``. Curves are ``x0`` (of both), ``crown`` (the roller's
+top up to x = CROWN), ``bottom`` (y = −200), and the contact curves ``roller_seam`` and
+``block_seam`` (up to x = SEAM). The bodies have separate meshes.
 """
 
 import math
@@ -17,10 +17,10 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session
 
 RADIUS, SIDE, DEPTH = 50.0, 100.0, 200.0
-"""Of the disc; half the width of the block, and its height."""
+"""Radius of the disc, half of the block's width, and height of the block."""
 
 SEAM, CROWN = 12.0, 5.0
-"""Largest x of the contact curves, and of the loaded one."""
+"""Largest x of the contact curves, and of the loaded curve."""
 
 
 def write_roller_on_block(

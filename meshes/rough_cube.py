@@ -1,11 +1,12 @@
-"""An octant of a unit cube between rough platens, with the platen on it, in layers of tetrahedra.
+"""Mesh an octant of a unit cube between rough platens, with a platen, in layers of tetrahedra.
 
-The cube's octant is (−HALF, 0)²×(0, HALF), in which the diagonals of gmsh's layers suit the slip
-lines: bounds are closer by a third than in (0, HALF)³. Volumes ``cube`` and ``platen``, one body of
-shared nodes whose common face has no name; surfaces ``x0``, ``y0``, ``z0`` (the symmetry planes, x0
-and y0 of both) and ``top``, which is the platen's. Without the platen ``top`` is the cube's. Half
-of the octant is what has y ≤ x, with the plane of symmetry ``diagonal`` in place of ``y0``, in
-cubes that are cut along their diagonals to the middle of the whole.
+The octant of the cube is (−HALF, 0)²×(0, HALF). There the diagonals of gmsh's layers follow the
+slip lines, and bounds are closer by a third than in (0, HALF)³. Volumes are ``cube`` and
+``platen``, one body with shared nodes whose common face has no name. Surfaces are ``x0``, ``y0``,
+``z0`` (the symmetry planes; x0 and y0 of both volumes) and ``top`` of the platen. Without the
+platen ``top`` belongs to the cube. Half of the octant is the part y ≤ x, with the plane of symmetry
+``diagonal`` instead of ``y0``. Its cubes are divided along the diagonals that point to the middle
+of the whole cube.
 """
 
 from pathlib import Path
@@ -34,10 +35,10 @@ def write_rough_cube(
 
     Args:
         path: The file to write.
-        size: Edge length, of which the octant's edge is about a multiple.
+        size: Edge length; the edge of the octant is approximately a multiple of it.
         order: Degree of the geometry, 1 or 2.
-        platen: Whether there is one.
-        half: Whether it is half of the octant.
+        platen: Whether there is a platen.
+        half: Whether to mesh half of the octant.
     """
     if half:
         _write_half(path, max(1, round(HALF / size)), order, platen)
@@ -66,13 +67,13 @@ def write_rough_cube(
             gmsh.model.mesh.setTransfiniteVolume(volume)
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.setOrder(order)
-        # Not write_split, which would take the platen off the cube.
+        # Not write_split, which would separate the platen from the cube.
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         gmsh.write(str(path))
 
 
 def _write_half(path: str | Path, count: int, order: int, platen: bool) -> None:
-    """Write half of the octant, of so many cubes along an edge."""
+    """Write half of the octant, with ``count`` cubes along an edge."""
     along = -HALF + HALF * np.arange(count + 1) / count
     up = np.append(along + HALF, HALF + PLATEN)[: count + 1 + platen]
     x, cells = Kuhn((layers(along), layers(along), layers(up, "-")), in_sector).cells()

@@ -1,6 +1,6 @@
-"""A quarter of a square plate with a round hole in its middle.
+"""Mesh a quarter of a square plate with a round hole in its middle.
 
-The plate is (0, WIDTH)² outside of the circle of the radius 1 around the origin. Volume ``plate``;
+The plate is (0, WIDTH)² outside the circle of radius 1 around the origin. Volume ``plate``;
 curves ``x0`` (x = 0), ``y0`` (y = 0), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole``.
 """
 
@@ -14,7 +14,7 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH = 5.0
-"""Half the width of the plate, in radii of the hole."""
+"""Half of the plate's width, in radii of the hole."""
 
 
 def write_round_hole(path: str | Path, size: float = 0.1, order: int = 1) -> None:

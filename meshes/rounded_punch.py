@@ -1,4 +1,4 @@
-"""A round punch with rounded edges on a round foundation: NAFEMS' second contact benchmark.
+"""Mesh a round punch with rounded edges on a round foundation: NAFEMS' second contact benchmark.
 
 The section of bodies of revolution about x = 0, in millimetres: the punch (0, 50)×(0, 100), whose
 edge has the radius FILLET, on the foundation (0, 100)×(−200, 0). Volumes ``punch`` and
@@ -17,7 +17,7 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session
 
 PUNCH, FILLET, HEIGHT = 50.0, 10.0, 100.0
-"""Radius of the punch, of its edge, and its height."""
+"""Radius of the punch, radius of its edge, and its height."""
 
 FOUNDATION, DEPTH = 100.0, 200.0
 """Radius and height of the foundation."""
@@ -30,7 +30,8 @@ def write_rounded_punch(
 
     Args:
         path: The file to write.
-        contact_size: Edge length where the fillet begins; two thirds of it in the foundation.
+        contact_size: Edge length at the beginning of the fillet; two thirds of it in the
+            foundation.
         size: Largest edge length.
         order: Degree of the geometry, 1 or 2.
     """

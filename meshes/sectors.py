@@ -1,8 +1,8 @@
-"""Parts of bodies in space between their planes of symmetry, in few tetrahedra that suit them.
+"""Mesh sectors of bodies in space between planes of symmetry, in few well-placed tetrahedra.
 
-Layers are thin where hinges and slip lines are, and all diagonals end at the edge or the corner
-from which these start (:mod:`meshes.kuhn`). Surfaces ``x0``, ``y0``, ``z0`` and ``oblique``
-(x = y) are planes of symmetry, or of antisymmetry where ``z0`` is the middle of what bends.
+Layers are thin at hinges and slip lines, and all diagonals end at the edge or corner at which these
+start (:mod:`meshes.kuhn`). Surfaces ``x0``, ``y0``, ``z0`` and ``oblique`` (x = y) are planes of
+symmetry; ``z0`` is a plane of antisymmetry if it is the middle of a bent body.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,13 +53,13 @@ def write_cube_sector(path: str | Path, order: int = 1, parts: int = 4) -> None:
 def write_patch_sector(path: str | Path, order: int = 1) -> None:
     """0 < y < x < 3, −2 < z < 0: ``ground``; ``y0``, ``oblique``, ``held``, ``top`` (x < 1).
 
-    Long cells of many directions meet at the corner of ``top``, which the lower bound wants.
+    Long cells of many directions meet at the corner of ``top``, as the lower bound requires.
     """
     _write_patch_corner(path, (fan, star, fan, star, star), order)
 
 
 def write_patch_finest_sector(path: str | Path, order: int = 1) -> None:
-    """The same with more directions still, four times as many cells."""
+    """The same body with more directions and four times as many cells."""
     _write_patch_corner(path, (fan, star, fan, star, star, star), order)
 
 
@@ -107,7 +107,7 @@ def write_bracket_half(path: str | Path, order: int = 1) -> None:
 def write_blocks_half(path: str | Path, order: int = 1) -> None:
     """Half of :func:`~perfplast_fenicsx.mesh.sample_meshes.two_blocks`, 0 < y < ½.
 
-    Surface ``y0`` besides, of both.
+    The surface ``y0`` belongs to both bodies.
     """
     x, y = layers([0, 0.25, 0.5, 1, 1.5, 2, 3], "-"), layers([0, 0.5])
     heights = {"lower": [0, 0.5, 1], "upper": [1, 1.5, 2]}

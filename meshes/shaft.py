@@ -1,9 +1,10 @@
-"""A quarter of a round shaft, about the z axis: by itself or in a hub, a section or a bar.
+"""Mesh a quarter of a round shaft about the z axis, alone or in a hub, as a section or a bar.
 
-A section is plane, with the symmetry lines ``x0`` and ``y0``; a bar is of tetrahedra, with the
-symmetry planes ``x0`` and ``y0`` and the ends ``z0`` and ``z1``. Volume ``shaft``, and its surface
-``outer``. With a hub that is a volume ``hub``, which has the surface ``outer``, and the contact
-surfaces are ``shaft_seam`` and ``hub_seam``, whose nodes match unless the two are meshed apart.
+A section is plane, with the symmetry lines ``x0`` and ``y0``. A bar consists of tetrahedra, with
+the symmetry planes ``x0`` and ``y0`` and the ends ``z0`` and ``z1``. The volume is ``shaft``, and
+its surface is ``outer``. With a hub there is a second volume ``hub``, to which ``outer`` belongs.
+The contact surfaces are ``shaft_seam`` and ``hub_seam``, whose nodes match unless the bodies have
+separate meshes.
 """
 
 from itertools import pairwise
@@ -31,11 +32,12 @@ def write_shaft(
 
     Args:
         path: The file to write.
-        hub: Outer radius of a hub; that of the shaft is 1.
-        length: Of a bar; None for a section.
+        hub: Outer radius of a hub, or None; the radius of the shaft is 1.
+        length: Length of a bar; None for a section.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
-        finer: Mesh shaft and hub apart, the hub with so many times as many edges.
+        finer: Mesh shaft and hub separately, and multiply the number of the hub's edges by this
+            factor.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ

@@ -1,4 +1,4 @@
-"""Shapes of gmsh's current model in the plane and in space alike."""
+"""Add shapes to gmsh's current model, both in the plane and in space."""
 
 from collections.abc import Sequence
 
@@ -9,8 +9,8 @@ def add_box(corner: Sequence[float], extent: Sequence[float]) -> tuple[int, int]
     """Add a rectangle in the plane z = 0, or a box.
 
     Args:
-        corner: Its corner of the smallest coordinates, (x, y) or (x, y, z).
-        extent: Its lengths along the axes.
+        corner: Corner with the smallest coordinates, (x, y) or (x, y, z).
+        extent: Lengths along the axes.
 
     Returns:
         Dimension and tag.
@@ -24,22 +24,22 @@ def add_polygon(curves: Sequence[int]) -> int:
     """Add the plane surface inside a closed chain of curves.
 
     Args:
-        curves: Their tags, the first one anticlockwise.
+        curves: Tags of the curves; the first one is anticlockwise.
 
     Returns:
-        Its tag.
+        Tag of the surface.
     """
     return gmsh.model.occ.addPlaneSurface([gmsh.model.occ.addCurveLoop(curves)])
 
 
 def add_outline(corners: Sequence[tuple[float, float]]) -> list[int]:
-    """Add the lines from each corner of a polygon in the plane z = 0 to the next.
+    """Add the lines from each corner of a polygon in the plane z = 0 to the next corner.
 
     Args:
-        corners: Its corners (x, y), anticlockwise.
+        corners: Corners (x, y) in anticlockwise order.
 
     Returns:
-        The tags of the lines; the first one starts at the first corner.
+        Tags of the lines; the first one starts at the first corner.
     """
     points = [gmsh.model.occ.addPoint(x, y, 0.0) for x, y in corners]
     following = points[1:] + points[:1]
@@ -47,12 +47,12 @@ def add_outline(corners: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def add_block(corner: Sequence[float], extent: Sequence[float], half: bool) -> tuple[int, int]:
-    """Add a box, or half of one: what is on the right of the diagonal from its corner, seen from z.
+    """Add a box, or the half of it to the right of the diagonal from its corner, seen from z.
 
     Args:
-        corner: Its corner of the smallest coordinates, (x, y, z).
-        extent: Its lengths along the axes.
-        half: Whether it is half of one.
+        corner: Corner with the smallest coordinates, (x, y, z).
+        extent: Lengths along the axes.
+        half: Whether to add half of a box.
 
     Returns:
         Dimension and tag.

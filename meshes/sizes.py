@@ -1,4 +1,4 @@
-"""Edge lengths of the elements of gmsh's current model: the same everywhere, or finer somewhere."""
+"""Set edge lengths of the elements in gmsh's current model: uniform, or finer at some places."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from perfplast_fenicsx.errors import InputError
 
 SizeLaw = Callable[[float, float, float], float]
-"""Edge length as a function of the place (x, y, z)."""
+"""Function that returns the edge length at a place (x, y, z)."""
 
 
 def generate(dim: int, law: SizeLaw, order: int) -> None:
@@ -17,7 +17,7 @@ def generate(dim: int, law: SizeLaw, order: int) -> None:
 
     Args:
         dim: Dimension of the bodies.
-        law: Edge length by the place; nothing else sets it.
+        law: Edge length as a function of the place; nothing else determines it.
         order: Degree of the geometry, 1 or 2.
 
     Raises:
@@ -30,7 +30,7 @@ def generate(dim: int, law: SizeLaw, order: int) -> None:
     gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: law(x, y, z))
     gmsh.model.mesh.generate(dim)
     gmsh.model.mesh.setOrder(order)
-    # Large elements on a curved surface may be bent so much that they fold over.
+    # Large elements on a curved surface can be so strongly curved that they fold over.
     if order == 2 and _worst_quality(dim) < 0.2:
         gmsh.model.mesh.optimize("HighOrderElastic")
         if _worst_quality(dim) <= 0.0:
@@ -46,14 +46,14 @@ def finer_at(
     reach: float = math.inf,
     growth: float = 0.25,
 ) -> SizeLaw:
-    """Edge lengths that depend on the distance from one point.
+    """Return edge lengths that depend on the distance from one point.
 
     Args:
-        point: The place of the smallest elements, (x, y) or (x, y, z).
-        near: Edge length from there up to the distance ``flat``.
-        size: Edge length that it grows to.
+        point: Place of the smallest elements, (x, y) or (x, y, z).
+        near: Edge length from this point up to the distance ``flat``.
+        size: Edge length to which it grows.
         flat: Radius of the finest part.
-        reach: Distance from which on it grows beyond ``size``.
+        reach: Distance beyond which it grows above ``size``.
         growth: Growth of the edge length per distance.
     """
     centre = (*point, 0.0)[:3]
@@ -67,6 +67,6 @@ def finer_at(
 
 
 def _worst_quality(dim: int) -> float:
-    """Signed inverse condition number of the worst element, 1 at best, below 0 where it folds."""
+    """Return the least signed inverse condition number of elements: 1 at best, < 0 if folded."""
     tags = np.concatenate(gmsh.model.mesh.getElements(dim)[1])
     return float(gmsh.model.mesh.getElementQualities(tags, "minSICN").min())

@@ -1,6 +1,6 @@
-"""A slope of one body, cut out of its ground: crest, face and, on a foundation, toe.
+"""Mesh a slope of homogeneous ground: crest, face and, with a foundation, toe.
 
-Surfaces are "crest", "face", "bottom" and "left", and on a foundation "toe" and "right".
+Surfaces are "crest", "face", "bottom" and "left"; with a foundation also "toe" and "right".
 """
 
 from pathlib import Path
@@ -26,11 +26,11 @@ def write_slope(
 
     Args:
         path: The file to write.
-        height: Of the slope.
-        run: Its length, level.
+        height: Height of the slope.
+        run: Horizontal length of the slope.
         back: Length of the crest.
-        depth: Of the foundation; 0 for firm ground at the toe.
-        front: Length of the toe, on a foundation.
+        depth: Depth of the foundation; 0 for firm ground at the level of the toe.
+        front: Length of the ground in front of the toe, with a foundation.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
     """

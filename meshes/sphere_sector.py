@@ -1,10 +1,10 @@
-"""A 120th of a thick spherical shell, between planes of symmetry of an icosahedron.
+"""Mesh a 120th of a thick spherical shell, between planes of symmetry of an icosahedron.
 
-Its corners lie on axes of two, three and five turns. Volume ``shell``; surfaces ``inner``,
-``outer``, ``x0`` and ``y0``, and ``oblique``, the plane of symmetry that is along no axis. As in
-:mod:`meshes.thick_sphere` facets are flat, and the images of the sector are a polyhedron; vertices
-lie on the spheres, or, of the surface that is *circumscribed*, further out, so that its facets
-cut their sphere nowhere.
+The corners of the sector lie on axes of two-, three- and five-fold symmetry. The volume is
+``shell``. Surfaces are ``inner``, ``outer``, ``x0``, ``y0``, and ``oblique``, the plane of symmetry
+that is parallel to no axis. As in :mod:`meshes.thick_sphere` facets are flat, and the images of the
+sector form a polyhedron. Vertices lie on the spheres. Vertices of a *circumscribed* surface lie
+further out, so that its facets do not cut the sphere.
 """
 
 import math
@@ -21,9 +21,9 @@ from perfplast_fenicsx.mesh import gmsh_session
 
 GOLDEN = (1 + math.sqrt(5)) / 2
 CORNERS = np.array([[0.0, 0.0, 1.0], [1 / GOLDEN, 0.0, GOLDEN], [0.0, 1.0, GOLDEN]])
-"""On the axes of two, three and five turns."""
+"""Points on the axes of two-, three- and five-fold symmetry."""
 SIDE = 0.65
-"""Angle of its longest side, from the axis of three turns to that of five."""
+"""Angle of the longest side, from the three-fold to the five-fold axis (radians)."""
 
 
 def write_sphere_sector(
@@ -35,7 +35,7 @@ def write_sphere_sector(
         path: The file to write.
         size: Edge length at the inner radius, which is 1; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
-        circumscribed: ``inner`` or ``outer``.
+        circumscribed: Surface that is circumscribed, ``inner`` or ``outer``.
     """
     x, triangles = _divided(max(1, round(SIDE / size)))
     layers = max(1, round(math.log(OUTER / INNER) / size))
@@ -64,7 +64,7 @@ def write_sphere_sector(
 
 
 def _divided(parts: int) -> tuple[Floats, Longs]:
-    """Points of the unit sphere and triangles, so many along each side of the sector's."""
+    """Return points of the unit sphere and triangles, ``parts`` along each side of the sector."""
     steps = [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
     number = {step: k for k, step in enumerate(steps)}
     one, two, three = CORNERS / np.linalg.norm(CORNERS, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""A quarter of a bar with a square section of side 1, whose axis is z.
+"""Mesh a quarter of a bar along z with a square section of side 1.
 
 Volume ``bar`` is (0, ½)²×(0, length); surfaces ``x0``, ``y0`` (the symmetry planes), ``z0`` and
 ``z1``, its ends.
@@ -22,7 +22,7 @@ def write_square_bar(
 
     Args:
         path: The file to write.
-        length: Of the bar.
+        length: Length of the bar.
         size: Edge length.
         order: Degree of the geometry, 1 or 2.
     """

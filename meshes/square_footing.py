@@ -1,10 +1,10 @@
-"""Ground under a square footing 2×2, a quarter or an eighth of it, with fans around its edges.
+"""Mesh ground under a square footing 2×2, a quarter or an eighth, with fans around its edges.
 
-The ground is (0, WIDTH)²×(−DEPTH, 0), the footing the square |x|, |y| ≤ 1 of z = 0. Volume
-``ground``; surfaces ``x0``, ``y0`` (the symmetry planes), ``bottom``, ``sides`` and ``footing``. An
-eighth is what has y ≤ x, with the plane of symmetry ``diagonal`` in place of ``x0``.
-Long cells lie along the edges of the footing, as little changes there, and each fan of them turns
-from the free surface to what is under the footing.
+The ground is (0, WIDTH)²×(−DEPTH, 0); the footing is the square |x|, |y| ≤ 1 of z = 0. The volume
+is ``ground``. Surfaces are ``x0``, ``y0`` (the symmetry planes), ``bottom``, ``sides`` and
+``footing``. An eighth is the part y ≤ x, with the plane of symmetry ``diagonal`` instead of ``x0``.
+Long cells lie along the edges of the footing, where the solution varies little along the edge. Each
+fan of cells extends from the free surface to the ground under the footing.
 """
 
 import math
@@ -23,9 +23,9 @@ from perfplast_fenicsx.mesh import gmsh_session
 WIDTH, DEPTH = 3.0, 2.0
 """Width and depth of the quarter of the ground."""
 RADIUS = 0.2
-"""Of the fans; half the width of the footing is 1."""
+"""Radius of the fans; half of the footing's width is 1."""
 GROWTH = 0.4
-"""Growth of the edge length per distance from them."""
+"""Growth of the edge length per distance from the fans."""
 
 
 def write_square_footing(
@@ -42,9 +42,9 @@ def write_square_footing(
         path: The file to write.
         size: Largest edge length of the section.
         order: Degree of the geometry, 1 or 2.
-        cells: Of each fan.
-        layers: From the middle of each edge to its end.
-        eighth: Whether it is one, not a quarter.
+        cells: Number of cells in each fan.
+        layers: Number of layers from the middle of each edge to its end.
+        eighth: Whether to mesh an eighth instead of a quarter.
     """
     width = math.pi * RADIUS / cells
 

@@ -1,4 +1,4 @@
-"""A square punch 2×2 on a block of ground, a quarter of both by symmetry, or an eighth.
+"""Mesh a square punch 2×2 on a block of ground: a quarter of both by symmetry, or an eighth.
 
 The ground is (0, WIDTH)²×(−DEPTH, 0), the punch (0, 1)²×(0, PUNCH). Volumes ``ground`` and
 ``punch``; surfaces ``x0``, ``y0`` (the symmetry planes, of both bodies), ``bottom``, ``sides``
@@ -30,7 +30,7 @@ def write_square_punch(
         path: The file to write.
         size: Edge length under the punch.
         order: Degree of the geometry, 1 or 2.
-        eighth: Whether it is one, not a quarter.
+        eighth: Whether to mesh an eighth instead of a quarter.
     """
 
     def law(x: float, y: float, z: float) -> float:

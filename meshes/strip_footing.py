@@ -1,11 +1,11 @@
-"""A strip footing in plane strain, half of it by symmetry: Prandtl's problem.
+"""Mesh half of a strip footing in plane strain: Prandtl's problem.
 
-As half a section of a body of revolution the footing is a circular one.
-The ground is (0, width)×(-depth, 0), the footing the part x ≤ 1 of y = 0. Volume ``ground``; curves
-``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). With
-a punch, a second body (0, 1)×(0, 1) on the ground: volumes ``ground`` and ``punch``, its curve
-``top``, ``x0`` of both bodies, and the contact curves ``ground_footing`` and ``punch_footing``,
-whose nodes match unless the bodies are meshed apart.
+As half of the section of a body of revolution, the footing is circular. The ground is (0,
+width)×(-depth, 0); the footing is the part x ≤ 1 of y = 0. The volume is ``ground``. Curves are
+``x0`` (the symmetry line), ``bottom``, ``side``, ``footing`` and ``free`` (the rest of y = 0). A
+punch is a second body (0, 1)×(0, 1) on the ground. Then the volumes are ``ground`` and ``punch``,
+whose curve is ``top``; ``x0`` belongs to both bodies. The contact curves are ``ground_footing`` and
+``punch_footing``, whose nodes match unless the bodies have separate meshes.
 """
 
 from pathlib import Path
@@ -18,10 +18,10 @@ from meshes.sizes import finer_at, generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 6.0, 6.0
-"""Extent of the ground unless others are given; the half width of the footing is 1."""
+"""Default extent of the ground; half of the footing's width is 1."""
 FINER, REACH = 10.0, 2.2
-"""How much smaller the elements are at the footing's edge unless told otherwise; how
-far from it ``size`` holds, which is the region of the slip lines."""
+"""Default factor by which the elements are smaller at the footing's edge, and distance from this
+edge up to which the edge length is ``size``, the region of the slip lines."""
 
 
 def write_strip_footing(
@@ -41,10 +41,10 @@ def write_strip_footing(
         punch: Whether there is a punch on the ground.
         width: Width of the ground, more than 1.
         depth: Depth of the ground.
-        grading: How much smaller the elements are at the footing's edge.
+        grading: Factor by which the elements are smaller at the footing's edge.
         size: Edge length in the region of the slip lines.
         order: Degree of the geometry, 1 or 2.
-        finer: Mesh the punch apart, with so many times as many edges.
+        finer: Mesh the punch separately, and multiply the number of its edges by this factor.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ

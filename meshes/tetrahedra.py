@@ -1,4 +1,4 @@
-"""Tetrahedra that are made without gmsh's meshers: where their facets are, and files of them."""
+"""Handle tetrahedra that gmsh's meshers did not make: place their facets, and write files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -11,11 +11,11 @@ from perfplast_fenicsx.arrays import Floats, Longs
 
 Booleans = npt.NDArray[np.bool_]
 Place = Callable[[Floats], Booleans]
-"""Whether facets are on a surface, from their corners of the shape (n, 3, 3)."""
+"""Function that returns which facets are on a surface, from their corners of shape (n, 3, 3)."""
 
 
 def on(direction: int | Sequence[float], value: float) -> Place:
-    """Facets in the plane x·direction = value; a number is that of an axis."""
+    """Return a test for facets in the plane x·direction = value; an integer means an axis."""
     along = np.eye(3)[direction] if isinstance(direction, int) else np.array(direction)
 
     def there(facets: Floats) -> Booleans:
@@ -28,26 +28,27 @@ ON_DIAGONAL = on((1.0, -1.0, 0.0), 0.0)
 
 
 def both(one: Place, other: Place) -> Place:
-    """Facets that are in both places."""
+    """Return a test for facets that are in both places."""
     return lambda facets: one(facets) & other(facets)
 
 
 def either(one: Place, other: Place) -> Place:
-    """Facets that are in one of two places."""
+    """Return a test for facets that are in at least one of two places."""
     return lambda facets: one(facets) | other(facets)
 
 
 def in_sector(middles: Floats) -> Booleans:
-    """Which cells have y < x, from their middles of the shape (n, 3)."""
+    """Return which cells have y < x, from their middles of shape (n, 3)."""
     return np.asarray(middles[:, 0] > middles[:, 1])
 
 
 def prisms(near: Longs, far: Longs) -> Longs:
-    """Tetrahedra of the prisms between triangles of the same order, shape (3 n, 4).
+    """Return the tetrahedra of prisms between two sets of triangles, shape (3 n, 4).
 
     Args:
-        near: Numbers of their points, shape (n, 3); diagonals go from the earlier ones of these.
-        far: The same of the other ends.
+        near: Point indices of the first triangles, shape (n, 3); diagonals start at their earlier
+            points.
+        far: Point indices of the second triangles, in the same order.
     """
     (a, b, c), (d, e, f) = near.T, far.T
     return np.concatenate(
@@ -56,14 +57,14 @@ def prisms(near: Longs, far: Longs) -> Longs:
 
 
 def right_handed(x: Floats, cells: Longs) -> Longs:
-    """The same tetrahedra, of a positive volume each."""
+    """Return the same tetrahedra, each with positive volume."""
     one, two, three = np.moveaxis(x[cells[:, 1:]] - x[cells[:, :1]], 1, 0)
     turned = np.einsum("ci,ci->c", np.cross(one, two), three) < 0
     return np.where(turned[:, None], cells[:, [1, 0, 2, 3]], cells)
 
 
 def joined(bodies: Mapping[str, tuple[Floats, Longs]]) -> tuple[Floats, dict[str, Longs]]:
-    """All points of bodies that share none, and the bodies' cells in their numbers."""
+    """Return all points of bodies without common points, and the cells with indices of these."""
     firsts = np.cumsum([0, *(len(x) for x, _ in bodies.values())])
     cells = {
         name: mine + first for (name, (_, mine)), first in zip(bodies.items(), firsts, strict=False)
@@ -78,18 +79,18 @@ def write_tetrahedra(
     surfaces: Mapping[str, Place | tuple[Sequence[str], Place]],
     order: int = 1,
 ) -> None:
-    """Write bodies, which are glued where they share points, in a new model of gmsh.
+    """Write bodies in a new gmsh model; bodies that share points are glued together.
 
     Args:
         path: The .msh file to write.
-        x: All points.
-        bodies: By the names of volumes, the numbers of the points of their cells.
-        surfaces: By name, the places whose outer facets have it; of which bodies, if not of all.
+        x: Coordinates of all points.
+        bodies: Point indices of the cells, by the name of the volume.
+        surfaces: Places of outer facets by surface name, optionally with the names of their bodies.
         order: Degree of the geometry, 1 or 2.
     """
     model = gmsh.model
     model.add(" ".join(bodies))
-    tetrahedron, triangle = 4, 2  # gmsh's numbers
+    tetrahedron, triangle = 4, 2  # gmsh's element types
     new = np.ones(len(x), dtype=np.bool_)
     for name, cells in bodies.items():
         body = model.addDiscreteEntity(3)

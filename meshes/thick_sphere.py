@@ -1,14 +1,14 @@
-"""An octant of a thick spherical shell, whole or as two shells one in the other.
+"""Mesh an octant of a thick spherical shell, as one shell or as two nested shells.
 
-The shell is about the origin. Volume ``shell``; surfaces ``inner``, ``outer``, ``x0``, ``y0`` and
-``z0`` (the symmetry planes). With an interface: volumes ``inner_shell`` and ``outer_shell`` and the
-contact surfaces ``inner_shell_seam`` and ``outer_shell_seam``, whose nodes match unless the shells
-are meshed apart.
+The shell is centred at the origin. The volume is ``shell``. Surfaces are ``inner``, ``outer``,
+``x0``, ``y0`` and ``z0`` (the symmetry planes). With an interface the volumes are ``inner_shell``
+and ``outer_shell``. Then the contact surfaces are ``inner_shell_seam`` and ``outer_shell_seam``,
+whose nodes match unless the shells have separate meshes.
 
-Vertices lie on the spheres, so that flat facets cut them: the body of the mesh reaches into the
-hole and not as far out. A sphere that is *circumscribed* is touched by the facets instead. The
-stress of a body with a larger hole, filled up by its pressure, is one of the shell, and so is the
-mechanism of a larger body.
+Vertices lie on the spheres, so flat facets cut the spheres: the body of the mesh extends into the
+hole, and is smaller at the outside. The facets of a *circumscribed* sphere touch it from outside
+instead. A stress of a body with a larger hole, in which the pressure fills the rest, is a stress of
+the shell. A mechanism of a larger body is also a mechanism of the shell.
 """
 
 import math
@@ -41,12 +41,13 @@ def write_thick_sphere(
 
     Args:
         path: The file to write.
-        interface: Radius at which the shell is cut in two; None for one shell.
+        interface: Radius at which the shell is divided in two; None for one shell.
         size: Edge length at the inner radius, which is 1; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
-        circumscribed: ``inner`` or ``outer``: the surface whose vertices are moved outwards until
-            no facet of it cuts its sphere.
-        finer: Mesh two shells apart, the outer one with so many times as many edges at the seam.
+        circumscribed: ``inner`` or ``outer``: the surface whose vertices move outwards until none
+            of its facets cuts its sphere.
+        finer: Mesh two shells separately, and multiply the number of the outer shell's edges at the
+            seam by this factor.
 
     Raises:
         InputError: If curved facets are to be circumscribed.
@@ -61,7 +62,7 @@ def write_thick_sphere(
         bodies = ["shell"] if interface is None else ["inner_shell", "outer_shell"]
         centre = geo.addPoint(0.0, 0.0, 0.0)
 
-        # Each sphere is a triangle of three arcs, from the x axis to the y axis and so on.
+        # Each sphere is a triangle of three arcs: from the x axis to the y axis, and so on.
         corners = [[geo.addPoint(*row) for row in ((r, 0, 0), (0, r, 0), (0, 0, r))] for r in radii]
         arcs = [
             [geo.addCircleArc(points[i], centre, points[(i + 1) % 3]) for i in range(3)]
@@ -105,7 +106,7 @@ def write_thick_sphere(
 
 
 def _circumscribe(sphere: int) -> None:
-    """Move the vertices of a sphere outwards until all its facets touch it, or lie outside."""
+    """Move the vertices of a sphere outwards until all its facets touch it or lie outside it."""
     mesh = gmsh.model.mesh
     tags, places, _ = mesh.getNodes(2, sphere, includeBoundary=True)
     points = dict(zip(tags, places.reshape(-1, 3), strict=True))

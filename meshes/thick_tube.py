@@ -1,10 +1,10 @@
-"""A quarter of a thick tube in plane strain, whole or as two tubes one in the other.
+"""Mesh a quarter of a thick tube in plane strain, as one tube or as two nested tubes.
 
-The tube is about the origin in the plane z = 0; as half a section of a body of revolution it is
-half a thick sphere, with ``x0`` on the axis. Volume ``tube``; curves ``inner``, ``outer``,
-``x0`` and ``y0`` (the symmetry lines). With an interface: volumes ``inner_tube`` and
-``outer_tube`` and the contact curves ``inner_tube_seam`` and ``outer_tube_seam``, whose nodes match
-unless the tubes are meshed apart.
+The tube is centred at the origin in the plane z = 0. As half of the section of a body of revolution
+it is half of a thick sphere, with ``x0`` on the axis. The volume is ``tube``. Curves are ``inner``,
+``outer``, ``x0`` and ``y0`` (the symmetry lines). With an interface the volumes are ``inner_tube``
+and ``outer_tube``. Then the contact curves are ``inner_tube_seam`` and ``outer_tube_seam``, whose
+nodes match unless the tubes have separate meshes.
 """
 
 import math
@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh import gmsh_session, write_split
 INNER = 1.0
 """Inner radius."""
 OUTER = 1.3
-"""Outer radius unless another is given."""
+"""Default outer radius."""
 
 
 def write_thick_tube(
@@ -41,12 +41,15 @@ def write_thick_tube(
     Args:
         path: The file to write.
         outer: Outer radius; the inner one is 1.
-        interface: Radius at which the tube is cut in two; None for one tube.
+        interface: Radius at which the tube is divided in two; None for one tube.
         size: Edge length at the inner radius; it grows in proportion to the radius.
         order: Degree of the geometry, 1 or 2.
-        finer: Mesh two tubes apart, the outer one with so many times as many edges at the seam.
-        sides: Make all circles polygons of so many sides a quarter, whose vertices are on them.
-        round_seam: Leave the interface a circle, whose chords are the edges of either tube.
+        finer: Mesh two tubes separately, and multiply the number of the outer tube's edges at the
+            seam by this factor.
+        sides: Number of sides in a quarter, if all circles become polygons with vertices on the
+            circles.
+        round_seam: Whether the interface remains a circle, whose chords are the edges of either
+            tube.
     """
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
@@ -86,7 +89,7 @@ def write_thick_tube(
 
 
 def _chords(radius: float, start: int, end: int, sides: int) -> list[int]:
-    """Lines from one point of a circle to another one, a right angle on."""
+    """Return lines from one point of a circle to another point at a right angle."""
     occ = gmsh.model.occ
     turns = [math.pi / 2 * side / sides for side in range(1, sides)]
     between = [occ.addPoint(radius * math.cos(t), radius * math.sin(t), 0.0) for t in turns]

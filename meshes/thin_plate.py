@@ -1,4 +1,4 @@
-"""The upper half of a quarter of a square plate of side 2, in flat tetrahedra, finer at its edge.
+"""Mesh the upper half of a quarter of a square plate of side 2, in flat tetrahedra.
 
 The plate is (−1, 1)²×(−t/2, t/2); meshed is (0, 1)²×(0, t/2), as a load that is the same on both
 faces bends it, and stress and strain are odd in z. Volume ``plate``; surfaces ``x0``, ``y0`` and
@@ -27,12 +27,12 @@ def write_thin_plate(
 
     Args:
         path: The file to write.
-        size: Longest edges in the plane.
+        size: Length of the longest edges in the plane.
         order: Degree of the geometry, 1 or 2.
-        thickness: Of the whole plate.
-        layers: Of elements, from the middle to the top.
-        column: Width of the outermost elements; those further inside are twice as wide each, up to
-            the size.
+        thickness: Thickness of the whole plate.
+        layers: Number of layers of elements, from the middle to the top.
+        column: Width of the outermost elements. Each next column towards the middle is twice as
+            wide, up to the size.
     """
     places = _columns(size, column)
     with gmsh_session() as gmsh:
@@ -63,7 +63,7 @@ def write_thin_plate(
 
 
 def _columns(size: float, column: float) -> list[float]:
-    """Where columns of elements begin and end, from the middle to the edge at 1."""
+    """Return the limits of the columns of elements, from the middle to the edge at 1."""
     graded = [1.0]
     while column < size and graded[-1] > size:
         graded.append(graded[-1] - column)

@@ -1,4 +1,4 @@
-"""Half the section of a vessel with a torispherical head, about the axis x = 0.
+"""Mesh half of the section of a vessel with a torispherical head, about the axis x = 0.
 
 The inside is a cylinder of the radius RADIUS for −height ≤ y ≤ 0, a knuckle of a given radius about
 a point of y = 0 and a crown of another one about a point of the axis, which go over into each other
@@ -19,7 +19,7 @@ from perfplast_fenicsx.mesh import gmsh_session, write_split
 RADIUS, THICKNESS, CROWN, KNUCKLE = 49.0, 2.0, 98.0, 20.0
 """Inner radius of the cylinder; thickness; inner radii of crown and knuckle."""
 HEIGHT = 40.0
-"""Of the cylinder unless another is given: four times √(radius · thickness)."""
+"""Default height of the cylinder: four times √(radius · thickness)."""
 
 
 def write_torispherical_head(
@@ -35,7 +35,7 @@ def write_torispherical_head(
     Args:
         path: The file to write.
         size: Edge length.
-        height: Of the cylinder.
+        height: Height of the cylinder.
         crown: Inner radius of the crown.
         knuckle: Inner radius of the knuckle.
         order: Degree of the geometry, 1 or 2.

@@ -1,4 +1,4 @@
-"""Blocks and quarters of cylinders on each other, drawn at random.
+"""Mesh random blocks and quarters of cylinders on each other.
 
 Volumes ``body_0`` (the lowest one) and so on; surfaces ``x0`` and ``y0`` (planes of symmetry),
 ``bottom`` and ``top``, and the contact surfaces ``body_0_seam_0``, ``body_1_seam_0`` and so on.
@@ -14,7 +14,7 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 BODIES = (2, 6)
-"""The fewest and the most bodies of a tower."""
+"""Least and largest number of bodies of a tower."""
 
 
 def write_tower(path: str | Path, size: float = 0.4, order: int = 1, number: int = 0) -> None:
@@ -24,7 +24,7 @@ def write_tower(path: str | Path, size: float = 0.4, order: int = 1, number: int
         path: The file to write.
         size: Edge length; the bodies are 0.4 to 1.2 wide.
         order: Degree of the geometry, 1 or 2.
-        number: Which one of all towers.
+        number: Number of the random tower.
     """
     draw = random.Random(number)
     with gmsh_session() as gmsh:

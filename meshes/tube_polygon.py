@@ -1,9 +1,10 @@
-"""A quarter of a thick tube in plane strain with straight sides, on either side of the true one.
+"""Mesh a quarter of a thick tube in plane strain with straight sides, inside or around the tube.
 
-Radii are 1 and 2, and both circles have as many sides. The *lesser* polygon lies in the tube: what
-it carries under pressure from within the tube carries too, with the pressure itself as stress in
-what is left of it. The tube lies in the *larger* one, whose mechanisms are then the tube's. Volume
-``tube``; curves ``inner``, ``outer``, ``x0`` and ``y0`` (the symmetry lines).
+The radii are 1 and 2, and both circles have equally many sides. The *lesser* polygon lies in the
+tube. The tube carries any pressure that this polygon carries: the pressure itself is an admissible
+stress in the rest of the tube. The *larger* polygon contains the tube, so its mechanisms are
+mechanisms of the tube. The volume is ``tube``; curves are ``inner``, ``outer``, ``x0`` and ``y0``
+(the symmetry lines).
 """
 
 import math
@@ -16,9 +17,9 @@ from meshes.naming import name
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 INNER, OUTER = 1.0, 2.0
-"""Radii."""
+"""Inner and outer radius."""
 LINE, TRIANGLE = 1, 2
-"""Gmsh's numbers of elements."""
+"""Gmsh's types of elements."""
 
 
 def write_tube_polygon(
@@ -28,9 +29,9 @@ def write_tube_polygon(
 
     Args:
         path: The file to write.
-        lesser: Whether the polygon lies in the tube, or else the tube in it.
-        size: Length of the sides at the inner radius, about. Quadrilaterals that are as long as
-            they are wide are divided into four by their diagonals.
+        lesser: Whether the polygon lies in the tube; otherwise it contains the tube.
+        size: Approximate length of the sides at the inner radius. Quadrilaterals with equal length
+            and width are divided into four by their diagonals.
         order: Degree of the geometry, 1 or 2.
     """
     sides = max(1, round(math.pi / 2 * INNER / size))
@@ -40,7 +41,7 @@ def write_tube_polygon(
     turn = np.linspace(0.0, math.pi / 2, sides + 1)
     radius = inner * (outer / inner) ** np.linspace(0.0, 1.0, rings + 1)
     x = radius[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    x[:, -1, 0] = 0.0  # and not what the cosine leaves
+    x[:, -1, 0] = 0.0  # removes the rounding error of the cosine
     number = np.arange(x[..., 0].size).reshape(rings + 1, sides + 1)
     corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
     middle = number.size + np.arange(rings * sides).reshape(rings, sides)

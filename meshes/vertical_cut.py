@@ -1,8 +1,8 @@
-"""Ground with a vertical cut of the height 1, in the plane z = 0.
+"""Mesh ground with a vertical cut of height 1, in the plane z = 0.
 
-The cut is from (0, 0), its foot, to (0, 1). The ground behind it reaches to x = −width, that in
-front of it to x = width, and both to y = −depth. Volume ``ground``; curves ``face`` (the cut),
-``top``, ``floor`` (y = 0), ``sides`` and ``bottom``.
+The cut extends from its foot (0, 0) to (0, 1). The ground behind it extends to x = −width, the
+ground in front of it to x = width, and both to y = −depth. The volume is ``ground``; curves are
+``face`` (the cut), ``top``, ``floor`` (y = 0), ``sides`` and ``bottom``.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from meshes.sizes import generate
 from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 WIDTH, DEPTH = 2.0, 1.0
-"""Of the ground on either side of the cut, and below its foot."""
+"""Width of the ground on either side of the cut, and depth below its foot."""
 
 
 def write_vertical_cut(
@@ -29,8 +29,8 @@ def write_vertical_cut(
     Args:
         path: The file to write.
         size: Edge length.
-        width: Of the ground on either side of the cut.
-        depth: Of the ground below its foot.
+        width: Width of the ground on either side of the cut.
+        depth: Depth of the ground below the foot of the cut.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:

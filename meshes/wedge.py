@@ -1,4 +1,4 @@
-"""Two blocks that meet on an inclined plane: an unstructured assembly whose contact is not level.
+"""Mesh two blocks that meet on an inclined plane: an unstructured assembly with oblique contact.
 
 The box (0, 2)×(0, 1)×(0, 2) is cut from (0, ·, 0.75) to (2, ·, 1.25). Volumes ``lower`` and
 ``upper``; surfaces ``x0``, ``x1`` (x = 2), ``y0``, ``y1`` (both bodies), ``bottom``, ``top``, and
