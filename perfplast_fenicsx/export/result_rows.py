@@ -52,7 +52,7 @@ def resultant_rows(reader: ResultReader) -> list[Row]:
         reader: The results.
 
     Returns:
-        The rows, with these columns:
+        The rows. The columns are the following.
 
         - ``state``: "level"; "given" at ζ = 1; "lower" or "upper" for a bound of the bodies;
           "limit" for the limit load of the mesh;

@@ -36,8 +36,8 @@ def vtu_of(path: Path) -> bytes:
         path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; its mesh file is in the same folder.
 
     Returns:
-        The content of the file: numbers of unchanged type in base64, tensors with nine components,
-        text in UTF-8.
+        The content of the file, with numbers of unchanged type in base64, tensors with nine
+        components, and text in UTF-8.
 
     Raises:
         OSError, KeyError, ValueError: If the file is damaged, or arrays are missing.

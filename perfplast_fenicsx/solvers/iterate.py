@@ -210,7 +210,7 @@ class Iterate:
         history of the state.
 
         Returns:
-            The initial active set: that of the state, or the first active set of the problem.
+            The active set of the state, or the first active set of the problem.
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})

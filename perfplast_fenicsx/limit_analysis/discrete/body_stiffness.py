@@ -223,8 +223,8 @@ def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
     The rates of supported unknowns are zero.
 
     Returns:
-        Rates in the order of the kernel: four cells side by side, zero after the last cell, shape
-        (num_groups, num_points, n, 1 + m, 4).
+        Rates in the order of the kernel, with four cells side by side and zeros after the last
+        cell, shape (num_groups, num_points, n, 1 + m, 4).
     """
     at_once, size = 4, problem.S.dofmap.index_map_bs
     num_points = problem.Q.dofmap.list.shape[1]

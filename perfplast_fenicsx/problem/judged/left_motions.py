@@ -25,10 +25,11 @@ def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
     """Return the rigid motions that supports leave free, without regard to contact. Collective.
 
     Returns:
-        The first list has an entry for each of ``problem.given.holding``: the motions that it alone
-        leaves free in the bodies that it touches, such as "translation in x and rotation", with the
-        bodies' names if they differ. The second list is the same for all supports together, with
-        the names of the bodies that still move. Bodies glued by ties move as one.
+        The first list has an entry for each of ``problem.given.holding``. The entry has the motions
+        that this support or rigid surface alone leaves free in the bodies that it touches, such as
+        "translation in x and rotation", with the names of the bodies if they differ. The second
+        list is the same for all supports together, with the names of the bodies that still move.
+        Bodies that ties join move as one.
     """
     count, modes = problem.bodies.count, problem.bodies.num_modes
     holding = problem.given.holding
