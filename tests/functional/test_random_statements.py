@@ -23,7 +23,7 @@ COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "0.5"))
 REFUSED = (
     "can move as a rigid body",
-    "they move bodies away from their supports",
+    "move bodies away from supports",
     "is a formula that is not linear",
 )
 """Parts of sentences that are a valid answer if the limit load is not known."""

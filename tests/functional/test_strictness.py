@@ -124,7 +124,7 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
     bounds = limit_bounds(it.problem)
     words = bounds.in_words()
     if not np.isfinite(it.exact):
-        assert words.startswith("Nothing limits the loads, to rounding")
+        assert words.startswith("Nothing limits the loads, up to rounding")
         assert bounds.lower.value is bounds.upper.value is None
         return
     if not bounds.strict:  # where pressures nearly balance, rounding of mean stresses is in the way

@@ -80,7 +80,7 @@ def test_strengths_beyond_what_rounding_resolves_are_said() -> None:
     assert bounds.upper.of_rounding > 0.01
     assert bounds.mesh.estimate == pytest.approx(it.exact, rel=0.06)
     words = bounds.in_words()
-    assert "'layer0', 1e+15 times as strong as the weakest body; make it law = \"elastic\"" in words
+    assert "'layer0', 1e+15 times as strong as the weakest body; give it law = \"elastic\"" in words
 
 
 def test_a_weak_body_that_bears_nothing_spoils_no_bound() -> None:
@@ -97,7 +97,7 @@ def test_a_much_weaker_body_spoils_no_upper_bound() -> None:
     few, many = (limit_bounds(columns([weak, 1.0])) for weak in (1e-3, 1e-12))
     assert both(few)[1] == pytest.approx(many.upper.value, rel=0.01)
     if many.lower.value is None:
-        assert "leave it out of the mesh" in many.in_words()
+        assert "out of the mesh" in many.in_words()
 
 
 def test_bodies_that_were_too_strong_to_yield_do_in_the_end(

@@ -365,7 +365,7 @@ def test_pores_do_no_work() -> None:
     assert bounds.lower.value == pytest.approx(plain.lower.value, rel=1e-9)
     assert bounds.upper.value == pytest.approx(plain.upper.value, rel=1e-9)
     assert idle_pores(pores) == [
-        "pore pressures do no work where volumes are preserved, and are ignored"
+        "pore pressures do no work if bodies preserve their volume, and are ignored"
     ]
     assert not idle_pores(problem)
 

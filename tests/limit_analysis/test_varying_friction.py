@@ -111,7 +111,7 @@ def test_bounds_of_a_profile_close_in(shared_tmp_path: Path) -> None:
     assert low.max() <= strength(30.0, 12.0)
     gaps = high - low
     assert gaps[1] < 0.7 * gaps[0] and gaps[2] < 0.6 * gaps[1]
-    told = [words for words in found[4].taken if "least value" in words]
+    told = [words for words in found[4].taken if "smallest angle" in words]
     assert len(told) == 2 and all("friction_angle" in words for words in told)
 
 

@@ -109,8 +109,8 @@ def check_clarabel(ranks: int) -> Any:
     """
     if ranks > 1:
         raise InputError(
-            f"conic = 'clarabel' works on one rank, but the run has {ranks}; start it without"
-            " mpirun, or remove conic."
+            f"conic = 'clarabel' works on one rank only, but the run has {ranks} ranks; start the"
+            " run without mpirun, or remove conic."
         )
     try:
         return import_module("clarabel")
@@ -159,7 +159,7 @@ def _put(
     """Store a solution in the iteration, and return the verdict."""
     status, program = str(solution.status), iteration.program
     if status in ("DualInfeasible", "AlmostDualInfeasible"):
-        reason = "Clarabel has found stresses within yield that carry any multiple of the loads"
+        reason = "Clarabel has found stresses within yield that balance any multiple of the loads"
         return Verdict.UNBOUNDED, reason
     if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
         return Verdict.STALLED, "Clarabel has found that no stress within yield is in equilibrium"

@@ -83,8 +83,8 @@ share if the excess over yield is not known, the third the largest if it is.
 """
 
 UNLIMITED = (
-    "nothing limits the loads, to rounding: mean stresses, bodies that do not yield and contact"
-    " that pushes carry them at any factor"
+    "nothing limits the loads, up to rounding: mean stresses, bodies that do not yield and"
+    " contact pressures balance the loads at any load factor"
 )
 
 

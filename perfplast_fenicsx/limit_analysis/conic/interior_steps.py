@@ -19,7 +19,7 @@ NO_LOAD = 1e-7
 """Loads and strain rates below this share of the values in a viscous flow count as zero."""
 
 CARRIES_NONE = (
-    "no stress can carry the loads: they move bodies away from their supports without resistance"
+    "no stress can carry the loads: the loads move bodies away from supports without resistance"
 )
 """Reason for a load factor of zero."""
 
@@ -146,7 +146,7 @@ def iterate(
         if load > far and unbalanced <= almost < inadmissible:
             return Verdict.UNBOUNDED, (
                 "stresses within yield carry the loads beyond ζ ="
-                f" {far * program.load_unit:.3g}, so that nothing seems to bound them"
+                f" {far * program.load_unit:.3g}, so the loads seem to have no limit"
             )
         at_rest = rate <= NO_LOAD  # bodies move rigidly, and strain rates are rounding errors
         tolerated = share * rtol * size

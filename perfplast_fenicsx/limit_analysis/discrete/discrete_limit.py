@@ -118,24 +118,22 @@ def why_unbounded(problem: Problem) -> str:
     """Return the likely reason why there is no mechanism."""
     if any(on.law.dilates for on in problem.laws):
         return (
-            "bodies that dilate as they flow may be confined, so that they carry any load, or"
-            " elements have too few motions; leave them room, or use quadratic elements"
+            "bodies that dilate in plastic flow may be confined and then carry any load, or"
+            " elements may lock; give the bodies room to dilate, or use quadratic elements"
         )
     if problem.degree == 1:
         return (
-            "linear elements lock in plastic flow, which keeps the volume; use quadratic ones"
-            " (degree = 2 under [element]), or the loads are carried by bodies that do not yield"
+            "linear elements may lock, because plastic flow preserves volume (use quadratic"
+            " elements: degree = 2 under [element]), or bodies that do not yield carry the loads"
         )
-    return "they are carried by bodies that do not yield, or that cannot flow"
+    return "bodies that do not yield, or that cannot flow, carry the loads"
 
 
 def _remedy(problem: Problem) -> str:
     """Return a remedy for a mesh without an admissible mechanism."""
     if problem.degree == 1:
-        return (
-            "since linear elements lock; quadratic ones (degree = 2 under [element]) may have one"
-        )
-    return "though a finer mesh may have one"
+        return "since linear elements lock; use quadratic elements (degree = 2 under [element])"
+    return "but there may be one on a finer mesh"
 
 
 def discrete_result(
@@ -166,8 +164,8 @@ def discrete_result(
         low = static_load(iteration)
         lower, unbalanced = low.value, low.unbalanced
         if lower is None and verdict is Verdict.FOUND:
-            reason += "; no stress within yield balances the forces, so that no load is"
-            reason += " carried for certain"
+            reason += "; no stress within yield balances the loads, so there is no lower"
+            reason += " value"
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):

@@ -207,8 +207,8 @@ def check_profiles(problem: Problem) -> None:
             named = (name for name in tagged_mesh.volumes if cell in tagged_mesh.cells(name))
             message = (
                 f"the strength of '{next(named)}' varies so steeply in the cell at {where} that "
-                "no positive linear function below it is known there; refine the mesh there, or "
-                "draw lines where the slope of the strength changes."
+                "no positive linear lower bound of it is known there; refine the mesh there, or "
+                "draw lines where the gradient of the strength changes."
             )
     except InputError as error:
         message = str(error)
@@ -232,16 +232,16 @@ def profiles_in_words(problem: Problem) -> tuple[str, ...]:
         problem.comm.Allreduce(MPI.IN_PLACE, apart, MPI.MAX)
         if apart[1] > ROUNDING:
             found.append(
-                f"the friction_angle of '{name}' varies in cells: the lower bound takes its least"
-                " value in each, and the upper one its largest, whose sines differ by up to"
-                f" {apart[1]:.2g} of the larger one; so both are strict"
+                f"the friction_angle of '{name}' varies within cells: the lower bound uses the"
+                " smallest angle in each cell, the upper bound the largest; their sines differ"
+                f" by up to {apart[1]:.2g} of the larger sine, and both bounds are strict"
             )
         elif apart[0] > ROUNDING:
             found.append(
                 f"the {' and '.join(fields)} of '{name}' is not linear in each cell: the lower"
-                " bound takes a linear function below it, and the upper one a linear function"
-                f" above it, which differ by up to {apart[0]:.2g} of the strength; so both are"
-                " strict"
+                " bound uses a linear function below it, the upper bound a linear function above"
+                f" it; the functions differ by up to {apart[0]:.2g} of the strength, and both"
+                " bounds are strict"
             )
     return tuple(found)
 
@@ -274,8 +274,8 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
     if not strong:
         return ()
     return (
-        f"{share:.1%} of the upper bound may come from rounding in the strain of"
-        f' {_told(strong)} as strong as the weakest body; make {_them(strong)} law = "elastic"',
+        f"{share:.1%} of the upper bound may come from rounding in the strain rates of"
+        f' {_told(strong)} as strong as the weakest body; give {_them(strong)} law = "elastic"',
     )
 
 
@@ -290,9 +290,9 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
     if not weak:
         return ()
     return (
-        f"{_told(weak)} as strong as the strongest body, which is less than rounding leaves of the"
-        f" balance beside that; if {_them(weak)} bears nothing leave it out of the mesh, and if it"
-        ' does make the strong ones law = "elastic"',
+        f"{_told(weak)} as strong as the strongest body, so rounding in the strong bodies hides the"
+        f" balance of the weak; leave {_them(weak)} out of the mesh if no loads pass through, or"
+        ' give the strong bodies law = "elastic"',
     )
 
 
@@ -325,7 +325,7 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
         if axes:
             told.append(
                 f"supports hold nodes of '{name}', which does not yield, along {', '.join(axes)}"
-                " against its loads; separate it from what they hold by a contact, or end the"
+                " against its loads; separate it from the supported body by a contact, or end the"
                 " supports before its nodes"
             )
     return tuple(told)

@@ -294,15 +294,15 @@ OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
 VARYING = "a load is a force per volume that is a formula"
 
-UNKNOWN = "a load is of a kind that strict bounds do not know"
+UNKNOWN = "a load is of a kind that strict bounds do not support"
 
-TWICE = "a surface is in contact with more than one other"
+TWICE = "a surface is in contact with more than one other surface"
 
 RIGID = "a surface is rigid and in contact, where only the resultant of the tractions is known"
 
-TIED = "surfaces are glued together in the mean alone"
+TIED = "surfaces are tied together only in the mean"
 
-HELD = "supports hold surfaces that rub or touch, of both sides or along their normal"
+HELD = "supports hold surfaces in contact, on both sides or along their normal"
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ def pores_in_words(problem: Problem) -> tuple[str, ...]:
     """Return clauses on how bounds approximate nonlinear pressures. Collective."""
     return tuple(
         f"the pore pressure in '{load.on}', which is not linear in each cell, is taken from above"
-        " for the lower bound and from below for the upper one; so both are strict"
+        " for the lower bound and from below for the upper bound; so both are strict"
         for load in _bent(problem)
     )
 

@@ -304,7 +304,7 @@ CURVED = "on curved contact surfaces normals are averaged, or are those of a cur
 
 ENTERS = "the mechanism enters contact between nodes"
 
-IN_MEAN = "surfaces whose nodes do not match are kept apart in the mean alone"
+IN_MEAN = "surfaces whose nodes do not match are kept apart only in the mean"
 
 
 def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str]:

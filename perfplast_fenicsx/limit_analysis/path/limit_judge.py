@@ -269,15 +269,15 @@ def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = F
     )
     if dilates:
         return told + (
-            "bodies that dilate where they flow may be confined, by supports or by each other, so"
-            " that they carry any load; free a side of them, or refine the mesh"
+            "bodies that dilate in plastic flow may be confined by supports or by each other, and"
+            " then carry any load; free a side of the bodies, or refine the mesh"
         )
     if degree == 1:
         return told + (
-            "linear elements lock in plastic flow, which keeps the volume, so that the limit load"
-            " of this mesh may be infinite; use quadratic ones (degree = 2 under [element])"
+            "linear elements may lock, because plastic flow preserves volume, and the limit load of"
+            " this mesh may be infinite; use quadratic elements (degree = 2 under [element])"
         )
-    return told + "the loads may be such that the bodies carry any multiple of them; or refine"
+    return told + "the bodies may carry any multiple of the loads; or refine"
 
 
 FAR = 1e6
@@ -456,8 +456,8 @@ class Judge:
         if search.apart < -rtol:
             search.ended = True
             search.reason = (
-                f"a level lies {-search.apart:.1e} of its ζ above the load of a mechanism: levels"
-                " are in equilibrium no better than that; ask for a smaller tolerance of them"
+                f"ζ of a level is {-search.apart:.1e} above the load of a mechanism, because levels"
+                " are in equilibrium only to a tolerance; give a smaller tolerance"
             )
         elif search.apart <= rtol:
             search.levelled_off = search.ended = True

@@ -365,7 +365,7 @@ def _search(
         steps: list[InteriorStep] = []
         iteration: InteriorIteration | None = None
         try:
-            verdict, reason = Verdict.UNBOUNDED, "nothing limits the varying loads, to rounding"
+            verdict, reason = Verdict.UNBOUNDED, "nothing limits the varying loads, up to rounding"
             if choose_units(program, start):
                 iteration = InteriorIteration(program)
                 made.callback(iteration.destroy)
@@ -420,7 +420,7 @@ def _found(
         _set(dissipation, power)
     converged = verdict is Verdict.FOUND and load is not None
     if load is not None and not load > 0:
-        converged, reason = False, "the constant loads alone are not carried"
+        converged, reason = False, "the bodies cannot carry the constant loads alone"
     first = None if program.has_dead else 1 / varying.ratio(strains, varying.live)
     return ShakedownLoad(
         domain=varying.domain,

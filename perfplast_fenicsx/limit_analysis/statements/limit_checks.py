@@ -90,7 +90,7 @@ def check_loads(problem: Problem) -> None:
     what = "strict bounds and the interior point method are for loads"
     if problem.motion.driven:
         raise InputError(
-            f"the load factor moves supports or obstacles, and {what}; let these rest."
+            f"the load factor moves supports or obstacles, and {what}; make these fixed."
         )
     if not _is_loaded(problem):
         raise InputError(f"there is no load, and {what}; give a load.")
@@ -101,7 +101,7 @@ def idle_pores(problem: Problem) -> list[str]:
     pores = any(isinstance(load, PorePressure) for load in problem.given.loads)
     if not (pores and problem.tagged_mesh.axisymmetric):
         return []
-    return ["pore pressures do no work where volumes are preserved, and are ignored"]
+    return ["pore pressures do no work if bodies preserve their volume, and are ignored"]
 
 
 def ignored(problem: Problem) -> list[str]:

@@ -321,16 +321,16 @@ class Scope(StrEnum):
 NO_MECHANISM = "no admissible mechanism was found"
 
 CONFINED = (
-    f"{NO_MECHANISM}: bodies that dilate may be confined, so that they carry any load, or cells"
-    " are too large to let them grow; leave them room, or refine the mesh"
+    f"{NO_MECHANISM}: bodies that dilate may be confined and then carry any load, or cells"
+    " are too large for them to dilate; give the bodies room to dilate, or refine the mesh"
 )
 
 
 NOT_ADMISSIBLE = "the mechanism is not admissible"
 
 GROWS_TOO_LITTLE = (
-    "dilating bodies dilate enough only at the points of the mesh; control = 'bounds' looks"
-    " for a mechanism in which they do everywhere"
+    "dilating bodies dilate enough only at the points of the mesh; control = 'bounds' seeks"
+    " a mechanism in which they dilate enough everywhere"
 )
 
 

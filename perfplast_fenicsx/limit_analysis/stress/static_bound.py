@@ -224,18 +224,18 @@ def no_stress(
 
 
 CORNERS = (
-    "no stress that is linear in the cells can carry the loads: where loaded, free and supported"
-    " surfaces meet in a corner, a single cell would have to; divide it, or refine the mesh there"
+    "no stress that is linear in the cells can carry the loads: a single cell cannot balance them"
+    " in a corner of loaded, free and supported surfaces; divide the cell, or refine the mesh"
 )
 
 COARSE = (
-    "no stress that is linear in the cells can carry the loads and press wherever bodies touch;"
-    " refine the mesh"
+    "no stress that is linear in the cells can carry the loads with compression on all contact"
+    " surfaces; refine the mesh"
 )
 
 UNREACHED = (
-    "no stress in equilibrium was reached, and on a coarse mesh there may be none that presses"
-    " wherever bodies touch; refine the mesh"
+    "no stress in equilibrium was found; on a coarse mesh, there may be no such stress with"
+    " compression on all contact surfaces; refine the mesh"
 )
 """Reason for a missing bound after an iteration has stalled. For meshes of twenty cells, linear
 programming has shown that no such stress exists.
@@ -513,8 +513,8 @@ def bound_by_stress(
     if times is None or stands.bound.doubts or times >= 1:
         return static
     why = (
-        f"stresses that are linear in the cells carry the constant loads {rounded_down(times)}"
-        " times at most, at any load factor; refine the mesh"
+        f"stresses that are linear in the cells carry at most {rounded_down(times)} times the"
+        " constant loads, at any load factor; refine the mesh"
     )
     return replace(
         static,

@@ -458,9 +458,9 @@ def _powers(cones: BodyCones, rates: Floats) -> Floats:
     return found
 
 
-UNKNOWN = "slip of nodes that supports hold along their normal is not known"
+UNKNOWN = "the slip of nodes that supports hold along their normal is unknown"
 
-CLOSED = "surfaces with Coulomb's friction slip and separate too little between nodes"
+CLOSED = "between nodes, surfaces with Coulomb's friction separate too little for their slip"
 
 
 @dataclass(frozen=True)

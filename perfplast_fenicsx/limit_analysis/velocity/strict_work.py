@@ -110,7 +110,7 @@ def strict_upper_bound(
     check_loads(problem)
     if problem.tagged_mesh.axisymmetric and not isinstance(problem.kinematics, RingFlux):
         why = (
-            "only quadratic velocities on straight cells keep the volume of rings everywhere;"
+            "only quadratic velocities on straight cells preserve the volume of rings everywhere;"
             " use degree = 2 and first-order cells"
         )
         return Bound(None, "upper", Scope.MESH, (why,))
@@ -153,7 +153,7 @@ def strict_upper_bound(
     work -= np.copysign(lost * at_one, excess)
     if not work > 0:
         return none
-    doubts = [] if provable else ["volume changes of the mechanism are more than rounding"]
+    doubts = [] if provable else ["the volume changes of the mechanism are more than rounding"]
     why_not, doubts = _reasons(problem, mechanism, [*unfit, *doubts, *slip.why_not])
     if why_not and unfit:
         return replace(none, why_not=tuple(why_not))
