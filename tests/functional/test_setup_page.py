@@ -138,6 +138,25 @@ def test_a_click_chooses_a_face(made: Path, browser: Any) -> None:
     assert [line["message"] for line in browser.get_log("browser")] == []
 
 
+def test_a_face_offers_the_name_that_it_shares(made: Path, browser: Any) -> None:
+    """The pad and the rest of its side are one name, which takes their place."""
+    page = SetupPage(browser, made)
+    faces = "[...document.querySelectorAll('tr[data-face] button')].map((a) => a.textContent)"
+    offered = "[...document.querySelectorAll('#wider button')].map((a) => a.textContent)"
+    shared = "Choose part_2_y_high, 2 faces"
+    ones = []
+    for name in page(faces):
+        page.press(name)
+        if shared in page(offered):
+            ones.append(name)
+        page.press("Choose nothing")
+    assert len(ones) == 2
+    assert page(offered) == []
+    page.press(*ones, shared)
+    assert page.part("chosen").text == "Chosen: part_2_y_high"
+    assert shared not in page(offered)
+
+
 @pytest.fixture(scope="module")
 def prop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the tutorial, on a coarse mesh and without a material."""

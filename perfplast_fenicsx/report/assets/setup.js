@@ -120,6 +120,21 @@ function paintFaces() {
   part("chosen").textContent = names.length
     ? `Chosen: ${names.join(", ")}` : "Nothing is chosen. Click faces, or choose them by name.";
   part("clear").disabled = !names.length;
+  offerWider();
+}
+
+/** Offer the names of several faces, of which a part is chosen, such as the other half of a bore. */
+function offerWider() {
+  const numbers = new Set(setup.faces.filter(({ name }) => chosen.has(name)).map(({ number }) => number));
+  const wider = setup.sets.filter(({ name, faces }) => !chosen.has(name) && faces.some((one) => numbers.has(one)));
+  part("wider").replaceChildren(...wider.map(({ name, faces }) => {
+    const button = made("button", { type: "button" }, `Choose ${name}, ${faces.length} faces`);
+    button.addEventListener("click", () => {
+      setup.faces.filter((face) => faces.includes(face.number)).forEach((face) => chosen.delete(face.name));
+      toggle(name);
+    });
+    return button;
+  }));
 }
 
 /** Draw the marks of the case, and say in words what they show. */
