@@ -1,23 +1,24 @@
-"""Find points, edges and cells where a mesh has to be finer whatever the gap is.
+"""Find points, edges and cells where a mesh must be finer regardless of the gap shares.
 
-There every cell has one stress, so that the angles of the cells limit the lower bound, whatever the
-mesh elsewhere.
+At a singular point, every cell has a single stress, so the angles of the cells limit the lower
+bound, however fine the mesh is elsewhere.
 
-Find edges of a mesh in space around which the stress depends only on the direction.
-In the plane across such an edge the stress is as at a singular point (:mod:`singular_points`).
-Bisection adds no new directions, at any cell size. Fans of cells around the edge add directions.
+In three dimensions, the stress around a singular edge depends only on the direction, as at a
+singular point in the plane across the edge. Bisection adds no new directions, at any cell size.
+Fans of cells around the edge add directions.
 
-Find cells of the plane that are too wide where loads, supports or contacts end.
-At such points principal stresses rotate (:mod:`singular_points`). A lower bound needs directions
-out to the same distance, that is long and thin cells. Next to a side with known traction the stress
-is uniform at first. Long cells improve nothing there and worsen the mechanism.
+In two dimensions, cells may be too wide where loads, supports or contacts end. Principal stresses
+rotate at such points. A lower bound needs many directions out to the same distance, that is, long
+and thin cells. Next to a side with known traction, the stress is uniform at first. Long cells there
+do not improve the lower bound and worsen the mechanism.
 
-Refine edges in space at which a shear traction ends and too few cells carry it.
-Stresses are symmetric: for one stress at an edge, the traction on either side has the same
-component along the normal of the other side. If the given tractions violate this, as a shear next
-to a free side does, the stress changes from one side to the other, in as many steps as there are
-cells. One or two cells carry a small part of the body's load. Finer meshes by bisection carry no
-more, since they keep these cells.
+The module also refines edges in three dimensions at which a shear traction ends and too few cells
+balance the traction. Stresses are symmetric: for one stress at an edge, the traction on either side
+has the same component along the normal of the other side. If the given tractions violate this
+condition, for example with a shear traction next to a free side, the stress changes from one side
+to the other, in as many steps as there are cells. With one or two cells, the lower bound is a small
+part of the body's limit load. Bisection does not increase it, because the number of cells at the
+edge remains the same.
 """
 
 import logging
@@ -51,7 +52,7 @@ log = logging.getLogger(__name__)
 def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: bool = True) -> Ints:
     """Return local vertices of a plane mesh that need more cells. Collective.
 
-    These are ends of loads, supports and contacts, and corners, at which the principal stresses
+    The vertices are ends of loads, supports and contacts, and corners, where principal stresses
     rotate and too few cells meet.
 
     Args:
@@ -71,15 +72,15 @@ def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: b
 def turns_at_vertices(
     tagged_mesh: TaggedMesh, given: Given
 ) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Return by how much principal stresses may rotate at local vertices. Collective.
+    """Return the possible rotation of principal stresses at local vertices. Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
 
     Returns:
-        Rotations in right angles, 0 to 1, and 0 inside; the number of cells that meet; and whether
-        a load, support or contact ends.
+        Rotations in right angles, from 0 to 1, and 0 at interior vertices; the number of cells that
+        meet; and whether a load, support or contact ends there.
     """
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
@@ -116,7 +117,7 @@ def angles_at_corners(x: Floats) -> Floats:
 
 
 def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Floats:
-    """Return how far principal stresses may rotate where outer facets meet, in right angles.
+    """Return the possible rotation of principal stresses where outer facets meet, in right angles.
 
     Args:
         angles: Angles of the body between the facets, shape (n,).
@@ -125,13 +126,13 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
         squares: Sum of the squares of these numbers.
     """
     right = np.pi / 2
-    rounding = 1e-6  # excess over a straight angle that is rounding
+    rounding = 1e-6  # excess over a straight angle that counts as rounding
     least = np.where(_changes(facets, kinds, squares), right, np.pi) + rounding
     return np.asarray(np.clip(angles - least, 0.0, right) / right, dtype=np.float64)
 
 
 def _changes(facets: Floats, kinds: Floats, squares: Floats) -> npt.NDArray[np.bool_]:
-    """Return where facets differ in kind, so that their mean has another square."""
+    """Return flags of places where facets of different kinds meet."""
     unlike: npt.NDArray[np.bool_] = facets * squares - kinds**2 > 0.5
     return unlike
 
@@ -164,7 +165,7 @@ def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
 
 
 def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.NDArray[np.bool_]:
-    """Return which edges of each owned cell need more cells around them. Collective.
+    """Return flags of the edges of owned cells that need more cells around them. Collective.
 
     Args:
         tagged_mesh: Mesh of tetrahedra.
@@ -201,7 +202,7 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
 
 
 def angles_at_edges(x: Floats) -> Floats:
-    """Return angles between the two faces at each edge.
+    """Return the angle between the two faces at each edge of tetrahedra.
 
     Args:
         x: Corners of tetrahedra, shape (num_cells, 4, 3).
@@ -228,7 +229,7 @@ Flags = npt.NDArray[np.bool_]
 def wide_corners(
     tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
 ) -> tuple[Flags, Flags]:
-    """Return which corners of owned cells at such points are too wide, and all such corners.
+    """Return flags of too wide corners of owned cells at singular points, and of all corners there.
 
     Collective.
 
