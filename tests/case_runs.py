@@ -1,4 +1,4 @@
-"""A case file through a whole run, told alike on every rank."""
+"""Run a case file completely, with the same results on every rank."""
 
 import json
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from tests.models import write_case
 
 @dataclass(frozen=True)
 class CaseRun:
-    """The result of a run of a case.
+    """The result of the run of a case.
 
     Attributes:
         status: Exit status of the command.
         out: Standard output of rank 0.
         err: Standard error of rank 0.
         folder: Folder of the results.
-        summary: ``summary.json``; empty without one.
+        summary: ``summary.json``; empty if the file does not exist.
     """
 
     status: int
@@ -40,14 +40,14 @@ def run_case(
     capsys: pytest.CaptureFixture[str],
     *more: str,
 ) -> CaseRun:
-    """Run a case file, beside which its mesh may lie. Collective.
+    """Run a case file, whose mesh may lie beside it. Collective.
 
     Args:
         comm: The ranks.
-        folder: Of all of them; results are in ``r`` there.
-        text: Of the case.
-        capsys: That of the test.
-        more: Arguments of ``perfplast run``.
+        folder: A folder common to all ranks; the results are in its subfolder ``r``.
+        text: Text of the case file.
+        capsys: The fixture of the test.
+        more: Additional arguments of ``perfplast run``.
     """
     case, results = write_case(comm, folder / "case.toml", text), folder / "r"
     status = main(["run", str(case), "-o", str(results), *more])
@@ -65,7 +65,7 @@ def assert_case_refused(
     part: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A case is bad input, told in one sentence with a part that is given. Collective."""
+    """Check that a case is refused in one sentence that contains a given part. Collective."""
     found = run_case(comm, folder, text, capsys)
     assert found.status == BAD_INPUT
     assert part in found.err

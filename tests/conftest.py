@@ -1,4 +1,4 @@
-"""Fixtures and marks of the whole suite, which runs on one rank and under mpirun alike."""
+"""Define fixtures and marks of the whole suite, which runs on one rank and under mpirun alike."""
 
 import functools
 import subprocess
@@ -21,17 +21,17 @@ from tests.models import Read
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register what holds the ranks together, and the marks that it knows."""
+    """Register the plugin that synchronises the ranks, and the marks that it knows."""
     config.pluginmanager.import_plugin("tests.parallel_plugin")
     keep_compiled_forms()
     keep_cells()
 
 
 def keep_compiled_forms() -> None:
-    """Have FFCx load each compiled form once a process.
+    """Make FFCx load each compiled form once per process.
 
-    It lists the cache folder of thousands of files for each form of each problem, 20 a solver. That
-    takes more than the solution of a small problem: 0.11 of 0.19 s.
+    FFCx lists the cache folder with thousands of files for each form of each problem, 20 in a
+    solver. This takes more time than the solution of a small problem: 0.11 of 0.19 s.
     """
     found: dict[tuple[str, ...], Any] = {}
     load = jit.get_cached_module
@@ -49,10 +49,10 @@ def keep_compiled_forms() -> None:
 
 
 def keep_cells() -> None:
-    """Have Basix make each kind of cell once a process.
+    """Make Basix create each kind of cell once per process.
 
-    It makes one for each question about an element, with its faces and edges: 75 objects for a
-    tetrahedron, thousands of times a problem.
+    Basix creates a cell for each query about an element, with its faces and edges: 75 objects for a
+    tetrahedron, thousands of times in a problem.
     """
     made = functools.cache(ufl.Cell)
     basix.ufl._ElementBase.cell = property(lambda element: made(element.cell_type.name))
@@ -60,19 +60,19 @@ def keep_cells() -> None:
 
 @pytest.fixture
 def comm() -> MPI.Intracomm:
-    """All ranks of the run."""
+    """Return the communicator of all ranks."""
     return MPI.COMM_WORLD
 
 
 @pytest.fixture
 def shared_tmp_path(tmp_path: Path) -> Path:
-    """A temporary folder, the same one on every rank (``tmp_path`` is another on each)."""
+    """Return a temporary folder that is the same on every rank, unlike ``tmp_path``."""
     return MPI.COMM_WORLD.bcast(tmp_path)
 
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have run, check and mesh draw no picture (2 to 4 s each), for tests that look at none."""
+    """Prevent run, check and mesh from drawing pictures (2 to 4 s each)."""
     monkeypatch.setattr("perfplast_fenicsx.cli.run.draw", lambda folder: True)
     monkeypatch.setattr("perfplast_fenicsx.cli.commands.draw_case", lambda *of: False)
     monkeypatch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
@@ -80,7 +80,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def read(shared_tmp_path: Path) -> Read:
-    """Writes a mesh by a generator, and reads it on all ranks, or on each for itself."""
+    """Return a function that writes a mesh by a generator, and reads it on all ranks or on each."""
 
     def read(
         write: Callable[..., None], comm: MPI.Intracomm = MPI.COMM_WORLD, **arguments: Any
@@ -99,9 +99,9 @@ def read(shared_tmp_path: Path) -> Read:
 
 
 def read_here(command: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
-    """Read a sound mesh in this process: a process of its own takes 0.35 s to load gmsh.
+    """Read a sound mesh in this process, since a separate process needs 0.35 s to load gmsh.
 
-    Tests of ``tests/mesh`` and of case files read in processes of their own, as users do.
+    Tests of ``tests/mesh`` and of case files read meshes in separate processes, as users do.
     """
     gmsh_dump.dump(*command[-2:])
     gmsh.finalize()

@@ -1,10 +1,10 @@
-"""Bodies whose strengths differ by up to 1e15, or that nothing but a small part of a load moves.
+"""Bodies whose strengths differ by up to 1e15, or that only a small part of a load moves.
 
-Limit loads are known. A stack of blocks on rollers, pressed from above, carries σ_y of the weakest
-one in space and 2σ_y/√3 = 2k in plane strain: the uniform stress is admissible, and the weakest
-block flows uniformly where it slides on the others. In a layer that is glued to them and at least
-twice as high as it is wide, a wedge of 90° moves out between two lines of slip. A square that is
-pressed by p from above and by (1 − e) p from the side is sheared by e p/2, and carries p = 2k/e.
+Limit loads are known. A stack of blocks on rollers, pressed from above, carries σ_y of its weakest
+block in space and 2σ_y/√3 = 2k in plane strain: the uniform stress is admissible, and the weakest
+block flows uniformly and slides on the others. In a layer that is glued to its neighbours and at
+least twice as high as wide, a wedge of 90° moves out between two slip lines. A square under the
+pressure p from above and (1 − e) p from the side has the shear stress e p/2, and carries p = 2k/e.
 """
 
 from collections.abc import Callable
@@ -42,10 +42,10 @@ class Pressed:
     """A problem on rollers at x = 0 (and y = 0 in space) and below.
 
     Attributes:
-        problem: All of it.
+        problem: The whole problem.
         exact: Its limit load.
-        side: Pressure on the side opposite x = 0, for 1 on the top.
-        contrast: Ratio of its strengths.
+        side: Pressure on the side opposite x = 0, for pressure 1 on the top.
+        contrast: Ratio of the strengths.
     """
 
     problem: Problem
@@ -55,17 +55,17 @@ class Pressed:
 
 
 def strengths(random: Random, count: int) -> list[float]:
-    """Yield stresses between 1 and 1e15."""
+    """Return yield stresses between 1 and 1e15."""
     return [10 ** random.uniform(0, DECADES) for _ in range(count)]
 
 
 def material(yield_stress: float) -> VonMises:
-    """Only its yield stress matters."""
+    """Return a material of which only the yield stress matters."""
     return VonMises(young=1e3, poisson=0.3, yield_stress=yield_stress)
 
 
 def sliding(seed: int, dim: int, path: Path) -> Pressed:
-    """A stack of blocks in contact."""
+    """Return a stack of blocks in contact."""
     random, comm = Random(1000 + seed), MPI.COMM_WORLD
     count = random.randint(2, 3 if dim == 2 else 2)
     heights = [random.uniform(0.4, 1.2) for _ in range(count)]
@@ -102,14 +102,14 @@ SURFACES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def glued(seed: int) -> Pressed:
-    """Two or three layers of one mesh, each twice as high as wide."""
+    """Return two or three layers of one mesh, each twice as high as wide."""
     random = Random(2000 + seed)
     count, n = random.randint(2, 3), random.choice([2, 3])
     return layers(strengths(random, count), n)
 
 
 def layers(yields: list[float], n: int) -> Pressed:
-    """Layers of width 1/2 and height 1 with n cells along the width, from below."""
+    """Return layers of width 1/2 and height 1, from below, with n cells along the width."""
     count = len(yields)
     volumes = {
         f"layer{i}": lambda x, i=i: (x[1] > i) & (x[1] < i + 1)  # type: ignore[misc]
@@ -128,13 +128,13 @@ def layers(yields: list[float], n: int) -> Pressed:
 
 
 def square(n: int, shake: float) -> TaggedMesh:
-    """A unit square, n cells along a side, with the names of its sides."""
+    """Return a unit square with n cells along a side, and the names of its sides."""
     surfaces = SURFACES | {"top": lambda x: x[1] > 1 - SMALL, "right": lambda x: x[0] > 1 - SMALL}
     return rectangle((n, n), (1.0, 1.0), {"block": lambda x: x[0] > -1}, surfaces, shake)
 
 
 def squeezed(e: float, planes: bool, n: int = 4, shake: float = 0.1) -> Pressed:
-    """A square under nearly the same pressure from two sides, before rollers or rigid planes."""
+    """Return a square under almost equal pressures, against rollers or rigid planes."""
     obstacles, supports = [], [Support("x0", "x"), Support("y0", "y")]
     if planes:
         supports = []
@@ -146,12 +146,12 @@ def squeezed(e: float, planes: bool, n: int = 4, shake: float = 0.1) -> Pressed:
 
 
 def forces_left(it: Pressed, checked: Checked, load: float) -> float:
-    """Sum of all forces that a stress leaves without balance.
+    """Return the sum of all forces that a stress leaves unbalanced.
 
     Args:
         it: The problem.
-        checked: The stress, by :func:`tests.limit_analysis.stress_checker.check_stress`.
-        load: λ.
+        checked: The stress, from :func:`tests.limit_analysis.stress_checker.check_stress`.
+        load: Load factor λ.
     """
     x, normals, push = checked.x, checked.normals, checked.tractions.copy()
     dim = x.shape[2]

@@ -1,4 +1,4 @@
-"""Packages of one module that are installed by hand, and commands that find them."""
+"""Install packages of one module by hand, and run commands that find them."""
 
 import os
 import subprocess
@@ -9,14 +9,14 @@ ROOT = Path(__file__).parents[1]
 
 
 def install(folder: Path, module: str, code: str, group: str, entry: str) -> None:
-    """Install a package of one module with one entry point, as pip does it.
+    """Install a package of one module with one entry point, in the way of pip.
 
     Args:
-        folder: That Python is to find it in.
-        module: Its name, which is that of the package too.
-        code: The module.
-        group: Of the entry point.
-        entry: The name of the entry point, and what it names, as in "steps = module:STEPS".
+        folder: Folder in which Python finds the package.
+        module: Name of the module and of the package.
+        code: Source code of the module.
+        group: Group of the entry point.
+        entry: Name of the entry point and its object, such as "steps = module:STEPS".
     """
     (folder / f"{module}.py").write_text(code, encoding="utf-8")
     about, name = folder / f"{module}-1.5.dist-info", module.replace("_", "-")
@@ -28,13 +28,13 @@ def install(folder: Path, module: str, code: str, group: str, entry: str) -> Non
 def perfplast(
     *arguments: str, ranks: int = 1, folder: Path | None = None, **variables: str
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command in a process of its own.
+    """Run a command in a separate process.
 
     Args:
-        arguments: Of ``perfplast``.
-        ranks: In how many processes, by mpirun; 1 without it.
-        folder: With packages that it finds.
-        variables: Of the environment.
+        arguments: Arguments of ``perfplast``.
+        ranks: Number of processes, started by mpirun; 1 runs without mpirun.
+        folder: Folder with packages that the command finds.
+        variables: Environment variables.
     """
     path = os.pathsep.join(str(place) for place in (ROOT, folder) if place is not None)
     launch = ["mpirun", "-n", str(ranks)] if ranks > 1 else []

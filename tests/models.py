@@ -1,4 +1,4 @@
-"""The problems that several tests solve."""
+"""Define the problems that several tests solve."""
 
 import json
 import math
@@ -51,7 +51,7 @@ friction_angle = 30.0
 
 
 def l_plate_problem(n: int, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Problem:
-    """A plate with a hole, a quarter of it, in plane strain: no contact."""
+    """Return a quarter of a plate with a hole in plane strain, without contact."""
     supports = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z"), Support("z1", "z")]
     loads = [Traction("top", (0.0, 200.0, 0.0))]
     return Problem(l_plate(comm, n), {"plate": STEEL}, supports, loads)
@@ -64,7 +64,7 @@ def punch_problem(
     poisson: float = 0.3,
     comm: MPI.Intracomm = MPI.COMM_WORLD,
 ) -> Problem:
-    """A quarter of a square punch on a block; ζ is the pressure on the punch."""
+    """Return a quarter of a square punch on a block; ζ is the pressure on the punch."""
     material = VonMises(young=2e5, poisson=poisson, yield_stress=PUNCH_LIMIT)
     surfaces = ("punch_bottom", "base_top")
     return Problem(
@@ -79,7 +79,7 @@ def punch_problem(
 def two_blocks_problem(
     n: int, gap: float | str = 0.0, comm: MPI.Intracomm = MPI.COMM_WORLD, **friction: float
 ) -> Problem:
-    """Two cantilevers on top of each other; ζ is the traction on the upper one's free half."""
+    """Return two cantilevers on each other; ζ is the traction on the upper one's free half."""
     return Problem(
         two_blocks(comm, n),
         {"lower": STEEL, "upper": STEEL},
@@ -96,7 +96,7 @@ STACK_YOUNG = (2e5, 7e4)
 def stack_problem(
     n: int, gap: float = 0.0, poisson: float = 0.3, comm: MPI.Intracomm = MPI.COMM_WORLD
 ) -> Problem:
-    """Two blocks on rollers, the upper one held by contact alone; ζ is the pressure on top."""
+    """Return two blocks on rollers; contact alone holds the upper one, and ζ is its pressure."""
     return Problem(
         stacked_blocks(comm, n, heights=STACK_HEIGHTS),
         {
@@ -113,7 +113,7 @@ WEDGE_STEEL = VonMises(2e5, 0.3, 400.0)
 
 
 def wedge_problem(tagged_mesh: TaggedMesh, **changes: object) -> Problem:
-    """Two blocks that meet on an inclined plane; ζ is the pressure on top."""
+    """Return two blocks that meet on an inclined plane; ζ is the pressure on top."""
     arguments: dict[str, object] = {
         "materials": {"lower": WEDGE_STEEL, "upper": WEDGE_STEEL},
         "supports": [Support("bottom"), Support("x0", "x"), Support("y0", "y")],
@@ -124,7 +124,7 @@ def wedge_problem(tagged_mesh: TaggedMesh, **changes: object) -> Problem:
 
 
 def touching_blocks(tagged_mesh: TaggedMesh | None = None, **changes: object) -> Problem:
-    """Two cubes on each other, on rollers; ζ is the pressure on top."""
+    """Return two cubes on each other, on rollers; ζ is the pressure on top."""
     arguments: dict[str, object] = {
         "materials": {"lower": STEEL, "upper": STEEL},
         "supports": [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
@@ -145,16 +145,16 @@ def case_text(
     more: str = "",
     title: str | None = None,
 ) -> str:
-    """A case file: bodies under the pressure ζ.
+    """Return a case file with bodies under the pressure ζ.
 
     Args:
         mesh: Keys of [mesh].
-        materials: Of the bodies by name.
-        supports: That hold.
+        materials: Materials of the bodies by name.
+        supports: Supports of the bodies.
         pushed: The surface under pressure.
-        contacts: Of the bodies.
-        more: Other tables, as they are to stand there.
-        title: Of the case.
+        contacts: Contacts of the bodies.
+        more: Text of other tables.
+        title: Title of the case.
     """
     laws = {material: law for law, material in MATERIALS.items()}
     tables: list[tuple[str, Mapping[str, object]]] = [("[mesh]", mesh)]
@@ -174,7 +174,7 @@ def steel_blocks_case(more: str) -> str:
     """Return the case of two blocks of steel, one on the other, under the pressure ζ.
 
     Args:
-        more: Other tables, as they are to stand there.
+        more: Text of other tables.
     """
     steel = VonMises(2e5, 0.3, 300.0)
     return case_text(
@@ -187,7 +187,7 @@ def steel_blocks_case(more: str) -> str:
 
 
 def _given(table: Any) -> dict[str, object]:
-    """Fields of a dataclass that differ from their defaults."""
+    """Return the fields of a dataclass that differ from their defaults."""
     values = {field: getattr(table, field.name) for field in fields(table)}
     return {field.name: value for field, value in values.items() if value != field.default}
 
@@ -199,7 +199,7 @@ def punch_case(
     more: str = "",
     title: str | None = None,
 ) -> str:
-    """A case file of a coarse punch on a block."""
+    """Return a case file of a coarse punch on a block."""
     return case_text(
         {"builder": "punch", "n": 2},
         {"base": base, "punch": punch},

@@ -1,25 +1,26 @@
-"""Choose the tests of a number of ranks, and keep several ranks together.
+"""Choose the tests for a number of ranks, and synchronise the ranks.
 
-A test runs on one rank unless a mark says more; what runs never depends on other tests:
+A test runs on one rank unless a mark requires more; this never depends on other tests:
 
-``mpi2``: also on two ranks. ``mpi3``: also on two and on three. ``mpi2("1-tet", "1-hex")`` names
-the cases of a parametrized test that do; without names all do.
+``mpi2``: also on two ranks. ``mpi3``: also on two and on three ranks. ``mpi2("1-tet", "1-hex")``
+names the cases of a parametrized test that run so; without names all cases do.
 
-``long``: with ``make verify`` alone. ``long(but=["1-tet"])`` names cases that ``make test`` runs.
+``long``: only with ``make verify``. ``long(but=["1-tet"])`` names cases that ``make test`` runs.
 
-``serial``: never on several ranks, as no rank can change it.
+``serial``: never on several ranks, since the number of ranks cannot change the test.
 
-``PERFPLAST_EVERY_CASE=1`` runs all, on several ranks all but the serial ones. A test that the
-command line names (``file::test``, or ``-k``) runs in any case; on several ranks so do the short
-tests of files that it names, as in ``mpirun -n 2 scripts/rank0 python3 -m pytest tests/test_x.py``.
+With ``PERFPLAST_EVERY_CASE=1`` all tests run; on several ranks all except the serial ones. A test
+that the command line names (``file::test``, or ``-k``) always runs. On several ranks the short
+tests of named files also run, as in ``mpirun -n 2 scripts/rank0 python3 -m pytest
+tests/test_x.py``.
 
-After each phase of a test (set-up, call, tear-down) the ranks tell each other how it went, on a
-communicator of their own. Where it failed on some, it fails on all, with every traceback, and the
-next test follows; it may fail for what the failed one has left undone. A rank that has failed
-while others stay behind, perhaps in a collective call that nobody can end any more, waits
-:data:`GRACE` for them. Then it shows the summary so far and where they are, and ends the run. So
-does the limit of a test, which is pytest-timeout's ``timeout``, and on one rank its affair, as long
-as Python runs at all.
+After each phase of a test (set-up, call, tear-down) the ranks exchange its outcome on a separate
+communicator. If the phase failed on some ranks, it fails on all, with every traceback, and the next
+test follows. The next test may fail because of unfinished work of the failed test. Some ranks may
+remain in a collective call that cannot end. Then a rank that has failed waits :data:`GRACE` for
+them, shows the summary so far and the positions of the ranks, and ends the run. The time limit of a
+test has the same effect on several ranks; on one rank pytest-timeout's ``timeout`` enforces it
+while Python runs.
 """
 
 import faulthandler
@@ -53,7 +54,7 @@ NAMES = ("passed", "skipped", "failed")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register marks, and the hooks, most of which one rank alone does not need."""
+    """Register the marks and the hooks, most of which only several ranks need."""
     for mark in (
         "mpi2(*cases): also runs on two ranks, all cases or those that are named",
         "mpi3(*cases): also runs on two and on three ranks, all cases or those that are named",
@@ -69,7 +70,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class Watchdog:
-    """Ends what lets no Python run any more after its limit, and with it the run."""
+    """Ends the run if Python itself no longer runs after the time limit."""
 
     def __init__(self) -> None:
         """Not collective."""
@@ -77,17 +78,17 @@ class Watchdog:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_timeout_set_timer(self, settings: Any) -> Generator[None, bool, bool]:
-        """The limit, whoever else keeps it."""
+        """Start the time limit, whoever else enforces it."""
         faulthandler.dump_traceback_later(settings.timeout + STUCK, exit=True, file=self._stderr)
         return (yield)
 
     def pytest_runtest_logfinish(self) -> None:
-        """The test has ended."""
+        """Stop the time limit after the test."""
         faulthandler.cancel_dump_traceback_later()
 
 
 class Together:
-    """A plugin with which a test that fails on one rank fails on all."""
+    """A plugin that makes a test fail on all ranks if it fails on one rank."""
 
     def __init__(self, config: pytest.Config) -> None:
         """Collective."""
@@ -104,7 +105,7 @@ class Together:
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """The ranks have the same tests before them."""
+        """Check that all ranks have the same tests before them."""
         names = "\n".join(item.nodeid for item in session.items)
         outcome = FAILED if session.testsfailed else PASSED
         outcomes, same = self._exchange(names, outcome, "the collection of tests")
@@ -115,7 +116,7 @@ class Together:
     def pytest_runtest_makereport(
         self, item: pytest.Item
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Mark a test as failed that has failed on another rank."""
+        """Mark a test as failed if it has failed on another rank."""
         report = yield
         outcome = NAMES.index(report.outcome)
         outcomes, same = self._exchange(item.nodeid + report.when, outcome, item.nodeid, report)
@@ -140,7 +141,7 @@ class Together:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_timeout_set_timer(self, item: pytest.Item, settings: Any) -> bool:
-        """A limit that takes all ranks along."""
+        """Start a time limit that ends the test on all ranks."""
         reason = f"{item.nodeid} takes more than {settings.timeout:g} s"
         self._timer = threading.Timer(settings.timeout, self._give_up, (reason,))
         self._timer.daemon = True
@@ -153,12 +154,12 @@ class Together:
         return True
 
     def pytest_runtest_logfinish(self) -> None:
-        """The test has ended."""
+        """Stop the time limit after the test."""
         if self._timer is not None:
             self._timer.cancel()
 
     def pytest_unconfigure(self) -> None:
-        """Launchers end all ranks as soon as one has ended badly: nobody goes before the last."""
+        """Wait for all ranks at the end: launchers end all ranks when one exits with an error."""
         self._exchange("the end", PASSED, "the end of all tests")
         self._stack.close()
         self._stack_of(self._comm.rank).unlink()
@@ -169,7 +170,7 @@ class Together:
     def _exchange(
         self, place: str, outcome: int, what: str, report: pytest.TestReport | None = None
     ) -> tuple[list[int], bool]:
-        """Outcomes on all ranks, and whether all are at the same place. Ends if they never come."""
+        """Return the outcomes on all ranks, and whether all ranks are at one place; may exit."""
         mine = np.array([outcome, zlib.crc32(place.encode())], dtype=np.int64)
         all_ = np.empty((self._comm.size, 2), dtype=np.int64)
         request = self._comm.Iallgather(mine, all_)
@@ -184,7 +185,7 @@ class Together:
         return all_[:, 0].tolist(), bool((all_[:, 1] == all_[0, 1]).all())
 
     def _give_up(self, reason: str, report: pytest.TestReport | None = None) -> None:
-        """Show what there is, and end this process, after which the launcher ends the others."""
+        """Show the results so far and end this process; the launcher then ends the others."""
         faulthandler.dump_traceback_later(STUCK, exit=True)  # should this not come to its end
         self._config.pluginmanager.getplugin("capturemanager").suspend(in_=True)
         for rank, process in self._processes.items():
@@ -248,14 +249,14 @@ def is_short(item: pytest.Item) -> bool:
 
 
 def is_for(item: pytest.Item, size: int) -> bool:
-    """Return whether a mark has this case run on a number of ranks, of which one needs none."""
+    """Return whether a mark makes this case run on a number of ranks; one rank needs no mark."""
     enough = {1: (), 2: ("mpi2", "mpi3")}.get(size, ("mpi3",))
     marks = [mark for name in enough for mark in item.iter_markers(name)]
     return size == 1 or any(not mark.args or case_of(item) in mark.args for mark in marks)
 
 
 def wrong_cases(items: list[pytest.Item]) -> list[str]:
-    """Return the cases that marks name and no test has."""
+    """Return the cases that marks name but that no test has."""
     there = {item.nodeid for item in items}
     return sorted(
         {
@@ -270,12 +271,12 @@ def wrong_cases(items: list[pytest.Item]) -> list[str]:
 
 
 def case_of(item: pytest.Item) -> str:
-    """Return the name of a case of a parametrized test, as brackets have it; else nothing."""
+    """Return the name of a case of a parametrized test, without brackets; empty otherwise."""
     return item.nodeid.partition("[")[2].removesuffix("]")
 
 
 def _text(report: pytest.TestReport) -> str:
-    """Return the text of a rank on a test that it has not passed."""
+    """Return the text of a rank on a test that has not passed."""
     if report.skipped:
         return str(report.longrepr)
     return "\n".join(
@@ -284,7 +285,7 @@ def _text(report: pytest.TestReport) -> str:
 
 
 def _readable(stacks: str) -> str:
-    """Stacks of a process without what is pytest's, and without threads that wait for the limit."""
+    """Return the stacks of a process without pytest's frames and without waiting threads."""
     ours = [
         line
         for line in stacks.splitlines()

@@ -1,4 +1,4 @@
-"""Random stacks of blocks in contact, plane or in space, with random materials and loads."""
+"""Make random stacks of blocks in contact, plane or in space, with random materials and loads."""
 
 import math
 from collections.abc import Sequence
@@ -30,15 +30,15 @@ from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 @dataclass(frozen=True)
 class Stack:
-    """Blocks on each other, with a side each in the plane x = 0 (and y = 0).
+    """Blocks on each other, each with a side in the plane x = 0 (and y = 0).
 
     Attributes:
-        seed: Of all that is random.
+        seed: Seed of all random numbers.
         dim: 2 or 3.
-        heights: Of the blocks.
-        widths: Below and above of each; equal in space.
+        heights: Heights of the blocks.
+        widths: Lower and upper width of each block; equal in space.
         size: Edge length of the cells in the middle.
-        plain: Whether all is pressed between smooth planes, so that the limit load is known.
+        plain: Whether the stack is pressed between smooth planes, so that the limit load is known.
     """
 
     seed: int
@@ -50,7 +50,7 @@ class Stack:
 
 
 def stack(seed: int, dim: int) -> Stack:
-    """A random one; every third is plain."""
+    """Return a random stack; every third stack is plain."""
     random = Random(seed)
     count, plain = random.randint(1, 3 if dim == 2 else 2), seed % 3 == 0
     heights = [random.uniform(0.4, 1.2) for _ in range(count)]
@@ -64,7 +64,7 @@ def stack(seed: int, dim: int) -> Stack:
 
 
 def write_stack(path: Path, it: Stack) -> None:
-    """Mesh it without order and write a .msh file. On one process."""
+    """Mesh the stack without structure and write a .msh file. On one process."""
     random, dim = Random(it.seed), it.dim
     place = [random.uniform(0, 1) for _ in range(3)]
     growth = random.uniform(0, 1)
@@ -94,7 +94,7 @@ def write_stack(path: Path, it: Stack) -> None:
 
 
 def _seams(dim: int, heights: Sequence[float]) -> list[list[int]]:
-    """Tags of the entities between blocks, from the lowest one up."""
+    """Return the tags of the entities between blocks, from the lowest one up."""
     level = accumulate(heights[:-1])
     return [[tag for tag in on_plane(dim, dim, z) if tag in interface(dim)] for z in level]
 
@@ -102,16 +102,16 @@ def _seams(dim: int, heights: Sequence[float]) -> list[list[int]]:
 def problem_of(
     it: Stack, mesh: TaggedMesh, contrast: float = 1, dead: float = 0
 ) -> tuple[Problem, float | None]:
-    """Random materials, supports and loads on it, quadratic.
+    """Return a problem of a stack with random materials, supports and loads, quadratic.
 
     Args:
         it: The stack.
-        mesh: Of it.
-        contrast: A random block is so many times as strong as it was.
-        dead: So many times the loads stay at any load factor, which lowers the limit load by that.
+        mesh: Mesh of the stack.
+        contrast: Factor that multiplies the strength of a random block.
+        dead: Share of the loads that is constant, by which the limit load decreases.
 
     Returns:
-        The problem, and its limit load where that is known.
+        The problem, and its limit load if it is known.
     """
     random, dim = Random(it.seed), it.dim
     names = [f"block{i}" for i in range(len(it.heights))]

@@ -1,7 +1,7 @@
-"""Random cases of two blocks on each other that say many things at once.
+"""Make random cases of two blocks on each other that combine many statements.
 
-Every third has a limit load that is known: blocks that are pressed between smooth planes, beside
-whatever changes nothing of that, or as much as statics tell.
+Every third case has a known limit load: the blocks are pressed between smooth planes, and other
+statements change the limit load not at all, or by an amount that statics gives.
 """
 
 import math
@@ -38,12 +38,12 @@ BLOCKS = ("lower", "upper")
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, what it says, and its limit load where that is known.
+    """A problem, its description, and its limit load if it is known.
 
     Attributes:
-        words: What it says.
-        problem: Of it.
-        exact: The limit load; None where it is not known.
+        words: Description of the problem.
+        problem: The problem.
+        exact: The limit load; None if it is not known.
     """
 
     words: tuple[str, ...]
@@ -52,12 +52,12 @@ class Case:
 
 
 class _Draw:
-    """One case while it is drawn: lots, and what has been said.
+    """A case while it is drawn: random numbers, and the statements so far.
 
     Attributes:
         kind: "plane", "axis" or "space".
-        known: Whether the limit load shall be known.
-        say: Adds words, with a chance, and tells whether.
+        known: Whether the limit load must be known.
+        say: Function that adds a statement with a probability, and returns whether it did.
     """
 
     def __init__(self, seed: int) -> None:
@@ -67,35 +67,35 @@ class _Draw:
         self.gdim = 3 if self.kind == "space" else 2
 
     def say(self, words: str, chance: float) -> bool:
-        """Whether a case says it."""
+        """Return whether the case contains a statement."""
         said = self.random.random() < chance
         if said:
             self.words.append(words)
         return said
 
     def pick(self, words: Sequence[str]) -> str:
-        """One of several."""
+        """Return a random one of several values."""
         word = self.random.choice(words)
         self.words.append(word)
         return word
 
     def number(self, low: float, high: float) -> float:
-        """A number between two."""
+        """Return a random number between two numbers."""
         return self.random.uniform(low, high)
 
     @property
     def down(self) -> str:
-        """The vertical axis."""
+        """Return the index of the vertical axis."""
         return "xyz"[self.gdim - 1]
 
     def vector(self, across: float, down: float) -> list[float]:
-        """A random one, at most so large across, and downwards."""
+        """Return a random downward force with a limited lateral part."""
         sides = [self.number(-across, across) for _ in range(self.gdim - 1)]
         return [*sides, -down]
 
 
 def random_case(seed: int) -> Case:
-    """A random one; every third has a known limit load. Collective."""
+    """Return a random case; every third one has a known limit load. Collective."""
     it = _Draw(seed)
     strengths = dict.fromkeys(BLOCKS, it.random.choice([1.0, it.number(0.5, 2.0)]))
     alike = it.say("of one strength", 0.5)
@@ -133,13 +133,13 @@ def _metal(strength: float) -> VonMises:
 
 
 def _rubs(seam: dict[str, Any]) -> bool:
-    """Whether anything resists slip of a seam."""
+    """Return whether anything resists slip at a seam."""
     contacts = seam.get("contacts", [])
     return not contacts or contacts[0].tresca is not None or contacts[0].coulomb is not None
 
 
 def _mesh(it: _Draw, seam: dict[str, Any]) -> Any:
-    """Blocks whose facets match, or do not."""
+    """Return blocks whose facets match or do not match."""
     apart = it.kind != "space" and it.say("meshed apart", 0.35)
     most = 2 if it.kind == "space" else 3
     count = it.random.randint(1 if it.kind == "space" else 2, most)
@@ -216,7 +216,7 @@ def _held(it: _Draw) -> tuple[list[Support], list[Plane], list[RigidSurface]]:
 
 
 def _loads(it: _Draw, strength: float, plate: bool, held: str) -> tuple[list[Any], float | None]:
-    """Loads, and the factor at which blocks between smooth planes collapse."""
+    """Return loads, and the factor at which blocks between smooth planes collapse."""
     loads: list[Any] = []
     side = 0.0
     if it.say("dead pressure aside", 0.4):
@@ -273,6 +273,6 @@ def _loads(it: _Draw, strength: float, plate: bool, held: str) -> tuple[list[Any
 
 
 def _down(it: _Draw, pressure: float) -> list[float]:
-    """The force of a pressure on top."""
+    """Return the force of a pressure on top."""
     area = math.pi if it.kind == "axis" else 1.0
     return [0.0] * (it.gdim - 1) + [-area * pressure]

@@ -1,4 +1,4 @@
-"""Rigid stones of four or eight corners, each cut into simplices, and problems of them."""
+"""Make rigid stones of four or eight corners, divided into simplices, and problems of them."""
 
 from collections.abc import Callable, Sequence
 from itertools import permutations, product
@@ -20,12 +20,12 @@ Place = Callable[[Floats], Floats]
 
 
 def stones(comm: MPI.Intracomm, places: Sequence[Place], counts: Sequence[int]) -> TaggedMesh:
-    """A mesh of stones "0", "1", ..., whose sides are "0_x0", "0_x1", "0_y0", ... by coordinates.
+    """Return a mesh of stones "0", "1", ..., with sides "0_x0", "0_x1", "0_y0", ... by coordinates.
 
     Args:
         comm: The ranks.
-        places: Of the stones; next to each other they share no vertex.
-        counts: Of cells along each coordinate.
+        places: Coordinates of the stones; neighbouring stones share no vertex.
+        counts: Numbers of cells along each coordinate.
     """
     d = len(counts)
     grid = np.indices([count + 1 for count in counts]).reshape(d, -1).T
@@ -54,7 +54,7 @@ def stones(comm: MPI.Intracomm, places: Sequence[Place], counts: Sequence[int]) 
 
 
 def _tags(mesh, share: Floats, per_stone: int):  # type: ignore[no-untyped-def]
-    """Tags of facets, by the sides of the unit cube that all their vertices lie on."""
+    """Return tags of facets, by the sides of the unit cube on which all their vertices lie."""
     d = mesh.topology.dim
     for one, other in ((d - 1, d), (d - 1, 0), (d, 0)):
         mesh.topology.create_connectivity(one, other)
@@ -74,18 +74,18 @@ def _tags(mesh, share: Floats, per_stone: int):  # type: ignore[no-untyped-def]
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> Place:
-    """A stone with sides along the axes."""
+    """Return a stone with sides along the axes."""
     return lambda share: np.asarray(low) + share * (np.asarray(high) - np.asarray(low))
 
 
 def voussoir(begin: float, end: float, inner: float, outer: float) -> Place:
-    """A stone of an arch with straight sides, x along the arch and y outwards.
+    """Return a stone of an arch with straight sides, x along the arch and y outwards.
 
     Args:
-        begin: Angle from the vertical where it begins, against the clock.
-        end: Where it ends.
+        begin: Angle of its first side from the vertical, counterclockwise.
+        end: Angle of its last side.
         inner: Radius of its inner corners.
-        outer: That of the others.
+        outer: Radius of its outer corners.
     """
 
     def place(share: Floats) -> Floats:
@@ -103,7 +103,7 @@ def chain(
     obstacles: Sequence[Plane] = (),
     **joint: npt.ArrayLike,
 ) -> Problem:
-    """A problem of stones each of which touches the next one along x."""
+    """Return a problem of stones, each of which touches the next one along x."""
     count = len(mesh.volumes)
     return Problem(
         mesh,
@@ -117,7 +117,7 @@ def chain(
 
 
 def weight_and(mesh: TaggedMesh, push: Sequence[float], held: Sequence[str]) -> list[BodyForce]:
-    """The weight 1 of a unit volume of each stone that is not held, and a push that grows."""
+    """Return the weight 1 per volume of each free stone, and a push that ζ multiplies."""
     down = [0.0] * (mesh.mesh.geometry.dim - 1) + [-1.0]
     free = [name for name in mesh.volumes if name not in held]
     return [BodyForce(name, down, constant=True) for name in free] + [
@@ -126,14 +126,14 @@ def weight_and(mesh: TaggedMesh, push: Sequence[float], held: Sequence[str]) -> 
 
 
 def lune(begin: float, end: float, inner: float, outer: float, wide: float) -> Place:
-    """A stone of a slice of a dome between two planes through its axis z, x along the meridian.
+    """Return a stone of a dome slice between two planes through its axis z, x along the meridian.
 
     Args:
-        begin: Angle from the axis where it begins; 0 is the crown, where it has an upright side.
-        end: Where it ends.
-        inner: Radius.
-        outer: Radius.
-        wide: Tangent of half the angle between both planes.
+        begin: Angle of its first side from the axis; 0 is the crown, where its side is vertical.
+        end: Angle of its last side.
+        inner: Inner radius.
+        outer: Outer radius.
+        wide: Tangent of half the angle between the two planes.
     """
     least = 1e-2 * inner  # of x at the crown, where planes meet
 

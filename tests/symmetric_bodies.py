@@ -1,4 +1,4 @@
-"""Parts of bodies with planes of symmetry, on meshes that are mirror images of each other."""
+"""Make parts of bodies with planes of symmetry, on meshes that are mirror images of each other."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -26,16 +26,16 @@ On = Callable[[Floats], npt.NDArray[np.bool_]]
 
 
 def square_tube(comm: MPI.Intracomm, n: int, quarter: bool, turned: float = 0.0) -> TaggedMesh:
-    """A tube of square section between x = ±1 and x = ±2, a quarter or an eighth. Collective.
+    """Return a quarter or an eighth of a tube with square sections x = ±1 and x = ±2. Collective.
 
-    The body ``body`` has the planes of symmetry ``y0`` and, in a quarter, ``x0`` or else
+    The body ``body`` has the planes of symmetry ``y0`` and, for a quarter, ``x0``, or otherwise
     ``diagonal``; ``inner`` is its inner face.
 
     Args:
         comm: The ranks.
-        n: Cells through the wall.
-        quarter: Whether it is one.
-        turned: By which angle all of it is turned.
+        n: Number of cells through the wall.
+        quarter: Whether to return a quarter; otherwise an eighth.
+        turned: Angle by which the body is rotated.
     """
     i, j = (index.ravel() for index in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
     x = 1 + i / n
@@ -59,16 +59,16 @@ def square_tube(comm: MPI.Intracomm, n: int, quarter: bool, turned: float = 0.0)
 
 
 def cube(comm: MPI.Intracomm, n: int, octant: bool, turned: float = 0.0) -> TaggedMesh:
-    """A cube of edge 2, an octant or the half of it on one side of x = y. Collective.
+    """Return an octant of a cube of edge 2, or its half on one side of x = y. Collective.
 
-    The body ``body`` has the planes of symmetry ``y0``, ``bottom`` and ``x0`` or else ``diagonal``;
-    ``top`` is the face z = 1.
+    The body ``body`` has the planes of symmetry ``y0``, ``bottom``, and ``x0`` or otherwise
+    ``diagonal``; ``top`` is the face z = 1.
 
     Args:
         comm: The ranks.
-        n: Cells along an edge.
-        octant: Whether it is one.
-        turned: By which angle all of it is turned about z.
+        n: Number of cells along an edge.
+        octant: Whether to return an octant; otherwise half of one.
+        turned: Angle by which the body is rotated about z.
     """
     i, j = (index.ravel() for index in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
     half = j <= i
@@ -103,7 +103,7 @@ def cube(comm: MPI.Intracomm, n: int, octant: bool, turned: float = 0.0) -> Tagg
 
 
 def with_image(points: Floats, cells: Longs, rank: Longs) -> tuple[Floats, Longs, Longs]:
-    """Triangles with their mirror image beyond x = y, and a number that images share."""
+    """Return triangles with their mirror image beyond x = y, and a number that images share."""
     beyond = ~np.isclose(points[:, 0], points[:, 1])
     image = np.where(beyond, len(points) + np.cumsum(beyond) - 1, np.arange(len(points)))
     both = np.concatenate([points, points[beyond][:, ::-1]])
@@ -111,7 +111,7 @@ def with_image(points: Floats, cells: Longs, rank: Longs) -> tuple[Floats, Longs
 
 
 def sharing_facets() -> Any:
-    """Return a partitioner by which ranks see each other's cells across facets."""
+    """Return a partitioner with which ranks have ghost cells across facets."""
     try:
         return create_cell_partitioner(GhostMode.shared_facet)
     except TypeError:  # DOLFINx 0.11 also asks how many cells a facet has at most
@@ -121,7 +121,7 @@ def sharing_facets() -> Any:
 def built(
     comm: MPI.Intracomm, points: Floats, cells: Longs, places: Mapping[str, On], turned: float
 ) -> TaggedMesh:
-    """The mesh of one body, with surfaces where points are before they are turned. Collective."""
+    """Return the mesh of a body, whose surfaces refer to unrotated points. Collective."""
     d = points.shape[1]
     along, across = np.cos(turned), np.sin(turned)
     turn = np.eye(d)

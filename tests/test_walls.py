@@ -1,4 +1,4 @@
-"""Imports between sub-packages; only :data:`BELOW` states which are allowed."""
+"""Imports between sub-packages: :data:`BELOW` lists the allowed ones."""
 
 import ast
 from collections.abc import Iterator
@@ -120,12 +120,12 @@ def imports(path: Path) -> Iterator[tuple[str, ...]]:
 
 
 def room(parts: tuple[str, ...]) -> str:
-    """The room that a dotted name lies in."""
+    """Return the room in which a dotted name lies."""
     return next((name for name in (".".join(parts[:2]), parts[0]) if name in BELOW), GROUND)
 
 
 def modules() -> list[tuple[str, Path]]:
-    """All modules with their rooms, but for the one that is the command."""
+    """Return all modules with their rooms, except for the module of the command."""
     found = []
     for path in sorted((ROOT / PACKAGE).rglob("*.py")):
         parts = path.relative_to(ROOT / PACKAGE).with_suffix("").parts
@@ -135,7 +135,7 @@ def modules() -> list[tuple[str, Path]]:
 
 
 def below(home: str) -> set[str]:
-    """All rooms that a room may import from."""
+    """Return all rooms from which a room may import."""
     found = set(BELOW.get(home, set()))
     for name in BELOW.get(home, set()):
         if name.split(".")[0] != home.split(".")[0]:
@@ -194,7 +194,7 @@ KERNEL_SOURCES = {"body_stiffness.py:source", "condensed_stiffness.py:source"}
 
 
 def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
-    """All functions and methods of the package, each with its file and name."""
+    """Return all functions and methods of the package, each with its file and name."""
     for _, path in modules():
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.FunctionDef):

@@ -1,9 +1,9 @@
-"""A process that writes a result folder level by level, as a run does, and waits for its reader.
+"""Write a result folder level by level, as a run does, and wait for the reader after each level.
 
     growing_folder.py FOLDER LEVELS END
 
-It goes on when the reader has made the file FOLDER/seen.N. With END = "killed" it waits behind its
-last level to be killed.
+The process continues when the reader has made the file FOLDER/seen.N. With END = "killed" it waits
+after its last level until it is killed.
 """
 
 import json
@@ -23,7 +23,7 @@ STEP = {
 
 
 def grow(folder: Path, levels: int, end: str) -> None:
-    """Write the levels, one when the one before has been seen."""
+    """Write the levels, each after the reader has seen the level before."""
     folder.mkdir()
     with (folder / "run.log").open("w", encoding="utf-8") as log:
         assert hold(log)

@@ -1,11 +1,11 @@
-"""``perfplast``, which pauses at a chosen moment until a signal comes, or has no more room there.
+"""Run ``perfplast`` with a pause until a signal comes, or with a full disk, at a chosen moment.
 
     paused_run.py RANKS LEVEL CALL COUNT ANNOUNCEMENT ARGUMENT ...
 
-RANKS are numbers, as 0,2. The moment is before the COUNT-th call of CALL (``module:Class.method``)
-since the LEVEL-th level of this run was about to be recorded. Each of the ranks then writes its
-process number to the file ANNOUNCEMENT.RANK. Where COUNT begins with "<" there is no pause: files
-may from then on not become larger than COUNT says (bytes).
+RANKS are numbers, such as 0,2. The moment is before the COUNT-th call of CALL
+(``module:Class.method``) after the LEVEL-th level of this run is about to be recorded. Each of the
+ranks then writes its process number to the file ANNOUNCEMENT.RANK. If COUNT begins with "<", the
+ranks do not pause. From this moment on, files cannot become larger than COUNT (bytes).
 """
 
 import functools
@@ -27,7 +27,7 @@ LEVEL = "perfplast_fenicsx.cli.recorder:Recorder.level"
 
 
 def before(name: str, action: Callable[[], None]) -> None:
-    """Have an action before each call of something."""
+    """Insert an action before each call of a function."""
     owner, _, attribute = name.rpartition("." if "." in name.partition(":")[2] else ":")
     there = pkgutil.resolve_name(owner)
     plain = getattr(there, attribute)
@@ -41,7 +41,7 @@ def before(name: str, action: Callable[[], None]) -> None:
 
 
 def run(ranks: list[int], level: int, call: str, count: str, announcement: Path) -> None:
-    """Arm the moment."""
+    """Arrange the pause or the file limit at the chosen moment."""
     left = {"levels": level, "calls": 1 if count[0] == "<" else int(count)}
     woken, wake = os.pipe()
     os.set_blocking(wake, False)

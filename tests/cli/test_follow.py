@@ -1,4 +1,4 @@
-"""``perfplast plot --follow``: levels are shown and drawn as they come, until the run is over."""
+"""``perfplast plot --follow`` shows and draws levels as they come, until the run is over."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""Environments that cannot run, and the launcher of ranks: a sentence each, before MPI starts."""
+"""Environments that cannot run, and the launcher of ranks: one sentence each, before MPI starts."""
 
 import sys
 from pathlib import Path

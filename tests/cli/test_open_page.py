@@ -1,4 +1,4 @@
-"""``perfplast setup DIR`` opens the page where there is a screen, and else prints its address."""
+"""``perfplast setup DIR`` opens the page if there is a screen, or else prints its address."""
 
 from pathlib import Path
 

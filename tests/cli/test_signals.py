@@ -1,7 +1,7 @@
-"""Programs that are ended for real: by signals at any moment, and by a full disk.
+"""Programs that end early: by signals at any moment, and by a full disk.
 
-The moment is a place in the program (:mod:`tests.cli.paused_run`), not a time: what is to be ended
-waits for it.
+The moment is a place in the program (:mod:`tests.cli.paused_run`), not a time: the program waits
+there for its end.
 """
 
 import os
@@ -52,7 +52,7 @@ class Moment:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A case of many levels, and the results of a run that nothing ends."""
+    """Return a case with many levels, and the results of a run that nothing interrupts."""
     folder = tmp_path_factory.mktemp("whole")
     case = folder / "case.toml"
     case.write_text(solved_by("newton", f"values = [{VALUES}]"), encoding="utf-8")
@@ -61,20 +61,20 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 class Run:
-    """``perfplast run`` on a number of ranks, with a session of its own.
+    """``perfplast run`` on a number of ranks, in a session of its own.
 
     Attributes:
-        process: It, or its launcher.
+        process: The process, or its launcher.
     """
 
     def __init__(self, ranks: int, moment: Moment, folder: Path, *arguments: object) -> None:
-        """Start it.
+        """Start the run.
 
         Args:
-            ranks: How many.
-            moment: Where some of them pause.
-            folder: For announcements.
-            arguments: Of ``perfplast run``.
+            ranks: Number of ranks.
+            moment: Moment at which some of them pause.
+            folder: Folder for announcements.
+            arguments: Arguments of ``perfplast run``.
         """
         launch = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
         self._paused = [folder / f"paused.{rank}" for rank in moment.ranks]
@@ -92,7 +92,7 @@ class Run:
         )
 
     def wait(self) -> list[int]:
-        """Wait until the ranks are at the moment; their process numbers."""
+        """Wait until the ranks reach the moment; return their process numbers."""
         while not all(path.exists() for path in self._paused):
             assert self.process.poll() is None, "".join(self.process.communicate())
             time.sleep(0.02)
@@ -102,7 +102,7 @@ class Run:
         return numbers
 
     def ended(self) -> tuple[int, str]:
-        """Exit status and standard error."""
+        """Return the exit status and standard error."""
         try:
             _, err = self.process.communicate()
         finally:
@@ -188,7 +188,7 @@ def test_killed_at_any_moment(whole: tuple[Path, Path], tmp_path: Path) -> None:
 
 
 def is_whole(folder: Path, err: str, reason: str) -> None:
-    """Check a run that had no room: one sentence, and levels from which it can be continued."""
+    """Check a run without disk space: one sentence, and levels from which it can be continued."""
     said = [line for line in err.splitlines() if line.startswith("perfplast")]
     assert len(said) == 1
     assert reason in said[0]

@@ -1,4 +1,4 @@
-"""Lines on bounds on the terminal."""
+"""Lines that the terminal prints on bounds."""
 
 import io
 from pathlib import Path

@@ -53,7 +53,7 @@ BODY = '[material.{}]\nlaw = "von-mises"\nyoung = 1000.0\npoisson = 0.3\nyield_s
 def side(
     axis: int, at: float, low: float = -9.0, high: float = 9.0, along: int | None = None
 ) -> Where:
-    """Facets at a coordinate, between two values of another one."""
+    """Return the facets at a coordinate, between two values of another coordinate."""
     other = (1 - axis if axis < 2 else 0) if along is None else along
 
     def on(x: Points) -> npt.NDArray[np.bool_]:
@@ -79,7 +79,7 @@ def load(on: str, kind: str = "pressure = 1.0") -> str:
 
 @dataclass(frozen=True)
 class Body:
-    """A grid of squares or cubes, cut into simplices, of which some are kept, and mapped."""
+    """Return a grid of squares or cubes, divided into simplices, after a selection and a map."""
 
     name: str = "plate"
     low: tuple[float, ...] = (0.0, 0.0)
@@ -91,11 +91,12 @@ class Body:
 
 @dataclass(frozen=True)
 class Told:
-    """A case, and what has to be told of it.
+    """A case, and the words that its summary must contain.
 
-    ``words`` are there, ``never`` is not; ``parts`` surfaces are marked as covering a part.
-    Facets have the tag of the first name, from 1 on, that they lie in; ``within`` has the tags of
-    names that lie in another one. ``elastic`` are bodies that do not yield.
+    The summary contains ``words`` and none of ``never``. The surfaces in ``parts`` are marked as
+    covering only a part of a side. The tag of a facet is the first name in which the facet lies,
+    counted from 1. ``within`` has the tags of names that lie in another name. ``elastic`` are
+    bodies that do not yield.
     """
 
     text: str
@@ -110,7 +111,7 @@ class Told:
 
 
 def simplices(body: Body) -> tuple[Points, npt.NDArray[np.int64]]:
-    """Points and cells of a body."""
+    """Return the points and cells of a body."""
     axes = [
         np.linspace(a, b, n + 1) for a, b, n in zip(body.low, body.high, body.counts, strict=True)
     ]
@@ -138,7 +139,7 @@ def simplices(body: Body) -> tuple[Points, npt.NDArray[np.int64]]:
 
 
 def made(told: Told) -> TaggedMesh:
-    """The mesh of a case, from rank 0."""
+    """Return the mesh of a case, from rank 0."""
     comm, gdim = MPI.COMM_WORLD, len(told.bodies[0].low)
     points, cells, volume = np.zeros((0, gdim)), np.zeros((0, gdim + 1), np.int64), {}
     if comm.rank == 0:
@@ -185,18 +186,18 @@ def made(told: Told) -> TaggedMesh:
 
 
 def ring(x: Points) -> Points:
-    """A quarter of a ring of radii 1 and 3, of a rectangle 4 × 2."""
+    """Return a quarter of a ring with radii 1 and 3, from a rectangle 4 × 2."""
     angle, radius = x[:, 0] / 4 * math.pi / 2, 1 + x[:, 1]
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), x[:, 2]])
 
 
 def leant(x: Points) -> Points:
-    """The right side leans to the left by 3 to 4, so that its normal is (0.8, 0.6)."""
+    """Incline the right side to the left by 3 to 4, which gives the normal (0.8, 0.6)."""
     return np.column_stack([x[:, 0] - x[:, 0] / 4 * 0.75 * x[:, 1], x[:, 1:]])
 
 
 def closed(x: Points) -> Points:
-    """The upper one of two bodies is let down, so that both touch."""
+    """Lower the upper one of two bodies, so that both touch."""
     return np.column_stack([x[:, 0], x[:, 1] - 0.5 * (x[:, 1] > 2.25), x[:, 2]])
 
 
@@ -568,7 +569,7 @@ CASES = {
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch) -> Callable[[Told], tuple[Case, Problem]]:
-    """Makes the case and the problem of a row."""
+    """Return the case and the problem of a row."""
 
     def read(told: Told) -> tuple[Case, Problem]:
         names = dict.fromkeys(n for body in told.bodies for n in (body.name, body.upper) if n)
@@ -624,7 +625,7 @@ def _check_marks(meant: Understood, told: Told, file: Path) -> None:
 
 
 def _named(meant: Understood, told: Told) -> bool:
-    """Whether all that is beside parts of sides is named by the case, and so marked as that."""
+    """Return whether the case names all that lies beside parts of sides, and marks it so."""
     return any(
         meant.sides.facets.tag[meant.sides.rest(name)].min(initial=0) >= 0 for name in told.parts
     )

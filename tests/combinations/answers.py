@@ -1,4 +1,4 @@
-"""Answers of the program to questions about cases with a statement."""
+"""Answer questions about cases with a statement by running the program."""
 
 import contextlib
 import io
@@ -30,7 +30,7 @@ class Answer:
 
     Attributes:
         status: Exit status of the run.
-        words: "yes", the part that is answered, or the sentence why nothing is answered.
+        words: "yes", the answered part, or the sentence on why there is no answer.
     """
 
     status: int
@@ -38,12 +38,12 @@ class Answer:
 
     @property
     def given(self) -> bool:
-        """Whether there is an answer at all, whole or in part."""
+        """Whether the question is answered, completely or in part."""
         return self.status == SOLVED and not self.words.startswith("no")
 
 
 def answer(statement: Statement, question: str, folder: Path) -> Answer:
-    """Ask by a case file and a run. On one process."""
+    """Answer a question by a case file and a run. On one process."""
     tables: dict[str, Any] = {
         "model": {"kind": "plane-strain"},
         "mesh": _mesh(statement.mesh, folder),
@@ -86,7 +86,7 @@ def _of_bounds(body: Mapping[str, Any]) -> str:
 
 
 def _mesh(what: str | Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
-    """The table [mesh], whose file is made if it is not there."""
+    """Return the table [mesh], after making its file if it is missing."""
     if not isinstance(what, str):
         return what
     path = folder / f"{what}.msh"
@@ -124,7 +124,7 @@ def _write(path: Path, what: str) -> None:
 
 
 def _bulging() -> int:
-    """The upper block with a round side at the right."""
+    """Give the upper block a round right side."""
     occ = gmsh.model.occ
     a, b, c, d = (occ.addPoint(x, y, 0.0) for x, y in [(-1, 0), (1, 0), (1, 1), (-1, 1)])
     arc = occ.addCircleArc(b, occ.addPoint(0.0, 0.5, 0.0), c)
@@ -132,7 +132,7 @@ def _bulging() -> int:
 
 
 def _toml(tables: Mapping[str, Any]) -> str:
-    """A case file of tables by their headings."""
+    """Return a case file with tables by their headings."""
     text = []
     for heading, table in tables.items():
         several = isinstance(table, list)
@@ -143,7 +143,7 @@ def _toml(tables: Mapping[str, Any]) -> str:
 
 
 def _value(value: object) -> str:
-    """A value as TOML has it; that of a table inline."""
+    """Return a value in TOML; a table becomes an inline table."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_value(of)}" for key, of in value.items()) + " }"
     return json.dumps(value)

@@ -40,11 +40,11 @@ QUESTIONS: Mapping[str, Tables] = {
 
 
 def asked(question: str, statement: Statement, given: Tables) -> Tables:
-    """The tables of a question, with the levels at which it is asked.
+    """Return the tables of a question, with the levels at which it is asked.
 
     Args:
         question: One of :data:`QUESTIONS`.
-        statement: What is stated.
+        statement: The statement about the case.
         given: The tables of the case without the question.
     """
     tables = dict(QUESTIONS[question])

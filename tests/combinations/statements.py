@@ -1,8 +1,8 @@
-"""Statements that a case can make, each beside the same two blocks in contact.
+"""Define statements that a case can make, each about the same two blocks in contact.
 
-In the plane the lower block is (-1, 1)×(-1, 0), fixed at the bottom, and the upper one is
-(-1, 1)×(0, 1), under a pressure; both are held in x at the left. All statements of a case are
-tables by their headings, those that may be there many times as lists.
+The blocks are plane. The lower block is (-1, 1)×(-1, 0), fixed at the bottom. The upper block is
+(-1, 1)×(0, 1), under a pressure. Both are held in x at the left. All statements of a case are
+tables by their headings; tables that may occur several times are lists.
 """
 
 from collections.abc import Mapping
@@ -21,12 +21,12 @@ class Statement:
     """A statement about the two blocks, in addition to contact and pressure.
 
     Attributes:
-        words: In a few words.
-        mesh: Which one: "blocks", or blocks that are meshed "apart", have a "round" top or stand
+        words: The statement in a few words.
+        mesh: Name of the mesh: "blocks", blocks that are meshed "apart", have a "round" top or lie
             beside the "axis"; or keys of ``[mesh]``.
-        tables: Tables that are added, or take the place of those of the same heading.
-        level: Load factor that is carried.
-        work: Work of the loads at such a level.
+        tables: Tables that are added, or that replace those with the same heading.
+        level: Load factor that the blocks carry.
+        work: Work of the loads at about this level.
     """
 
     words: str

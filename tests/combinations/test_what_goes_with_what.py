@@ -1,7 +1,7 @@
-"""The page that tells what goes with what is true.
+"""The page on combinations of statements and questions is true.
 
-``make test`` asks each question of one statement. ``PERFPLAST_FUZZ=2`` asks all of all, as
-``make verify`` does.
+``make test`` asks each question with one statement. ``PERFPLAST_FUZZ=2`` asks all questions with
+all statements, as ``make verify`` does.
 """
 
 import os
@@ -80,7 +80,7 @@ def test_no_refusal_is_left_over() -> None:
 
 
 def _note(there: str) -> str:
-    """The sentence that the number of a cell stands for."""
+    """Return the sentence to which the number in a cell refers."""
     number = there[there.index("[") + 1 : there.index("]")]
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     (line,) = (line for line in lines if line.startswith(f"| {number} |"))

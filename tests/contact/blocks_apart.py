@@ -1,4 +1,4 @@
-"""Two blocks on each other that were meshed apart, in the plane or in space."""
+"""Make two blocks on each other with separate meshes, in the plane or in space."""
 
 from collections.abc import Sequence
 from itertools import permutations
@@ -24,7 +24,7 @@ def block(
     seed: int,
     moved_by: float,
 ) -> tuple[Floats, Longs]:
-    """A block of simplices, turned about its vertical axis, whose inner points are moved aside."""
+    """Return a block of simplices, rotated about its vertical axis, with moved inner points."""
     gdim = len(counts)
     grid = np.indices([count + 1 for count in counts]).reshape(gdim, -1).T
     share = grid / np.array(counts)
@@ -56,10 +56,11 @@ def blocks_apart(
     slope: float = 0.0,
     moved_by: float = 0.5,
 ) -> TaggedMesh:
-    """The unit block and one on top of it over the square of a span, with these counts of cells.
+    """Return the unit block, and a block on it over the square of a span, with given cell counts.
 
-    The seam may be inclined along x, without the ends of the blocks. Inner points are moved by up
-    to half this share of a cell; where they are not, equal counts match.
+    The seam may be inclined along x; the ends of the blocks are not inclined. Inner points are
+    moved by up to half of this share of a cell. If no points are moved, blocks with equal counts
+    match.
     """
     gdim = len(lower)
     wide = gdim - 1

@@ -9,5 +9,5 @@ from tests.models import Read
 
 @pytest.fixture
 def wedge(read: Read) -> TaggedMesh:
-    """Two blocks that meet on an inclined plane."""
+    """Return two blocks that meet on an inclined plane."""
     return read(write_wedge, size=0.4)

@@ -1,4 +1,4 @@
-"""Clipping of pieces: random pairs, slivers and what nearly coincides."""
+"""Clipping of facets: random pairs, slivers, and almost coinciding facets."""
 
 import os
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.serial
 
 
 def grid(counts: tuple[int, int], turn: float, degree: int, seed: int, side: float) -> Floats:
-    """Facets of a flat square of random triangles, turned about its centre."""
+    """Return the facets of a flat square of random triangles, rotated about its centre."""
     random = np.random.default_rng(seed)
     n, m = counts
     x = np.stack(np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, m + 1)), axis=-1)
@@ -95,7 +95,7 @@ def test_areas_against_shapely() -> None:
 
 
 def line(count: int, degree: int, seed: int, side: float) -> Floats:
-    """Facets of a straight line from −1 to 1 with random nodes."""
+    """Return the facets of a straight line from −1 to 1 with random nodes."""
     random = np.random.default_rng(seed)
     ends = np.array([-1.0, 1.0])
     x = np.sort(np.concatenate([ends, 2 * random.random(count - 1) - 1]))
@@ -107,7 +107,7 @@ def line(count: int, degree: int, seed: int, side: float) -> Floats:
 
 
 def number_nodes(facets: Floats) -> int:
-    """Number the nodes of straight facets, all on this rank; how many there are."""
+    """Number the nodes of straight facets, all on this rank; return the number of nodes."""
     corners = facets["x"]
     gdim = corners.shape[2]
     edges = [(0, 1)] if gdim == 2 else [(1, 2), (0, 2), (0, 1)]

@@ -1,4 +1,4 @@
-"""Rows of one host and three guests, as surfaces whose nodes do not match give them."""
+"""Rows with one host and three guests, as between surfaces whose nodes do not match."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ COARSE = 3
 
 
 def unlike_blocks(comm: MPI.Intracomm) -> TaggedMesh:
-    """Two unit cubes on each other, whose nodes do not match."""
+    """Return two unit cubes on each other whose nodes do not match."""
     return structured_mesh(
         comm,
         [
@@ -46,7 +46,7 @@ def unlike_blocks(comm: MPI.Intracomm) -> TaggedMesh:
 def interpolated_rows(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
 ) -> Constraints:
-    """Each lower node of the upper block on the triangle below it: weights add up to 1."""
+    """Place each lower node of the upper block on the triangle below it; weights sum to 1."""
     comm = V.mesh.comm
     hosts = surface_nodes(V, tagged_mesh, "upper_bottom", fixed)
     guests = surface_nodes(V, tagged_mesh, "lower_top", fixed)
@@ -71,7 +71,7 @@ def interpolated_rows(
 
 @pytest.fixture
 def pressed(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Makes a problem of the two blocks, the upper one held by the rows alone."""
+    """Return a problem of the two blocks, in which only the rows hold the upper block."""
 
     def find_constraints(V: Any, mesh: Any, contacts: Any, obstacles: Any, fixed: Any) -> Any:
         return interpolated_rows(V, mesh, fixed)

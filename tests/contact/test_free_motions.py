@@ -1,4 +1,4 @@
-"""Rigid motions that nothing resists: held without force, or refused where a load drives them."""
+"""Rigid motions that nothing resists: held without force, or refused if a load drives them."""
 
 import logging
 import math
@@ -34,7 +34,7 @@ UPPER = "the body 'upper' (translation in x, translation in y, rotation about z)
 
 
 def write_round_pin(path: str | Path) -> None:
-    """A disc in the hole of a square plate, in the plane; surfaces ``left``, ``right``."""
+    """Return a disc in the hole of a plane square plate; surfaces ``left``, ``right``."""
     with gmsh_session() as gmsh:
         occ, model = gmsh.model.occ, gmsh.model
         pin, hole = (occ.addDisk(4, 1, 0, 1, 1) for _ in range(2))
@@ -58,7 +58,7 @@ def write_round_pin(path: str | Path) -> None:
 
 
 def round_pin(read: Read, load: Traction | BodyForce, tresca: float | None = None) -> Problem:
-    """A pin without friction, or with next to none."""
+    """Return a pin without friction, or with very small friction."""
     return Problem(
         read(write_round_pin),
         {"pin": STEEL, "plate": STEEL},

@@ -22,7 +22,7 @@ from tests.models import STEEL, Read, touching_blocks
 
 
 def cylinders(tagged_mesh: TaggedMesh, gap: float | str | None = None, degree: int = 1) -> Problem:
-    """Two elastic cylinders, one the mirror image of the other."""
+    """Return two elastic cylinders, one the mirror image of the other."""
     return Problem(
         tagged_mesh,
         {"upper": STEEL, "lower": Elastic(7e4, 0.3)},

@@ -1,4 +1,4 @@
-"""The basis in which contact is a bound, of rows with one guest and with many."""
+"""The basis in which contact is a bound, for rows with one guest and with many guests."""
 
 import math
 from typing import Any
@@ -18,7 +18,7 @@ from tests.models import touching_blocks, wedge_problem
 
 
 def assert_inverse(basis: JumpBasis) -> None:
-    """M T y = y."""
+    """Check that M T y = y."""
     product = basis.M.matMult(basis.T)
     y, image = product.createVecs()
     y.setRandom(PETSc.Random().create(y.comm))
@@ -27,7 +27,7 @@ def assert_inverse(basis: JumpBasis) -> None:
 
 
 def body_of(problem: Problem, volume: str) -> int:
-    """Number of the body that a volume belongs to."""
+    """Return the index of the body to which a volume belongs."""
     nodes = problem.V.dofmap.list[problem.tagged_mesh.cells(volume)]
     found = problem.comm.allgather(problem.bodies.of_node[nodes[:1, 0]].tolist())
     return next(body for bodies in found for body in bodies)
@@ -62,10 +62,11 @@ def test_a_node_has_the_conditions_of_one_contact() -> None:
 
 
 def random_constraints(seed: int, comm: MPI.Intracomm) -> tuple[Any, Constraints, Any]:
-    """Rows of random nodes: a third are hosts, a third hosts and guests of these, a third guests.
+    """Return rows of random nodes: a third are hosts, a third hosts and guests, a third guests.
 
-    So chains are at most two long. Some hosts have two rows with normals at right angles. Guests
-    are held by supports in some components, and hosts with one row where their normal is smallest.
+    So chains have at most two links. Some hosts have two rows with perpendicular normals. Supports
+    hold guests in some components. They hold hosts with one row in the component in which the
+    normal is smallest.
     """
     V = make_spaces(stacked_blocks(comm, 3).mesh, 1).V
     index_map = V.dofmap.index_map

@@ -1,4 +1,4 @@
-"""Bodies that only facets keep from spinning are named, others are not."""
+"""The program names bodies that only facets prevent from spinning, and no others."""
 
 import logging
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from tests.models import STEEL, Read, punch_problem, stack_problem, two_blocks_p
 
 
 def write_bolted(path: str | Path, order: int) -> None:
-    """A round pin in a plate; ``end`` is the lower end of the pin."""
+    """Return a round pin in a plate; ``end`` is the lower end of the pin."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         plate = occ.addBox(-1, -1, 0, 2, 2, 0.5)
@@ -74,7 +74,7 @@ def test_bodies_that_are_held_are_not_named(make: Callable[[int], Problem]) -> N
 
 
 def write_long_beam(path: str | Path) -> None:
-    """A beam that is held at its end ``wall`` and rests on a block far from there."""
+    """Return a beam that is held at its end ``wall`` and rests on a distant block."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         beam, block = occ.addBox(0, 0, 1, 8, 1, 1), occ.addBox(6, 0, 0, 2, 1, 1)
@@ -109,7 +109,7 @@ def test_a_narrow_sector_is_held(read: Read, caplog: pytest.LogCaptureFixture) -
 
 
 def write_quarter_ring(path: str | Path) -> None:
-    """A thin ring of which the ends are in the planes x = 0 and y = 0."""
+    """Return a thin ring whose ends lie in the planes x = 0 and y = 0."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         outer, inner = occ.addDisk(0, 0, 0, 51, 51), occ.addDisk(0, 0, 0, 49, 49)

@@ -1,4 +1,4 @@
-"""Dual mortar contact: patch tests on blocks that were meshed apart, and what is refused."""
+"""Dual mortar contact: patch tests on blocks with separate meshes, and refusals."""
 
 from itertools import product
 from typing import Any
@@ -21,7 +21,7 @@ COUNTS = {2: ((5, 3), (7, 3)), 3: ((3, 3, 2), (4, 4, 2))}
 def on_rollers(
     gdim: int, degree: int = 1, comm: MPI.Intracomm = MPI.COMM_WORLD, **contact: Any
 ) -> Problem:
-    """Two blocks of two materials on rollers; ζ is the pressure on top."""
+    """Return two blocks of two materials on rollers; ζ is the pressure on top."""
     vertical = "xyz"[gdim - 1]
     sides = [f"{body}{axis}0" for axis in "xyz"[: gdim - 1] for body in ("", "upper_")]
     return Problem(

@@ -36,7 +36,7 @@ TUBE = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
 
 
 def tubes(assembly: TaggedMesh, gap: Any = None, hosts: Any = None) -> Problem:
-    """One tube in the other under pressure."""
+    """Return a tube in a tube, under pressure."""
     return Problem(
         assembly,
         dict.fromkeys(assembly.volumes, TUBE),
@@ -105,7 +105,7 @@ def test_press_fit_of_tubes(read: Read, hosts: Any, comm: MPI.Intracomm) -> None
 
 
 def shells(assembly: TaggedMesh, **contact: Any) -> Problem:
-    """A spherical shell that is too large by δ for the one around it."""
+    """Return a spherical shell that is larger by δ than the hole of the shell around it."""
     contact = {"gap": -OVERLAP, "interference": True} | contact
     return Problem(
         assembly,

@@ -1,4 +1,4 @@
-"""Surfaces that overlap in part, and not along edges of facets: patch tests, and what retires."""
+"""Surfaces that overlap in part, not along edges of facets: patch tests, and retired nodes."""
 
 from itertools import product
 from typing import Any
@@ -27,7 +27,7 @@ ANGLE = 0.35
 
 
 def clipped(polygon: Floats, by: Floats) -> Floats:
-    """A polygon inside a convex anticlockwise one, corner by corner."""
+    """Return the part of a polygon inside a convex anticlockwise polygon, corner by corner."""
     for a, b in zip(by, np.roll(by, -1, axis=0), strict=True):
         inside = [np.linalg.det([b - a, point - a]) for point in polygon]
         kept = []
@@ -42,7 +42,7 @@ def clipped(polygon: Floats, by: Floats) -> Floats:
 
 
 def simplices(facet: Floats, span: Floats) -> list[Floats]:
-    """The part of a facet that lies in the span, in horizontal coordinates."""
+    """Return the part of a facet that lies in the span, in horizontal coordinates."""
     if facet.shape[1] == 1:
         low, high = max(facet.min(), span.min()), min(facet.max(), span.max())
         return [np.array([[low], [high]])] if high > low else []
@@ -76,7 +76,7 @@ def pushed(problem: Problem, surface: str, span: Floats, slope: float = 0.0) -> 
 
 
 def partly_covered(gdim: int, degree: int, **contact: Any) -> Problem:
-    """A turned narrow block on a wide one; ζ = 1 is a uniform vertical stress of 1 in both."""
+    """Return a rotated narrow block on a wide one; ζ = 1 is a vertical stress of 1 in both."""
     counts = {2: ((7, 2), (5, 2)), 3: ((6, 6, 1), (4, 4, 1))}[gdim]
     angle = ANGLE if gdim == 3 else 0.0
     axes = "xyz"[: gdim - 1]

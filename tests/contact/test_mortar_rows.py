@@ -1,4 +1,4 @@
-"""Who takes over from nodes of which next to nothing is covered."""
+"""Nodes that take over from nodes of which almost nothing is covered."""
 
 from mpi4py import MPI
 

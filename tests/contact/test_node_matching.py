@@ -1,4 +1,4 @@
-"""Nodes of two surfaces find each other on whatever ranks they are."""
+"""Nodes of two surfaces find each other, whatever their ranks are."""
 
 from mpi4py import MPI
 

@@ -1,4 +1,4 @@
-"""Contact of matching nodes: inclined surfaces, hosts on either side, and what is refused."""
+"""Contact of matching nodes: inclined surfaces, hosts on either side, and refusals."""
 
 from pathlib import Path
 

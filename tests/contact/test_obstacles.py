@@ -1,4 +1,4 @@
-"""Rigid obstacles: distances, directions, and what is refused."""
+"""Rigid obstacles: distances, directions, and refusals."""
 
 import math
 from collections.abc import Sequence

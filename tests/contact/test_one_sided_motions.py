@@ -1,4 +1,4 @@
-"""Bodies that contact stops one way only: pushed away, left alone, or pressed."""
+"""Bodies that contact stops in one direction only: pushed away, left alone, or pressed."""
 
 import logging
 
@@ -16,7 +16,7 @@ PLANES = [
 
 
 def in_corner(read: Read, *push: float) -> Problem:
-    """A block in a rigid corner, pushed on top and at its side."""
+    """Return a block in a rigid corner, pushed on top and at its side."""
     return Problem(
         read(write_corner_seat, dim=2, size=0.5),
         {"block": STEEL, "seat": STEEL},

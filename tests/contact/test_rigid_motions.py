@@ -1,4 +1,4 @@
-"""Rigid motions of bodies: what contact says of them, and which are refused."""
+"""Rigid motions of bodies: how contact restricts them, and which motions are refused."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Glued surfaces: one body of two, whatever their nodes, and what is refused."""
+"""Glued surfaces: two bodies act as one, whatever their nodes are, and refusals."""
 
 from itertools import product
 from typing import Any
@@ -29,7 +29,7 @@ COUNTS = {2: ((5, 3), (7, 3)), 3: ((3, 3, 2), (4, 4, 2))}
 
 
 def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
-    """Two glued blocks on a fixed floor that are pulled aside; ζ is the traction on top."""
+    """Return two glued blocks on a fixed floor that are pulled sideways by ζ on top."""
     return Problem(
         blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim]),
         {"lower": STEEL, "upper": STEEL},

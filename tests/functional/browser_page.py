@@ -1,4 +1,4 @@
-"""A page in a browser, for tests."""
+"""Control a page in a browser, for tests."""
 
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ class Page:
         ).reshape(32, 32, 4)[..., :3]
 
     def changed(self, before: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """The pixels once they differ from those before."""
+        """Return the pixels once they differ from those before."""
         for _ in range(1000):
             now = self.pixels()
             if np.abs(now - before).max() > 20:
@@ -62,7 +62,7 @@ class Page:
         self.part(name).send_keys(*keys)
 
     def choose(self, name: str, value: str) -> None:
-        """Set a control as a hand does."""
+        """Set a control as a user does."""
         self._browser.execute_script(
             """const part = document.getElementById(arguments[0]);
             part.value = arguments[1];

@@ -1,4 +1,4 @@
-"""A browser for pages, and what holds check and run together."""
+"""Define a browser for pages, and compare refusals of check and run."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ LOGS = ("browser", "performance")
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
-    """Chromium without a screen."""
+    """Return Chromium without a screen."""
     webdriver = pytest.importorskip("selenium.webdriver")
     service = pytest.importorskip("selenium.webdriver.chrome.service")
     program, driver = shutil.which("chromium"), shutil.which("chromedriver")
@@ -40,7 +40,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def browser(chromium: Any) -> Iterator[Any]:
-    """A window of Chromium of its own, since settings such as darkness belong to a window."""
+    """Return a new window of Chromium, since settings such as dark mode belong to a window."""
     first = chromium.current_window_handle
     chromium.switch_to.new_window("window")
     chromium.set_window_size(1000, 1000)
@@ -53,10 +53,10 @@ def browser(chromium: Any) -> Iterator[Any]:
 
 @pytest.fixture(autouse=True)
 def run_refuses_nothing_late(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fail where ``run`` refuses a case before its first solve that ``check`` would let pass.
+    """Fail if ``run`` refuses, before its first solve, a case that ``check`` accepts.
 
-    ``check`` and ``run`` make the same tests (:func:`perfplast_fenicsx.cli.run.admitted_solver`).
-    What a control refuses afterwards must have taken a step of an algorithm to be known.
+    ``check`` and ``run`` make the same tests (:func:`perfplast_fenicsx.cli.run.admitted_solver`). A
+    control may refuse a case later only for a reason that a step of an algorithm shows.
     """
     steps: list[object] = []
     solve = cli_run._solve

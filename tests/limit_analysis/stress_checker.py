@@ -1,4 +1,4 @@
-"""Is a piecewise linear stress admissible? From its values and the mesh alone, with NumPy."""
+"""Check whether a piecewise linear stress is admissible, from its values and the mesh alone."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from perfplast_fenicsx.compat import geometry_dofmap
 
 @dataclass(frozen=True)
 class Checked:
-    """Errors of a stress in its conditions.
+    """Errors of a stress in the conditions that it must satisfy.
 
     Attributes:
         divergence: Largest |div σ + f|, times the size of the cell.
@@ -25,7 +25,7 @@ class Checked:
         x: Vertices of the boundary's facets, of all ranks, shape (num_facets, d, d).
         normals: Outward unit normals, shape (num_facets, d).
         tractions: Tractions at these vertices, shape (num_facets, d, d).
-        forces: Sum of all forces that are not balanced in cells and between them.
+        forces: Sum of all forces that are unbalanced in cells and between cells.
     """
 
     divergence: float
@@ -37,7 +37,7 @@ class Checked:
     forces: float
 
     def pressures(self, chosen: npt.NDArray[np.bool_]) -> Floats:
-        """Pressure at the vertices of chosen facets of the boundary."""
+        """Return the pressure at the vertices of chosen facets of the boundary."""
         found: Floats = -np.einsum("fvi,fi->fv", self.tractions[chosen], self.normals[chosen])
         return found
 
@@ -45,7 +45,7 @@ class Checked:
 def check_stress(
     problem: Problem, stress: Floats, force: tuple[float, ...] | None = None
 ) -> Checked:
-    """Check a stress given as by ``StaticBound``, and f per volume. Collective."""
+    """Check a stress in the form of ``StaticBound``, with f per volume. Collective."""
     mesh = problem.tagged_mesh.mesh
     topology, tdim = mesh.topology, mesh.topology.dim
     owned = topology.index_map(tdim).size_local
@@ -106,7 +106,7 @@ def check_stress(
 
 
 def opposite(checked: Checked, chosen: np.ndarray) -> Floats:
-    """Tractions on the facets at the same places as chosen ones, vertex by vertex."""
+    """Return the tractions on facets that coincide with chosen facets, vertex by vertex."""
     others = {}
     for x, push in zip(checked.x[~chosen], checked.tractions[~chosen], strict=True):
         others[_name(x)] = x, push

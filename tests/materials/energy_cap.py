@@ -1,8 +1,8 @@
-"""A law that the package does not have: yield at a strain energy, about a state of pressure.
+"""Define a law that the package lacks: yield at a strain energy, about a state of pressure.
 
-Ground and foams yield in pressure alone, too. The stress is kept at ½(σ − σ_c):C⁻¹(σ − σ_c) ≤
-½Y²/E with σ_c = −p_c δ, E. Beltrami's criterion about σ_c. Its projection in the norm of C⁻¹ is
-radial, Σ(e) = σ_c + θ(Ce − σ_c), so that the law is as short as that of von Mises.
+Ground and foams also yield under pressure alone. The stress satisfies ½(σ − σ_c):C⁻¹(σ − σ_c) ≤
+½Y²/E with σ_c = −p_c δ, which is E. Beltrami's criterion about σ_c. Its projection in the norm of
+C⁻¹ is radial, Σ(e) = σ_c + θ(Ce − σ_c), so the law is as short as that of von Mises.
 """
 
 import math
@@ -25,7 +25,7 @@ class EnergyCap(Law):
         bulk: κ (stress).
         shear: μ (stress).
         energy: Y²/E (stress).
-        centre: p_c (stress), a pressure, p_c² < κY²/E.
+        centre: p_c (stress), a pressure with p_c² < κY²/E.
     """
 
     bulk: Expr
@@ -70,7 +70,7 @@ class EnergyCap(Law):
         return (Cone(bound, slope, ufl.as_matrix(rows)),)
 
     def inadmissible(self, rate: Expr) -> None:
-        """All rates are admissible."""
+        """Return None, since all rates are admissible."""
         return None
 
     def from_centre(self, e: Expr) -> Expr:
@@ -114,8 +114,8 @@ class Foam:
     Args:
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
-        strength: Y (stress), of tension and compression about the centre.
-        centre: p_c, the pressure in the middle of the set (stress).
+        strength: Y (stress), the strength in tension and compression about the centre.
+        centre: p_c, the pressure at the centre of the set (stress).
     """
 
     law: ClassVar[type[EnergyCap]] = EnergyCap
@@ -134,7 +134,7 @@ class Foam:
         }
 
     def pressed_flat(self) -> tuple[float, float]:
-        """Pressure and pull that a block bears between smooth platens in plane strain.
+        """Return the pressure and tension of a block between smooth platens in plane strain.
 
         Of σ = (0, −λ, σ_zz) that are admissible: with a = p_c, b = p_c − λ and the best σ_zz,
         (1 − ν²)(a² + b²) − 2ν(1 + ν)ab = Y².
@@ -146,7 +146,7 @@ class Foam:
         return a - (half - root), half + root - a
 
     def pressed(self) -> float:
-        """Pressure that a bar bears in space: of σ = (0, 0, −λ)."""
+        """Return the pressure that a bar bears in space, for σ = (0, 0, −λ)."""
         nu, a = self.poisson, self.centre
         # b² − 4νab + (2 − 2ν)a² = Y² for b = a − λ
         half, whole = 2 * nu * a, (2 - 2 * nu) * a**2 - self.strength**2

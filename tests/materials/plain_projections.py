@@ -1,4 +1,4 @@
-"""Stresses and tangents of laws by other ways than theirs: active planes, and bisection. NumPy.
+"""Compute stresses and tangents of laws by active planes and by bisection, with NumPy only.
 
 All are projections of Ce on a convex set in the norm of C⁻¹, at many points at once.
 """
@@ -18,7 +18,7 @@ SETS = ([], [(0, 2)], [(0, 2), (1, 2)], [(0, 2), (0, 1)])
 
 
 def hooke(bulk: float, shear: float) -> Array:
-    """C, shape (6, 6)."""
+    """Return C, shape (6, 6)."""
     found: Array = 2 * shear * DEV + 3 * bulk * (np.eye(6) - DEV)
     return found
 
@@ -30,7 +30,7 @@ class Projected:
     Attributes:
         stress: Shape (n, 6).
         tangent: Shape (n, 6, 6).
-        branch: Which planes are active, shape (n,).
+        branch: Set of active planes, shape (n,).
     """
 
     stress: Array
@@ -39,7 +39,7 @@ class Projected:
 
 
 def principal(e: Array, bulk: float, shear: float, sine: float, strength: float) -> Projected:
-    """On (1 + s)σ₁ − (1 − s)σ₃ ≤ b: of all sets of planes the one that all multipliers want."""
+    """Project on (1 + s)σ₁ − (1 − s)σ₃ ≤ b, with the set of planes that all multipliers require."""
     lame = bulk - 2 * shear / 3
     C = lame + 2 * shear * np.eye(3)
     w, axes = np.linalg.eigh(matrices(e))
@@ -88,7 +88,7 @@ def principal(e: Array, bulk: float, shear: float, sine: float, strength: float)
 
 
 def quadratic(e: Array, C: Array, form: Array, strength: float) -> Projected:
-    """On s:form:s ≤ Y²: σ = (C⁻¹ + x form)⁻¹e, x by bisection and Newton."""
+    """Project on s:form:s ≤ Y²: σ = (C⁻¹ + x form)⁻¹e, with x by bisection and Newton."""
     L = np.linalg.cholesky(C)
     h, V = np.linalg.eigh(L.T @ form @ L)
     h, frame = np.maximum(h, 0.0), L @ V
@@ -118,7 +118,7 @@ def quadratic(e: Array, C: Array, form: Array, strength: float) -> Projected:
 
 
 def conical(e: Array, bulk: float, shear: float, eta: float, cohesion: float) -> Projected:
-    """On ‖dev s‖/√2 + ηp ≤ c: in the half-plane of p and ‖dev s‖, on a ray or its tip."""
+    """Project on ‖dev s‖/√2 + ηp ≤ c in the half-plane of p and ‖dev s‖, on a ray or its tip."""
     trace, d = e[:, :3].sum(axis=1), e @ DEV
     size = np.linalg.norm(d, axis=1)
     n = d / np.maximum(size, 1e-300)[:, None]

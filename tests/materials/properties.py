@@ -1,6 +1,6 @@
-"""Checks that every law must pass: Σ = Dψ, its tangent, the conjugate, the gauge.
+"""Check what every law must satisfy: Σ = Dψ, its tangent, the conjugate, the gauge.
 
-A law's tests call :func:`check_all` with materials of it and strains on all its branches.
+A law's tests call :func:`check_all` with materials of the law and strains on all its branches.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,10 +20,10 @@ Array = npt.NDArray[np.float64]
 
 
 class Point:
-    """A law at one cell of a mesh on this rank alone, fed with numbers.
+    """A law at one cell of a mesh on this rank alone, evaluated for given numbers.
 
     Attributes:
-        size: Components of its Mandel vectors.
+        size: Number of components of its Mandel vectors.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Point:
         self.compiled: dict[str, fem.Expression] = {}
 
     def __call__(self, name: str, x: Array, d: Array | None = None) -> Array:
-        """A value of the law at a strain, a rate or a stress x, and a direction d."""
+        """Return a value of the law at a strain, a rate or a stress x, and a direction d."""
         self.x.value[:] = x
         self.d.value[:] = 0 if d is None else d
         value = self.expressions[name]
@@ -71,12 +71,12 @@ class Point:
         return np.asarray(self.compiled[name].eval(self.mesh, cells)).ravel()
 
     def number(self, name: str, x: Array) -> float:
-        """A scalar value."""
+        """Return a scalar value of the law."""
         return float(self(name, x)[0])
 
 
 def strains(scales: Iterable[float], size: int = 6, seed: int = 7) -> list[Array]:
-    """Strains in a direction drawn anew, one of each scale, the size of their deviator."""
+    """Return strains in a random direction, one for each scale, which is the deviator's size."""
     random = np.random.default_rng(seed)
     found = []
     for scale in scales:
@@ -103,11 +103,11 @@ def check_all(
     """Check a law inside, far outside and on both sides near its yield surface.
 
     Args:
-        material: With numbers for it.
-        yields_at: Size of the deviator of a strain that is elastic just so, from the centre.
-        gdim: Of the mesh.
-        old: The history.
-        centre: The middle of the elastic strains; zero without a history.
+        material: The material with its numbers.
+        yields_at: Size of the deviator of a strain at first yield, from the centre.
+        gdim: Dimension of the mesh.
+        old: Values of the history.
+        centre: Centre of the elastic strains; zero without a history.
     """
     point = Point(material, gdim=gdim, old=old)
     zero = np.zeros(point.size)
@@ -131,7 +131,7 @@ def check_all(
 
 
 def _check_stress(point: Point, e: Array) -> None:
-    """Σ is the derivative of ψ, by differences of fourth order."""
+    """Check that Σ is the derivative of ψ, by differences of fourth order."""
     d = np.random.default_rng(1).normal(size=point.size)
     d /= np.linalg.norm(d)
     h = 1e-4 * np.linalg.norm(deviator(e))
@@ -143,7 +143,7 @@ def _check_stress(point: Point, e: Array) -> None:
 
 
 def _check_conjugate(point: Point, e: Array) -> None:
-    """Fenchel: ψ(e) + ψ*(s) is s:e for s = Σ(e), and more for the stress of another strain."""
+    """Check that ψ(e) + ψ*(s) is s:e for s = Σ(e), and more for the stress of another strain."""
     stress = point("stress", e)
     potential, work = point.number("potential", e), float(stress @ e)
     conjugate = point.number("conjugate", stress)
@@ -156,7 +156,7 @@ def _check_conjugate(point: Point, e: Array) -> None:
 
 
 def _check_tangent(point: Point, e: Array, rho: float) -> None:
-    """Symmetric, not negative, and the differences of the stress."""
+    """Check that the tangent is symmetric, not negative, and the derivative of the stress."""
     matrix = np.stack([point("tangent", e, d) for d in np.eye(point.size)])
     assert np.allclose(matrix, matrix.T, atol=1e-9 * abs(matrix).max())
     assert np.linalg.eigvalsh(matrix).min() >= -1e-9 * abs(matrix).max()

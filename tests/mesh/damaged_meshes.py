@@ -1,6 +1,6 @@
-"""Meshes with a fault in them, made from one that is sound: arrays, written in gmsh's format 2.2.
+"""Make damaged meshes from a sound one: arrays, written in gmsh's format 2.2.
 
-Two blocks on each other, a pair of bodies in contact; in the plane two rectangles.
+The mesh has two blocks on each other in contact; in the plane, two rectangles.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ BODIES = {"a": 1, "b": 2}
 
 @dataclass(frozen=True)
 class Plain:
-    """A mesh as it stands in a file: nodes from 0, bodies 1 and 2, facets with tags."""
+    """A mesh as stored in a file: nodes from 0, bodies 1 and 2, facets with tags."""
 
     points: npt.NDArray[np.float64]
     cells: Longs
@@ -32,7 +32,7 @@ class Plain:
         return self.cells.shape[1] - 1
 
     def write(self, path: Path) -> None:
-        """As a .msh file."""
+        """Return the mesh as text of a .msh file."""
         dim = self.dim
         names = [f'{dim} {tag} "{name}"' for name, tag in BODIES.items()]
         names += [f'{dim - 1} {tag} "{name}"' for name, tag in NAMES.items()]
@@ -52,7 +52,7 @@ class Plain:
 
 
 def block(low: list[float], n: int, first: int, body: int, low_tag: int, high_tag: int) -> Plain:
-    """A cube or square of unit size, n cells along each edge; its ends across the last axis."""
+    """Return a unit cube or square with n cells along each edge, and its ends on the last axis."""
     dim = len(low)
     grid = np.array(list(product(range(n + 1), repeat=dim)))
     number = {tuple(place): i for i, place in enumerate(grid.tolist())}
@@ -84,13 +84,13 @@ def block(low: list[float], n: int, first: int, body: int, low_tag: int, high_ta
 
 
 def together(one: Plain, other: Plain) -> Plain:
-    """Both in one file."""
+    """Return both bodies in one mesh."""
     parts = [(getattr(one, key), getattr(other, key)) for key in one.__dataclass_fields__]
     return Plain(*map(np.concatenate, parts))
 
 
 def blocks(dim: int, n: int = 2, shift: tuple[float, ...] = (), other: int | None = None) -> Plain:
-    """One on the other, in contact; the upper one shifted."""
+    """Return one body on the other, in contact, with the upper one shifted."""
     lower = block([0.0] * dim, n, 0, 1, NAMES["low"], NAMES["seam_a"])
     place = np.zeros(dim)
     place[-1] = 1.0
@@ -116,7 +116,7 @@ def _with_cells(mesh: Plain, more: Longs, body: int = 1) -> Plain:
 
 
 def _merged(mesh: Plain, one: int, other: int) -> Plain:
-    """Two nodes as one."""
+    """Merge two nodes."""
     cells, facets = (np.where(a == one, other, a) for a in (mesh.cells, mesh.facets))
     return replace(mesh, cells=cells, facets=facets)
 
@@ -128,7 +128,7 @@ def _swapped(mesh: Plain, one: int, other: int) -> Plain:
 
 
 def _unglued(mesh: Plain, axis: int, only: int | None = None) -> Plain:
-    """The lower body with nodes of its own on either side of a plane through its middle."""
+    """Separate the lower body along a plane through its middle, with own nodes on either side."""
     middle = mesh.points[mesh.cells].mean(axis=1)
     beyond = (mesh.body == 1) & (middle[:, axis] > 0.5)
     double = np.unique(mesh.cells[beyond])
@@ -145,7 +145,7 @@ def _unglued(mesh: Plain, axis: int, only: int | None = None) -> Plain:
 
 
 def _mixed(dim: int) -> Plain:
-    """The halves of the lower body are meshed by themselves, and do not match."""
+    """Mesh the halves of the lower body separately, so that they do not match."""
     lower = block([0.0] * dim, 2, 0, 1, NAMES["low"], NAMES["seam_a"])
     place = [1.0, *[0.0] * (dim - 1)]
     beside = block(place, 3, len(lower.points), 1, NAMES["low"], NAMES["seam_a"])
@@ -156,7 +156,7 @@ def _mixed(dim: int) -> Plain:
 
 
 def _twisted(dim: int) -> Plain:
-    """A body bent round so far that its ends lie in each other."""
+    """Bend a body round until its ends overlap."""
     long = block([0.0] * dim, 6, 0, 1, NAMES["low"], NAMES["seam_a"])
     angle = 6.8 * long.points[:, -1]
     radius = 2.0 + long.points[:, 0]
@@ -168,7 +168,7 @@ def _twisted(dim: int) -> Plain:
 
 
 def inverted(mesh: Plain) -> Plain:
-    """The same bodies; every other cell is numbered the other way round."""
+    """Reverse the orientation of every other cell."""
     cells = mesh.cells.copy()
     cells[::2, :2] = cells[::2, 1::-1]
     return replace(mesh, cells=cells)
@@ -178,7 +178,7 @@ Make = Callable[[int], Plain]
 
 
 def _inside(dim: int, size: float) -> Plain:
-    """The upper body is small, and lies in the middle of the lower one."""
+    """Make the upper body small, and place it in the middle of the lower one."""
     mesh = blocks(dim, 1)
     points = mesh.points.copy()
     mine = np.unique(mesh.cells[mesh.body == 2])

@@ -1,4 +1,4 @@
-"""Bodies whose skin is looked at in several tests, and fields that are made up for them."""
+"""Make bodies whose skin several tests use, and artificial fields for them."""
 
 import os
 from pathlib import Path
@@ -17,7 +17,7 @@ from perfplast_fenicsx.pictures.boundary_surface import Surface, make_skin
 
 
 def square(comm: MPI.Intracomm) -> TaggedMesh:
-    """A plane body."""
+    """Return a plane body."""
     mesh = create_unit_square(comm, 3, 3)
     index_map = mesh.topology.index_map(2)
     cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
@@ -33,7 +33,7 @@ def square(comm: MPI.Intracomm) -> TaggedMesh:
 
 
 def skin(tagged_mesh: TaggedMesh, scene: Scene) -> Surface:
-    """The skin of a mesh of this process alone, without fields."""
+    """Return the skin of a mesh of this process alone, without fields."""
     mesh = tagged_mesh.mesh
     assert mesh.comm.size == 1
     tags = tagged_mesh.facet_tags
@@ -46,7 +46,7 @@ def skin(tagged_mesh: TaggedMesh, scene: Scene) -> Surface:
 
 
 def fields_of(tagged_mesh: TaggedMesh, scale: float = 0.01) -> dict[str, fem.Function]:
-    """Made-up fields: u = scale (x, 2y, 3z), p = y, a yield ratio that rises with x."""
+    """Return artificial fields: u = scale (x, 2y, 3z), p = y, a yield ratio that grows with x."""
     mesh = tagged_mesh.mesh
     gdim = mesh.geometry.dim
     u = fem.Function(fem.functionspace(mesh, ("P", 1, (gdim,))))
@@ -59,7 +59,7 @@ def fields_of(tagged_mesh: TaggedMesh, scale: float = 0.01) -> dict[str, fem.Fun
 
 
 def put_before(package: str, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let child processes import a package with this text instead of the right one."""
+    """Make child processes import a package with this text instead of the real one."""
     (folder / package).mkdir(parents=True, exist_ok=True)
     (folder / package / "__init__.py").write_text(text, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")

@@ -1,6 +1,6 @@
-"""Best stress and velocity of the bodies of a proof, by the conic solver Clarabel, if it is there.
+"""Compute the best stress and velocity for the bodies of a proof with Clarabel, if it is installed.
 
-Another way to the numbers of the program: nothing but the arrays of its files is used.
+This is another way to the program's numbers: it uses only the arrays in its files.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ class Rows:
     values: list[npt.NDArray] = field(default_factory=list)
 
     def new(self, *shape: int) -> npt.NDArray:
-        """Numbers of further rows."""
+        """Return the indices of additional rows."""
         numbers = self.count + np.arange(int(np.prod(shape))).reshape(shape)
         self.count += numbers.size
         return numbers
@@ -52,11 +52,11 @@ Solve = Callable[[Floats, tuple[Any, Floats], Any, Rows, Floats], float | None]
 
 
 def best_load(body: Body, by: Solve | None = None) -> float | None:
-    """The largest λ of linear stresses; None where Clarabel does not converge.
+    """Return the largest λ of linear stresses; None if Clarabel does not converge.
 
     Args:
         body: The bodies.
-        by: What solves, :func:`solve` by default.
+        by: Function that solves the program; :func:`solve` by default.
     """
     d = body.dim
     pairs = [(i, j) for i in range(d) for j in range(i, d)]
@@ -116,7 +116,7 @@ def best_load(body: Body, by: Solve | None = None) -> float | None:
 def solve(
     cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
 ) -> float | None:
-    """min cost·x with A x = b, C x ≤ 0 and right − S x in cones of equal size; None if it fails."""
+    """Return min cost·x with A x = b, C x ≤ 0 and right − S x in equal cones; None on failure."""
     import clarabel  # a test that wants it has looked whether it is there
 
     settings = clarabel.DefaultSettings()
@@ -129,7 +129,7 @@ def solve(
 def posed(
     cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
 ) -> tuple[Any, ...]:
-    """The same as Clarabel takes it, before its settings."""
+    """Return the same program in the form of Clarabel, without its settings."""
     import clarabel
 
     matrix = sp.vstack([equal[0], least, cones.matrix(len(cost))], format="csc")
@@ -143,16 +143,16 @@ def posed(
 def least_power(
     body: Body, nodes: npt.NDArray, points: Floats, by: Solve | None = None
 ) -> float | None:
-    """The least dissipation of quadratic velocities with L(v) = 1, integrated at points.
+    """Return the least dissipation of quadratic velocities with L(v) = 1, integrated at points.
 
     Args:
         body: The bodies.
-        nodes: Of their cells.
+        nodes: Nodes of the cells.
         points: Barycentric coordinates of points of equal weight in a cell.
-        by: What solves, :func:`solve` by default.
+        by: Function that solves the program; :func:`solve` by default.
 
     Returns:
-        It; None where Clarabel does not converge.
+        The dissipation; None if Clarabel does not converge.
     """
     d, g = body.dim, body.gradients
     edges = list(combinations(range(d + 1), 2))
@@ -208,7 +208,7 @@ def least_power(
 
 
 def _facet_places(body: Body) -> npt.NDArray:
-    """Places in the cell of each outer facet's vertices and midsides."""
+    """Return the indices in its cell of each outer facet's vertices and midsides."""
     d = body.dim
     edges = {pair: n for n, pair in enumerate(combinations(range(d + 1), 2), start=d + 1)}
     rows = [
@@ -219,7 +219,7 @@ def _facet_places(body: Body) -> npt.NDArray:
 
 
 def _loads(body: Body, nodes: npt.NDArray, facet_nodes: npt.NDArray, count: int) -> Floats:
-    """L of the nodal shape functions for loads that are constant on facets, (num_nodes, d)."""
+    """Return L of the nodal shape functions for loads that are constant on facets."""
     d = body.dim
     forces = np.zeros((count, d))
     facet = {2: [1 / 6, 1 / 6, 4 / 6], 3: [0, 0, 0, 1 / 3, 1 / 3, 1 / 3]}[d]
@@ -234,7 +234,7 @@ def _loads(body: Body, nodes: npt.NDArray, facet_nodes: npt.NDArray, count: int)
 
 
 def _hosts(body: Body) -> list[int]:
-    """Facets that a pressure of contact belongs to."""
+    """Return the facets to which a contact pressure belongs."""
     hosts: list[int] = []
     for one, other in body.contacts:
         hosts += touching(body, one, other).first.tolist()
@@ -244,7 +244,7 @@ def _hosts(body: Body) -> list[int]:
 
 
 def _pushed(body: Body, pushes: dict[int, int]) -> Any:
-    """Facets, columns of the pressures at their vertices, and where these push from."""
+    """Return facets, columns of the pressures at their vertices, and pressure directions."""
     d = body.dim
     for one, other in body.contacts:
         pair = touching(body, one, other)
@@ -260,7 +260,7 @@ def _pushed(body: Body, pushes: dict[int, int]) -> Any:
 
 
 def _opposite(body: Body, facet_nodes: npt.NDArray) -> Any:
-    """Nodes of facets that may enter, those opposite or None, and the directions."""
+    """Return nodes of facets that may penetrate, the opposite nodes or None, and the directions."""
     x = body.dim
     for one, other in body.contacts:
         pair = touching(body, one, other)

@@ -1,4 +1,4 @@
-"""Forgeries of proofs: honest files are written, checked, read, changed, and written again."""
+"""Forge proofs: write, check and read honest files, change them, and write them again."""
 
 import copy
 from collections.abc import Callable
@@ -35,12 +35,12 @@ Forgery = Callable[[Halves], object]
 
 
 def written(folder: Path, low: BodyBounds, high: BodyBounds | None = None) -> Halves:
-    """The halves of ``bounds.h5``, an honest proof of strict bounds.
+    """Return the halves of ``bounds.h5``, an honest proof of strict bounds.
 
     Args:
-        folder: Where it is written.
-        low: What was found on the mesh of the lower bound.
-        high: On that of the upper one, the same without.
+        folder: Folder of the file.
+        low: Bounds on the mesh of the lower bound.
+        high: Bounds on the mesh of the upper bound; by default the same.
     """
     high = low if high is None else high
     assert low.lower.strict, low.why_not
@@ -52,10 +52,10 @@ def written(folder: Path, low: BodyBounds, high: BodyBounds | None = None) -> Ha
 
 
 def blocks(path: Path, dim: int) -> Halves:
-    """The halves of a proof of two blocks on a plane, of different strength, with weight.
+    """Return the halves of a proof of two blocks on a plane, of different strength, with weight.
 
     Args:
-        path: Folder where it is written.
+        path: Folder of the file.
         dim: 2 or 3.
     """
     strengths = {"block0": 1.0, "block1": 3.0}
@@ -84,7 +84,7 @@ def halves_of(path: Path) -> Halves:
 
 
 def write(path: Path, halves: Halves) -> Path:
-    """Write halves as they are."""
+    """Write halves without changes."""
     with h5py.File(path, "w") as file:
         for kind, arrays in halves.items():
             group = file.create_group(kind)
@@ -97,7 +97,7 @@ def write(path: Path, halves: Halves) -> Path:
 
 
 def said_of(path: Path) -> str:
-    """All faults of a file, or why it is no proof; nothing of an honest one."""
+    """Return all faults of a file, or why it is no proof; an empty text for an honest file."""
     try:
         return "; ".join(fault for half in check(path).values() for fault in half.faults)
     except ProofError as error:
@@ -105,34 +105,34 @@ def said_of(path: Path) -> str:
 
 
 def copied(halves: Halves) -> Halves:
-    """Halves that can be changed."""
+    """Return a copy of the halves that can be changed."""
     return copy.deepcopy(halves)
 
 
 def said_of_forged(honest: Halves, forge: Forgery, folder: Path) -> str:
-    """The same of halves that are changed."""
+    """Return a copy of the halves after a change."""
     halves = copied(honest)
     forge(halves)
     return said_of(write(folder / "forged.h5", halves))
 
 
 def both(change: Callable[[Arrays], object]) -> Forgery:
-    """Changes both halves alike."""
+    """Return a function that changes both halves equally."""
     return lambda halves: [change(arrays) for arrays in halves.values()]
 
 
 def low(change: Callable[[Arrays], object]) -> Forgery:
-    """Changes the lower half."""
+    """Return a function that changes the lower half."""
     return lambda halves: change(halves["lower"])
 
 
 def high(change: Callable[[Arrays], object]) -> Forgery:
-    """Changes the upper half."""
+    """Return a function that changes the upper half."""
     return lambda halves: change(halves["upper"])
 
 
 def alone(kind: str, change: Callable[[Arrays], object]) -> Forgery:
-    """Leaves one half, changed, so that nothing can be compared."""
+    """Return a function that keeps one changed half, which prevents a comparison."""
 
     def forge(halves: Halves) -> None:
         del halves["upper" if kind == "lower" else "lower"]
@@ -142,25 +142,25 @@ def alone(kind: str, change: Callable[[Arrays], object]) -> Forgery:
 
 
 def times(name: str, factor: npt.ArrayLike) -> Callable[[Arrays], None]:
-    """Multiplies an array."""
+    """Return a function that multiplies an array."""
     return lambda them: them.update({name: them[name] * np.asarray(factor)})
 
 
 def put(name: str, where: Any, value: Any) -> Callable[[Arrays], None]:
-    """Sets a part of an array."""
+    """Return a function that sets a part of an array."""
     return lambda them: them[name].__setitem__(where, value)
 
 
 def make(name: str, change: Callable[[npt.NDArray], object]) -> Callable[[Arrays], None]:
-    """Replaces an array by what is made of it."""
+    """Return a function that replaces an array by a function of it."""
     return lambda them: them.update({name: np.asarray(change(them[name]))})
 
 
 def drop(name: str) -> Callable[[Arrays], object]:
-    """Leaves an array away."""
+    """Return a function that removes an array."""
     return lambda them: them.pop(name)
 
 
 def in_turn(*changes: Callable[[Arrays], object]) -> Callable[[Arrays], object]:
-    """Changes one after the other."""
+    """Return a function that makes several changes in turn."""
     return lambda them: [change(them) for change in changes]

@@ -1,4 +1,4 @@
-"""Checks of levels: solved ones, distances, a curve, an algorithm that gives up."""
+"""Check levels: solved ones, distances, a curve, an algorithm that gives up."""
 
 import dataclasses
 import math
@@ -28,7 +28,7 @@ limits of the continuum, which collapses near 75: linear tetrahedra lock."""
 
 
 def stress_function(problem: Problem, state: State) -> fem.Function:
-    """Σ(ε(u)), Mandel vectors."""
+    """Return Σ(ε(u)) as Mandel vectors."""
     fields = QuadratureFields(problem)
     fields.u.x.array[:] = state.u.x.array
     fields.update()
@@ -36,7 +36,7 @@ def stress_function(problem: Problem, state: State) -> fem.Function:
 
 
 def stress_distance(problem: Problem, one: State, other: State) -> float:
-    """‖σ₁ − σ₂‖/‖σ₁‖ in L²."""
+    """Return ‖σ₁ − σ₂‖/‖σ₁‖ in L²."""
     a, b = (stress_function(problem, state) for state in (one, other))
     change, size = (Integral(problem.comm, ufl.dot(s, s) * problem.dx)() for s in (b - a, a))
     return math.sqrt(change / size)
@@ -51,13 +51,13 @@ def converged(levels: Sequence[Level]) -> Sequence[Level]:
 
 
 def energy(level: Level) -> float:
-    """E(α) = Ψ(ε(u)), as J_ζ = Ψ − ζα."""
+    """Return E(α) = Ψ(ε(u)), from J_ζ = Ψ − ζα."""
     return level.iterations[-1].energy + level.state.zeta * level.state.alpha
 
 
 @cache
 def curve() -> tuple[Problem, State, list[Level]]:
-    """First yield, and levels from the elastic branch to the plateau."""
+    """Return a problem, its state at first yield, and levels up to the plateau."""
     problem = two_blocks_problem(2)
     solver = WorkNewton(problem, TIGHT)
     first = solver.first_yield()
@@ -71,7 +71,7 @@ def points(levels: Sequence[Level]) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Timid(WorkNewton):
-    """Gives up where the work grows by more than a factor."""
+    """An algorithm that gives up if the work grows by more than a factor."""
 
     boldest = 2.1
 

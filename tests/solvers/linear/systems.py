@@ -1,4 +1,4 @@
-"""Problems and linear systems that several tests of this folder solve."""
+"""Define problems and linear systems that several tests of this folder solve."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -12,7 +12,7 @@ from tests.models import STEEL
 
 
 def corner_problem() -> Problem:
-    """A punch on a block, both in a corner of two rigid planes: its edge has two normals a node."""
+    """Return a punch on a block in a corner of two rigid planes; edge nodes have two normals."""
     return Problem(
         punch(MPI.COMM_WORLD, 4),
         {"base": STEEL, "punch": STEEL},
