@@ -1,4 +1,4 @@
-"""Define the discrete problem, its states and the checks of its states."""
+"""Define the discrete problem, its states, and the checks of states."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Check whether bodies can be in contact as declared, and find nodes without contact."""
+"""Check whether bodies can be in contact as declared, and find nodes that contact rows omit."""
 
 import tomllib
 from pathlib import Path
@@ -23,7 +23,7 @@ def refused_contact(case: str, mesh: Path) -> str | None:
 
     Not collective.
 
-    Without this check, the user would see the refusal only after completing the case.
+    With this check, the user need not complete the case to see the refusal.
 
     Args:
         case: Text of the case; supports and loads may be missing.
@@ -34,24 +34,24 @@ def refused_contact(case: str, mesh: Path) -> str | None:
         return None
     contacts = [Contact(**pair) for pair in pairs]
     bodies = read_gmsh(MPI.COMM_SELF, mesh)
-    some = Elastic(young=1.0, poisson=0.3)  # the checks of contact are the same for any law
+    some = Elastic(young=1.0, poisson=0.3)  # contact checks do not depend on the law
     try:
         Problem(bodies, dict.fromkeys(bodies.volumes, some), [], [], contacts, degree=2)
     except TooManyConditions as refusal:
         return f"perfplast run would refuse these contacts: {str(refusal).rstrip('.')}"
-    except InputError:  # placeholders that the user is to replace
+    except InputError:  # the case has placeholders that the user must replace
         return None
     return None
 
 
 def left_out(problem: Problem) -> list[str]:
-    """Return a sentence on each obstacle or friction that acts on only a part of its surface.
+    """Return a remark on each obstacle or friction that acts on only a part of its surface.
 
     Collective.
 
-    A node of an obstacle is affected if supports leave it free along its normal, but it follows a
-    tie or a rigid surface and so hosts no row. Friction is missing where faces meet at an edge, or
-    where supports or ties hold a node in all directions along the surface.
+    An obstacle omits nodes that supports leave free along its normal but that follow a tie or a
+    rigid surface, because such nodes cannot be hosts. Friction is missing where faces meet at an
+    edge, and where supports or ties hold a node in all directions along the surface.
     """
     given, constraints, comm = problem.given, problem.constraints, problem.comm
     told = []
@@ -59,9 +59,9 @@ def left_out(problem: Problem) -> list[str]:
         count = comm.allreduce(_unseen(problem, obstacle))
         if count:
             told.append(
-                f"the obstacle at '{obstacle.on}' does not act on {count} of its nodes, "
-                "which follow a tie or a rigid surface; let the other body of the tie "
-                "follow (hosts)"
+                f"the obstacle at '{obstacle.on}' does not act on {count} of its nodes, because "
+                "they follow a tie or a rigid surface; at a tie, choose the surface of the other "
+                "body by the key hosts"
             )
     rows = rows_that_rub(comm, constraints)
     smooth = np.setdiff1d(rows, problem.friction.pair)
@@ -70,15 +70,15 @@ def left_out(problem: Problem) -> list[str]:
         counts = comm.allreduce(np.array([of_this[smooth].sum(), of_this[rows].sum()]))
         if counts[0]:
             told.append(
-                f"{counts[0]} of the {counts[1]} nodes with friction at '{source.on}' have "
-                "no friction: they are at an edge of two faces, or supports or ties hold "
+                f"{counts[0]} of the {counts[1]} nodes with declared friction at '{source.on}' "
+                "have no friction: they are at an edge between two faces, or supports or ties hold "
                 "them along the surface"
             )
     return told
 
 
 def _unseen(problem: Problem, obstacle: Obstacle) -> int:
-    """Return the number of nodes on this rank that could host a row but do not."""
+    """Return the number of nodes on this rank that could host an obstacle row but do not."""
     nodes = surface_nodes(problem.V, problem.tagged_mesh, obstacle.on, problem.fixed)
     nodes = nodes[np.unique(nodes["node"], return_index=True)[1]]
     _, into = obstacle.towards(nodes["x"][:, : problem.bodies.gdim])

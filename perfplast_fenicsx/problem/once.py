@@ -1,4 +1,4 @@
-"""Cache values that follow from a problem for the lifetime of the problem."""
+"""Cache values that are derived from a problem for the lifetime of the problem."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,14 +11,14 @@ T = TypeVar("T")
 
 
 def once_a_problem(derive: Callable[[Problem], T]) -> Callable[[Problem], T]:
-    """Return a function of a problem that is evaluated once for each problem.
+    """Return a function that is evaluated only once for each problem.
 
-    A problem's mesh, its declaration and its contact never change. All callers receive the same
-    arrays, which no caller may write to.
+    The mesh, the declaration and the contact of a problem never change. All callers receive the
+    same arrays, and no caller may write to them.
 
     Args:
-        derive: Function of a problem. Its arrays must not refer to the problem, which they would
-            keep alive.
+        derive: Function of a problem. Its result must not refer to the problem, because it would
+            keep the problem alive.
     """
     known: WeakKeyDictionary[Problem, T] = WeakKeyDictionary()
 

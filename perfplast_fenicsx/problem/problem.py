@@ -1,6 +1,6 @@
 """Define the discrete problem: spaces, supports, loads, contact and forms.
 
-This module declares the problem and solves nothing.
+This module declares the problem; it does not solve it.
 
 (P)_ζ   minimise J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v) over K_h: v = u_D at supports,
         (v_a − v_b)·n ≤ g at contact nodes
@@ -66,45 +66,46 @@ class Problem:
     """Elastic–perfectly plastic bodies with supports, loads, contact and friction.
 
     Attributes:
-        tagged_mesh: The mesh and its names.
-        given: The declaration.
+        tagged_mesh: The mesh with named bodies and surfaces.
+        given: The declared data.
         degree: Degree of the displacements, 1 or 2.
         V: Continuous displacements, one vector per node.
-        S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q`` has scalars
-            there.
-        dx: Measure that integrates over these points; in axisymmetry around the axis.
-        cells: All local cells including ghosts, for `interpolate`, which otherwise creates such an
-            array at each call.
+        S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q`` has scalars at
+            these points.
+        dx: Measure with this quadrature rule; in axisymmetry it includes the full turn.
+        cells: All local cells including ghosts, for `interpolate`, which would otherwise create
+            this array at each call.
         bodies: Connected components and their rigid motions.
         laws: The material laws, each on the cells of its bodies.
-        initial_strain: e₀, which is subtracted from ε(u) before the laws; None without initial
-            strain.
-        shanks: Shanks of bolts, which strain the bodies where they are tightened.
-        bcs: Conditions of supports, homogeneous as for increments.
+        initial_strain: e₀, which is subtracted from ε(u) before the laws apply; None without
+            initial strain.
+        shanks: Shanks of bolts, which strain the bodies when they are tightened.
+        bcs: Homogeneous conditions of supports, for increments.
         fixed: Supported components of each local node including ghosts, shape (num_nodes, gdim).
-        support_names: Names of supports and moved rigid surfaces in results, each once.
-        rigid_bodies: Bodies of rigid material that move at levels (:meth:`with_rigid_motions`);
+        support_names: Names in results of supports and moved rigid surfaces, without repetition.
+        rigid_bodies: Bodies of rigid material that move in levels (:meth:`with_rigid_motions`);
             otherwise None.
-        held_by: The support or surface that holds a component, −1 if it is free; shape of
-            ``fixed``.
-        motion: Motion of supports and obstacles at any ζ; stages replace it.
-        prescribed: u_D, the displacement of these components (length), 0 elsewhere, at the ζ of
-            :meth:`move_to`, initially 0.
-        moved_to: The ζ of the last :meth:`move_to`; with ``in_stages`` levels are steps of a
+        held_by: Number of the support or surface that holds each component, −1 if it is free; same
+            shape as ``fixed``.
+        motion: Prescribed motion of supports and obstacles at any ζ; stages replace it.
+        prescribed: u_D (length) at held components, 0 elsewhere, at the ζ of :meth:`move_to`;
+            initially 0.
+        moved_to: ζ of the last :meth:`move_to`; if ``in_stages`` is True, levels are steps of a
             history.
         contact_tags: Tags of the surfaces of contacts and obstacles.
         num_pairs: Number of contact pairs on all ranks; ``num_tied`` is the number of ``ties``.
-        ties: The equations B u = 0 of ties, rigid surfaces and, last, guides, as rows of contact.
-        guides: Supports along the normal of their surface.
-        has_gaps: Whether any pair is open initially; ``interferes`` is whether any gap is negative
+        ties: The equations B u = 0 of ties, rigid surfaces and, last, guides, in the form of
+            contact rows.
+        guides: Supports along the normals of their surfaces.
+        has_gaps: Whether any pair is initially open; ``interferes`` is True if any gap is negative
             at ζ = 0.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
-        sliding: The rows of tangential jumps along surfaces with friction.
-        friction: The friction of these rows.
-        free: Rigid motions that nothing resists, and the nodes at which they are fixed.
-        first_active: Initial active set of pairs, with which no body is free to move.
-        basis: Basis in which contact is a bound constraint. The gaps of the basis are reduced by
-            what u_D and moving obstacles close at that ζ.
+        sliding: The rows of tangential jumps on surfaces with friction.
+        friction: Friction in these rows.
+        free: Rigid motions that nothing resists, and the nodes at which springs fix them.
+        first_active: Initial active set of pairs, with which no body can move freely.
+        basis: Basis in which contact is a bound constraint. Its gaps are reduced by the closing
+            that u_D and moving obstacles cause at ``moved_to``.
         loads: L₀ and L₁.
         declared: The declared loads.
     """
@@ -126,19 +127,20 @@ class Problem:
 
         Args:
             tagged_mesh: Mesh with named volumes and surfaces.
-            materials: Materials of each volume, any objects with the protocol :class:`Material`.
-            supports: Supports with prescribed displacement.
-            loads: Loads, whose work is L₁(v), and L₀(v) for constant loads.
+            materials: Material of each volume; any objects with the protocol :class:`Material`.
+            supports: Supports with prescribed displacements.
+            loads: Loads; constant loads contribute to L₀(v), the others to L₁(v).
             contacts: Pairs of surfaces that cannot penetrate each other.
             obstacles: Rigid bodies that surfaces cannot penetrate.
-            degree: 1 for linear displacements, as in the paper, or 2 for quadratic ones, which do
-                not lock in plastic flow.
-            initial: Changes of temperature, stress in bodies that are not deformed, and bolts.
-            ties: Pairs of surfaces that are glued together.
+            degree: 1 for linear displacements as in the paper, or 2 for quadratic displacements,
+                which do not lock in plastic flow.
+            initial: Changes of temperature, stresses in undeformed bodies, and bolts.
+            ties: Pairs of surfaces that are tied together.
             rigid: Surfaces that move as rigid bodies.
 
         Raises:
-            InputError: If names, materials, loads, contact surfaces or supports do not fit.
+            InputError: If names, materials, loads, contact surfaces or supports do not fit the mesh
+                or each other.
         """
         self.tagged_mesh = tagged_mesh
         drop_garbage(self.comm)
@@ -160,11 +162,11 @@ class Problem:
         self._hold(None)
 
     def _hold(self, rigid: Mapping[str, Material] | None) -> None:
-        """Make supports, rows and loads. Collective.
+        """Create supports, rows and loads. Collective.
 
         Args:
-            rigid: Materials, of which bodies of :class:`Rigid` follow rigid motions; None where no
-                body does.
+            rigid: Materials; bodies of :class:`Rigid` then follow rigid motions. None if no body
+                follows rigid motions.
         """
         self.bcs, displacement = self._supports(self.given.holding, rigid)
         given, tagged_mesh = self.given, self.tagged_mesh
@@ -184,16 +186,18 @@ class Problem:
 
     @property
     def has_rigid(self) -> bool:
-        """Whether a body has law = 'rigid'."""
+        """Return whether a body has law = 'rigid'."""
         return any(isinstance(of, Rigid) for of in self.given.materials.values())
 
     def with_rigid_motions(self) -> "Problem":
-        """Return the same problem, whose rigid bodies move at levels. Collective.
+        """Return the same problem, with rigid bodies that move in levels. Collective.
 
-        It is for algorithms that follow levels. Bounds use the rigid bodies of the problem itself.
+        This problem is for algorithms that solve levels. Bounds use the rigid bodies of the
+        original problem.
 
         Raises:
-            InputError: If rigid bodies touch each other or obstacles, or supports do not fit them.
+            InputError: If rigid bodies touch each other or obstacles, or if supports do not fit
+                rigid motions.
         """
         if not self.has_rigid or self.rigid_bodies is not None:
             return self
@@ -216,7 +220,7 @@ class Problem:
         )
 
     def _repr_html_(self) -> str:
-        """Return the declared data as a table."""
+        """Return the declared data as an HTML table."""
         given = self.given
         declared = {
             "support": given.supports,
@@ -242,16 +246,16 @@ class Problem:
         """
         if not self.as_declared:
             raise InputError(
-                "the problem's loads were replaced after its declaration, so that it "
-                "cannot be put on another mesh; give loads as Pressure, Traction, "
-                "BodyForce or PorePressure."
+                "the loads of the problem were replaced after its declaration, so it cannot "
+                "be put on another mesh; give loads as Pressure, Traction, BodyForce or "
+                "PorePressure."
             )
         found = Problem(tagged_mesh, **vars(self.given))
         return found if self.rigid_bodies is None else found.with_rigid_motions()
 
     @property
     def comm(self) -> MPI.Intracomm:
-        """Return the communicator of the mesh's ranks.
+        """Return the communicator of the mesh.
 
         It remains valid after the mesh is destroyed.
         """
@@ -259,21 +263,21 @@ class Problem:
 
     @property
     def kinematics(self) -> Kinematics:
-        """Return the meaning of the coordinates of the mesh."""
+        """Return the kinematics, which interprets the coordinates of the mesh."""
         return self.tagged_mesh.kinematics
 
     @property
     def as_declared(self) -> bool:
-        """Return whether ``loads`` are the declared ones and have not been replaced."""
+        """Return whether ``loads`` are the declared loads and have not been replaced."""
         return self.loads is self.declared
 
     @property
     def num_dofs(self) -> int:
-        """Return the number of displacement unknowns on all ranks, including supported ones."""
+        """Return the number of displacement unknowns on all ranks, including supported unknowns."""
         return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
 
     def space_at_points(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
-        """Return functions of a shape at the quadrature points; Q or S for their shapes.
+        """Return the space of values of ``shape`` at the quadrature points; Q or S if they fit.
 
         Collective.
         """
@@ -286,17 +290,17 @@ class Problem:
     def history(self) -> dict[str, fem.Function]:
         """Return the internal variables of all laws by name, at the points; {} for Hencky's laws.
 
-        The laws read their values at the end of the previous level (:meth:`remember`).
+        The laws use these values from the end of the previous level (:meth:`remember`).
         """
         return {name: function for on in self.laws for name, function in on.old.items()}
 
     def remember(self, history: Mapping[str, fem.Function]) -> None:
-        """Set the history of the laws to that of a state; zero if it is empty."""
+        """Set the history of the laws to ``history``; to zero if it is empty."""
         for name, function in self.history.items():
             function.x.array[:] = history[name].x.array if history else 0.0
 
     def move_to(self, zeta: float) -> None:
-        """Move supports and obstacles to their positions at ζ and update dependent data."""
+        """Move supports and obstacles to their positions at ζ, and update dependent data."""
         self.moved_to = zeta
         if self.motion.moves_supports or self.motion.driven:
             self.prescribed = self.motion.displacement_at(zeta)
@@ -309,14 +313,14 @@ class Problem:
         return moves or self.initial_strain is not None or self.loads.has_dead()
 
     def is_elastic_at_first(self) -> bool:
-        """Return whether the first elastic states are multiples of one state, apart from gaps.
+        """Return whether the first states are multiples of one elastic state, apart from gaps.
 
         Collective.
         """
         return not self.loaded_at_zero() and not self.friction.count
 
     def create_vector(self) -> PETSc.Vec:
-        """Return a vector of zeros with an entry for each displacement unknown. Collective."""
+        """Return a zero vector with an entry for each displacement unknown. Collective."""
         vector = self.loads.live.duplicate()
         vector.set(0)
         return vector
@@ -330,7 +334,7 @@ class Problem:
         supports: Sequence[Support | RigidSurface],
         materials: Mapping[str, Material] | None,
     ) -> tuple[list[fem.DirichletBC], Floats]:
-        """Return the conditions of increments, and u_D: the constant part and the part times ζ."""
+        """Return the conditions for increments, and u_D: the constant part and the part times ζ."""
         self.fixed, displacement, holder = known_displacements(self.V, self.tagged_mesh, supports)
         self.support_names = tuple(dict.fromkeys(name_of(support) for support in supports))
         self.rigid_bodies: RigidBodies | None = None
@@ -357,7 +361,7 @@ class Problem:
         obstacles: Sequence[Obstacle],
         taken: npt.NDArray[np.bool_],
     ) -> JumpBasis:
-        """Return a basis in which the contact rows are bound constraints. Collective."""
+        """Create the contact rows, and return the basis in which they are bounds. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
         solid = () if self.rigid_bodies is None else (self.rigid_bodies.moving,)
         rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken, *solid)
@@ -382,7 +386,7 @@ class Problem:
         return basis
 
     def _motion(self, displacement: Floats) -> GivenMotion:
-        """Return the motions of supports, obstacles and overlaps. Collective."""
+        """Return the prescribed motion of supports, obstacles and overlaps. Collective."""
         V, (contacts, obstacles) = self.V, (self.given.contacts, self.given.obstacles)
         motion = given_motion(V, displacement, self.constraints, self.sliding, self.friction)
         self.interferes: bool = self.comm.allreduce(bool((motion.gap[0] < 0).any()), MPI.LOR)

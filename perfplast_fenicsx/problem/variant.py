@@ -34,7 +34,7 @@ def variant(
     loads: Sequence[Load] | None = None,
     rubbing: tuple[Sequence[Contact], Sequence[Obstacle]] | None = None,
 ) -> Problem:
-    """Return the same bodies with other data; None keeps data as it was. Collective.
+    """Return a problem on the same bodies with other data; None keeps existing data. Collective.
 
     The variant shares mesh, displacements, supports and contact search with the given problem, but
     no data that levels change. Each variant has its own positions of supports and obstacles, and
@@ -42,19 +42,17 @@ def variant(
 
     Args:
         problem: The original problem.
-        materials: Materials of each volume, as for a new problem.
-        points: Spaces at other quadrature points, with the displacements of the problem.
-        rows: The contact inequalities, and the rows of tangential jumps along surfaces with
-            friction.
-        basis: The basis in which the inequalities are bounds; its rows that are not pairs are
-            glued.
-        friction: The resistance to slip, with the rows of the problem.
+        materials: Material of each volume, as for a new problem.
+        points: Spaces with other quadrature points and the same displacements.
+        rows: The contact inequalities, and the rows of tangential jumps on surfaces with friction.
+        basis: The basis in which the inequalities are bounds; its rows that are not pairs are tied.
+        friction: Friction data for the rows of the problem.
         loads: Loads, as for a new problem.
-        rubbing: Contacts and obstacles that differ from the problem's only in the friction, where
-            the problem has friction.
+        rubbing: Contacts and obstacles that differ from those of the problem only in the friction
+            of surfaces that already have friction.
 
     Raises:
-        InputError: If materials or loads do not fit.
+        InputError: If materials or loads do not fit the mesh.
     """
     other = copy.copy(problem)
     spaces = points or Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
@@ -113,8 +111,8 @@ def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obst
 def halved(problem: Problem) -> Problem:
     """Return the problem on a mesh in which all edges are halved. Collective.
 
-    Coinciding vertices of bodies in contact coincide afterwards, and the bodies do not change:
-    polygons that approximate circles remain polygons.
+    Coincident vertices of bodies in contact remain coincident. The bodies do not change: polygons
+    that approximate circles remain polygons.
 
     Raises:
         InputError: If cells are curved.

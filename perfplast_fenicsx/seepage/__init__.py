@@ -1,4 +1,4 @@
-"""Steady flow of water through ground, and the pressures that it has in the pores."""
+"""Compute the steady flow of water through ground, and the pore pressures of this flow."""
 
 import lazy_loader
 

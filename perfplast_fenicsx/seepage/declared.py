@@ -1,4 +1,4 @@
-"""The declaration of water that flows through ground."""
+"""Declare the flow of water through ground."""
 
 import math
 from collections.abc import Sequence
@@ -10,17 +10,17 @@ from perfplast_fenicsx.errors import InputError
 
 @dataclass(frozen=True)
 class Head:
-    """Water whose level is known, at a surface of the ground.
+    """A known water level at a surface of the ground.
 
     Args:
-        on: Physical surface. Its part above the level is a seepage face.
-        level: Height of the water's level, in the coordinate that points upwards (length).
-        presses: Whether the water presses on the surface, as a reservoir does. Give false if the
-            ground continues beyond the surface.
-        drawdown: Level to which the water outside has fallen so quickly that none has left the
-            ground (length). The pressure in the pores is that of the steady flow, less the pressure
-            that the water outside has lost vertically above (A. W. Bishop, 1954, with B = 1).
-        name: Name in messages and tables; by default the surface.
+        on: Physical name of the surface. Its part above the level is a seepage face.
+        level: Height of the water level, in the upward coordinate (length).
+        presses: Whether the water presses on the surface, as the water of a reservoir does. Give
+            false if the ground continues beyond the surface.
+        drawdown: Level (length) to which the water outside has fallen so quickly that no water has
+            left the ground. The pore pressure is that of the steady flow, minus the pressure that
+            the water vertically above has lost outside (A. W. Bishop, 1954, with B = 1).
+        name: Name in messages and tables; by default the name of the surface.
     """
 
     on: str
@@ -35,7 +35,7 @@ class Head:
         if self.drawdown is not None and not -math.inf < self.drawdown < self.level:
             raise InputError(
                 f"drawdown = {self.drawdown} is not below level = {self.level}; give the level to"
-                " which the water outside has fallen."
+                " which the water outside has fallen, or remove drawdown."
             )
         if self.drawdown is not None and not self.presses:
             raise InputError(
@@ -53,20 +53,20 @@ class Head:
 class Seepage:
     """Steady flow of water through ground, by Darcy's law, with a free surface.
 
-    The pressure of the water in the pores is a load of the case, which is constant. Boundaries that
-    are not named are impervious, and so are bodies without a conductivity. Water flows between
-    bodies where their vertices coincide.
+    The pore pressure of this flow is a constant load of the case. Boundaries that are not named are
+    impervious, and so are bodies without a conductivity. Water flows between bodies where their
+    vertices coincide.
 
     Args:
-        conductivity: Hydraulic conductivity of each body that water flows through (length per
-            time): a number, or one for each direction, such as
-            ``{sand = 1e-4, clay = [1e-6, 1e-7]}``.
-        head: Surfaces at which the water's level is known.
-        outlet: Seepage faces and drains: surfaces through which water may leave the ground, into
-            air.
+        conductivity: Hydraulic conductivity of each body through which water flows (length per
+            time): a number, or one for each direction, such as ``{sand = 1e-4, clay = [1e-6,
+            1e-7]}``.
+        head: Surfaces at which the water level is known.
+        outlet: Seepage faces and drains: surfaces through which water can flow out of the ground
+            into the air.
         up: The coordinate that points upwards.
-        unit_weight: Unit weight of water (force per volume). If it is missing, a case uses 9.81
-            kN/m³ in the system of [units].
+        unit_weight: Unit weight of water (force per volume). If it is missing, the case uses 9.81
+            kN/m³ in the units of ``[units]``.
     """
 
     conductivity: dict[str, float | list[float]]
@@ -79,22 +79,21 @@ class Seepage:
         weight = self.unit_weight
         if weight is not None and not (weight > 0 and math.isfinite(weight)):
             raise InputError(
-                f"unit_weight = {weight} is not a weight; give that of water, such as 9.81 with kN"
-                " and m."
+                f"unit_weight = {weight} is not a positive number; give the unit weight of water,"
+                " such as 9.81 with kN and m."
             )
         if not self.conductivity:
             raise InputError(
-                "conductivity is empty; give a number for each body that water flows through."
+                "conductivity is empty; give a number for each body through which water flows."
             )
         if not self.head:
             raise InputError(
-                "no [[seepage.head]] is given; give the surfaces at which the level of the water"
-                " is known."
+                "no [[seepage.head]] is given; give the surfaces at which the water level is known."
             )
 
     @property
     def axis(self) -> int:
-        """Return the number of the coordinate that points upwards."""
+        """Return the index of the coordinate that points upwards."""
         return "xyz".index(self.up)
 
     def conductivities(self, body: str, dim: int) -> Sequence[float]:
@@ -105,7 +104,7 @@ class Seepage:
             dim: Number of directions.
 
         Raises:
-            InputError: If there are too few or too many, or one is not positive.
+            InputError: If there are too few or too many numbers, or if one is not positive.
         """
         given = self.conductivity[body]
         each = [given] * dim if isinstance(given, int | float) else list(given)

@@ -1,26 +1,27 @@
-"""Steady flow with a free surface, as an obstacle problem that PETSc's SNES-VI solves.
+"""Compute steady flow with a free surface, as an obstacle problem for PETSc's SNES-VI.
 
-The unknowns are the pressure head ψ ≥ 0 (pressure over unit weight) and the saturation χ of the
-ground, 0 ≤ χ ≤ 1, which is 1 wherever ψ > 0 (H. W. Alt, Numer. Math. 36 (1980) 165):
+The unknowns are the pressure head ψ ≥ 0 (pressure divided by unit weight) and the saturation χ of
+the ground, 0 ≤ χ ≤ 1, which is 1 wherever ψ > 0 (H. W. Alt, Numer. Math. 36 (1980) 165):
 
     div v = 0,    v = −k (∇ψ + χ e),    ψ ≥ 0,  χ ≤ 1,  ψ (1 − χ) = 0,    e upwards
 
-ψ is linear in each cell. With the network of edges ij, whose conductances are T_ij = −∫ k ∇φᵢ·∇φⱼ
-(φ the nodal basis), the water that leaves vertex i is
+ψ is linear in each cell. The edges ij of the cells form a network with the conductances T_ij = −∫ k
+∇φᵢ·∇φⱼ (φ the nodal basis). The water that leaves vertex i is
 
     F_i = Σ_j T_ij ((ψᵢ − ψⱼ) + χ_u (zᵢ − zⱼ)),    u the vertex from which gravity takes water
 
-so that no water is lost or created: the sum over all vertices is zero, whatever ψ and χ are. Where
-the ground is saturated this is the finite element method with heads that are linear in the cells.
+where u is upstream, so no water is lost or created: the sum over all vertices is zero, whatever ψ
+and χ are. In saturated ground, this is the finite element method with heads that are linear in the
+cells.
 
-Both fields are one unknown w: χ = min(w, 1), ψ = L max(w − 1, 0), L the height of the ground. The
-obstacles are
+One unknown w represents both fields: χ = min(w, 1), ψ = L max(w − 1, 0), with the height L of the
+ground. The obstacles are
 
     inside, at impervious boundaries   w ≥ 0                F = 0
     at seepage faces and drains        0 ≤ w ≤ 1            F = 0 where w < 1, F ≤ 0 where w = 1
     below the level of known water     w = 1 + ψ / L
 
-The second row says that no water enters from the air, and that water leaves where the ground is
+By the second row, no water enters from the air, and water leaves only where the ground is
 saturated. SNES-VI takes semismooth Newton steps for these conditions (``vinewtonrsls``).
 """
 
@@ -48,54 +49,55 @@ from perfplast_fenicsx.seepage.declared import Head, Seepage
 from perfplast_fenicsx.solvers.linear.petsc_options import SEEPAGE, check_snes_vi, own_prefix
 
 COINCIDE = 1e-9
-"""Largest distance of two vertices that are connected for the water, over the size of the ground.
+"""Largest distance between two vertices that water connects, relative to the size of the ground.
 """
 
 PASSES = 1e-6
-"""Outflow at a point of an outlet that counts as zero, over the largest one at any point."""
+"""Outflow at a point of an outlet that counts as zero, relative to the largest at any point."""
 
 ROUNDING = 1e-9
-"""Discharge of a surface that counts as zero, over the largest one."""
+"""Discharge of a surface that counts as zero, relative to the largest discharge."""
 
 MOST_COMPARED = 50_000
-"""Cells of a mesh up to which the flow is compared with that on a finer one."""
+"""Largest number of cells for which the flow is compared with that on a finer mesh."""
 
 MOST_ITERATIONS = 100
-"""Newton steps after which the flow counts as not found; usual are 5 to 20."""
+"""Largest number of Newton steps; usually 5 to 20 suffice."""
 
 PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
     "snes_max_it": MOST_ITERATIONS,
-    "snes_atol": 0.0,  # the iteration ends where F is rounding, unless the user gives tolerances
+    "snes_atol": 0.0,  # the iteration ends at rounding errors, unless the user gives tolerances
     "snes_rtol": 0.0,
     "ksp_type": "preonly",
     "pc_type": "lu",
-    "pc_factor_zeropivot": 1e-300,  # columns of dry points are small, and the matrix is regular
+    "pc_factor_zeropivot": 1e-300,  # columns of dry points are small, but the matrix is regular
 }
 
 DRY = 1e-9
-"""Slope of the pressure head in w where the ground is not saturated, over L: it keeps Newton's
-equation regular where no water can leave a vertex by gravity."""
+"""Slope dψ/dw, relative to L, where the ground is not saturated. It keeps Newton's equation regular
+if gravity cannot take water from a vertex."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyFlow:
-    """Water in the ground, at the vertices of the bodies that it flows through.
+    """Steady flow in the ground, at the vertices of the bodies through which water flows.
 
     Attributes:
         points: Coordinates, shape (num_points, d).
-        cells: Points of each cell, shape (num_cells, d + 1).
+        cells: Point numbers of each cell, shape (num_cells, d + 1).
         bodies: Cells of each body by name, as slices.
-        pressure_heads: Pressure over unit weight (length), shape (num_points,); 0 in dry ground.
+        pressure_heads: Pressure divided by unit weight (length), shape (num_points,); 0 in dry
+            ground.
         saturation: 1 below the free surface, 0 above it, shape (num_points,).
         outflow: Water that leaves the ground at each point (volume per time), shape (num_points,).
-        discharges: Water that enters the ground (positive) or leaves it, of each head and outlet by
+        discharges: Water that enters (positive) or leaves the ground at each head and outlet, by
             its name (volume per time).
-        iterations: Newton steps of SNES-VI.
-        axis: Number of the coordinate that points upwards.
+        iterations: Number of Newton steps of SNES-VI.
+        axis: Index of the coordinate that points upwards.
         unit_weight: Unit weight of water.
-        uncertainty: Largest difference from the pressure on a mesh whose edges are half as long
+        uncertainty: Largest difference from the pressure on a mesh with edges of half the length
             (stress); None if that mesh would be too large.
     """
 
@@ -122,7 +124,7 @@ class SteadyFlow:
         return self.points[:, self.axis] + self.pressure_heads
 
     def pressure_in(self, body: str) -> "FlowPressure":
-        """Return the pressure in a body (stress).
+        """Return the pore pressure in a body (stress).
 
         Args:
             body: Name of the body.
@@ -132,7 +134,7 @@ class SteadyFlow:
 
     @property
     def imbalance(self) -> float:
-        """Return the sum of all discharges over the largest one, which should be rounding."""
+        """Return the sum of all discharges relative to the largest one; it should be tiny."""
         each = np.array(list(self.discharges.values()))
         return float(abs(each.sum()) / np.abs(each).max(initial=np.finfo(float).tiny))
 
@@ -148,14 +150,14 @@ class SteadyFlow:
 
 
 class FlowPressure(LinearField):
-    """Pressure of water that flows, in one body.
+    """Pressure of flowing water in one body.
 
     Attributes:
         flow: The flow.
     """
 
     def __init__(self, flow: SteadyFlow, corners: Floats, values: Floats) -> None:
-        """Keep the pressure.
+        """Store the flow and its pressure in the body.
 
         Args:
             flow: The flow.
@@ -167,7 +169,7 @@ class FlowPressure(LinearField):
 
 
 def flow_of(loads: Iterable[object]) -> SteadyFlow | None:
-    """Return the flow whose pressure is among some loads, None if no water flows.
+    """Return the flow whose pressure is one of the loads; None if no water flows.
 
     Args:
         loads: Loads of any kind.
@@ -179,42 +181,42 @@ def flow_of(loads: Iterable[object]) -> SteadyFlow | None:
 def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     """Return the steady flow of water through a mesh. Collective.
 
-    The flow is found by rank 0; all ranks have the whole of it.
+    Rank 0 computes the flow; all ranks receive the whole flow.
 
     Args:
-        tagged_mesh: Straight cells.
+        tagged_mesh: Mesh with straight cells.
         seepage: Conductivities, levels and outlets.
 
     Raises:
-        InputError: On every rank alike, if names are unknown or numbers invalid, or no flow is
-            found. Also if two levels meet, or ground has neither a level nor an outlet.
+        InputError: On every rank, if names are unknown, numbers are invalid, or no flow is found.
+            Also if two levels meet, or if a part of the ground has neither a level nor an outlet.
     """
     if tagged_mesh.axisymmetric or tagged_mesh.is_thin:
         raise InputError(
-            "seepage is computed in plane strain and in space only; leave out [seepage], or the"
-            " kind of [model]."
+            "seepage is available only in plane strain and in space; remove [seepage], or remove"
+            " kind from [model]."
         )
     if has_curved_cells(tagged_mesh.mesh):
-        raise InputError("seepage needs straight cells; mesh the bodies with order = 1.")
+        raise InputError("seepage needs straight cells; give the mesh order = 1.")
     if seepage.unit_weight is None:
-        raise InputError("unit_weight is missing; give that of water, 9.81 with kN and m.")
+        raise InputError("unit_weight is missing; give that of water, such as 9.81 with kN and m.")
     dim = tagged_mesh.mesh.geometry.dim
     if seepage.axis >= dim:
         raise InputError(f"up = '{seepage.up}' is not a coordinate in {dim} dimensions; give 'y'.")
     copy, comm = whole_mesh(tagged_mesh), tagged_mesh.mesh.comm
     owner = _Options()
-    prefix = own_prefix(owner, SEEPAGE, PRESET)  # on all ranks, which number prefixes alike
+    prefix = own_prefix(owner, SEEPAGE, PRESET)  # collective numbering of prefixes
     check_snes_vi(PETSc.Options(prefix).getAll(), SEEPAGE)
     flow: SteadyFlow = comm.bcast(on_rank0(comm, lambda: _judged(copy, seepage, prefix)))
     return flow
 
 
 class _Options:
-    """Owner of the options of a flow."""
+    """Owner of the PETSc options of a flow."""
 
 
 def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
-    """Return the flow on this rank's own mesh, compared with the flow on a finer one."""
+    """Return the flow on a mesh of this rank alone, compared with the flow on a finer mesh."""
     flow, cells = _flow(mesh, seepage, prefix), len(corners(mesh.mesh)[0])
     if cells > MOST_COMPARED:
         return flow
@@ -228,12 +230,13 @@ def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
 
 
 def _flow(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
-    """Return the flow on this rank's own mesh."""
+    """Return the flow on a mesh of this rank alone."""
     network = Network(mesh, seepage)
     lower, upper, start = network.obstacles(mesh, seepage)
     w, iterations = solve_flow(network, (lower, upper), start, prefix)
     outflow = -network.leaving(w)
-    # A lowest point of an outlet that no water reaches may have any saturation, and so has none.
+    # The saturation at a lowest point of an outlet that no water reaches is arbitrary; it is set to
+    # 0.
     through = np.abs(outflow)
     idle = (lower < upper) & (w >= upper) & (through <= PASSES * through.max(initial=0.0))
     saturation = np.where(idle, 0.0, np.minimum(w, 1.0))
@@ -268,22 +271,23 @@ def _flow(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
 
 
 class Network:
-    """Edges of the cells that water flows through, with their conductances.
+    """Edges, with conductances, of the cells through which water flows.
 
     Attributes:
-        points: Vertices; those of different bodies that coincide are one, shape (num_points, d).
-        cells: Points of each cell, shape (num_cells, d + 1).
+        points: Vertices; coincident vertices of different bodies are one point, shape (num_points,
+            d).
+        cells: Point numbers of each cell, shape (num_cells, d + 1).
         bodies: Cells of each body by name, as slices.
-        axis: Number of the coordinate that points upwards.
+        axis: Index of the coordinate that points upwards.
         height: Height of the ground (length).
-        rounding: Norm of F that is rounding (volume per time).
+        rounding: Norm of F that counts as a rounding error (volume per time).
     """
 
     def __init__(self, mesh: TaggedMesh, seepage: Seepage) -> None:
-        """Gather the cells of bodies with a conductivity. Not collective.
+        """Collect the cells of bodies with a conductivity. Not collective.
 
         Raises:
-            InputError: If a name is unknown, or a conductivity invalid.
+            InputError: If a name is unknown, or if a conductivity is invalid.
         """
         vertices, x = corners(mesh.mesh)
         dim = x.shape[1]
@@ -316,7 +320,7 @@ class Network:
         )
         z, (i, j) = self.points[:, self.axis], self._ends.T
         each = np.bincount(self._ends.ravel(), np.repeat(np.abs(self._conductances), 2))
-        several = 16  # in multiples of the rounding of one sum of products
+        several = 16  # a multiple of the rounding error in one sum of products
         unit = np.finfo(np.float64).eps * self.height
         self.rounding = several * unit * float(np.linalg.norm(each))
         self._falls = self._conductances * (z[i] - z[j])
@@ -326,19 +330,19 @@ class Network:
         """Return which points lie on a surface.
 
         Raises:
-            InputError: If there is no such surface, or it is on no body with a conductivity.
+            InputError: If the surface does not exist, or is on no body with a conductivity.
         """
         found = np.zeros(len(self.points), dtype=bool)
         found[self._facets(mesh, surface).ravel()] = True
         if not found.any():
             raise InputError(
-                f"the surface '{surface}' is on no body with a conductivity; give its body one, or"
-                " name another surface."
+                f"the surface '{surface}' is on no body with a conductivity; give its body a"
+                " conductivity, or name another surface."
             )
         return found
 
     def _facets(self, mesh: TaggedMesh, surface: str) -> Longs:
-        """Return the points of the facets of a surface, shape (num_facets, d)."""
+        """Return the point numbers of the facets of a surface, shape (num_facets, d)."""
         topology = mesh.mesh.topology
         topology.create_connectivity(topology.dim - 1, 0)
         vertices = topology.connectivity(topology.dim - 1, 0).array.reshape(-1, topology.dim)
@@ -370,11 +374,11 @@ class Network:
         return np.asarray(np.where(over, heights, np.inf).min(axis=1, initial=np.inf))
 
     def obstacles(self, mesh: TaggedMesh, seepage: Seepage) -> tuple[Floats, Floats, Floats]:
-        """Return lower and upper bounds of w, and its initial values, each of shape (num_points,).
+        """Return lower bounds, upper bounds and initial values of w, each of shape (num_points,).
 
         Raises:
-            InputError: If two levels meet at a point, a level lies below its surface, or a part of
-                the ground has no level and no outlet.
+            InputError: If two levels meet at a point, if a level lies below its surface, or if a
+                part of the ground has no level and no outlet.
         """
         z, count = self.points[:, self.axis], len(self.points)
         lower, upper = np.zeros(count), np.full(count, PETSc.INFINITY)
@@ -389,9 +393,9 @@ class Network:
             if twice.any():
                 other = seepage.head[who[np.argmax(twice)]]
                 raise InputError(
-                    f"the level {head.level:g} at '{head.on}' and {other.level:g} at '{other.on}' "
-                    f"meet at {place_of(self.points[np.argmax(twice)])}; leave an impervious part "
-                    "of the boundary between them, or give both the same level."
+                    f"the level {head.level:g} at '{head.on}' and the level {other.level:g} at "
+                    f"'{other.on}' meet at {place_of(self.points[np.argmax(twice)])}; leave an "
+                    "impervious part of the boundary between them, or give both the same level."
                 )
             level[wet], who[wet] = head.level, number
         for outlet in seepage.outlet:
@@ -406,13 +410,13 @@ class Network:
         return lower, upper, start
 
     def _check_level(self, mesh: TaggedMesh, head: Head, there: npt.NDArray[np.bool_]) -> None:
-        """Refuse a level below its surface, and one in the middle of a facet that it presses on."""
+        """Refuse a level below its surface, or inside a facet on which the water presses."""
         z, rounding = self.points[:, self.axis], COINCIDE * self.height
         lowest = float(z[there].min())
         if head.level < lowest - rounding:
             raise InputError(
                 f"the level {head.level:g} of the water at '{head.on}' lies below that surface,"
-                f" whose lowest point has the height {lowest:g}; give a higher level, or name the"
+                f" whose lowest point has the height {lowest:g}; give a higher level, or list the"
                 " surface in outlet."
             )
         facets = self._facets(mesh, head.on)
@@ -423,12 +427,12 @@ class Network:
                 at = self.points[facets[np.argmax(cut)]].mean(axis=0)
                 raise InputError(
                     f"the level {level:g} of the water at '{head.on}' crosses a facet near"
-                    f" {place_of(at)}; put a point of the drawing at that height, so that the mesh"
-                    " has a vertex there."
+                    f" {place_of(at)}; put a point of the drawing at this height, so that the mesh"
+                    " has a vertex at it."
                 )
 
     def _check_parts(self, known: npt.NDArray[np.bool_], opened: npt.NDArray[np.bool_]) -> None:
-        """Refuse parts of the ground that are connected to no level and no outlet."""
+        """Refuse parts of the ground that are connected to neither a level nor an outlet."""
         count = len(self.points)
         i, j = self._ends.T
         graph = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count))
@@ -438,13 +442,13 @@ class Network:
         closed = ~open_[of_point]
         if closed.any():
             raise InputError(
-                f"no level and no outlet is connected to the ground at"
-                f" {place_of(self.points[np.argmax(closed)])}, so that the pressure there is not"
-                " known; name a surface of it, or leave out its conductivity."
+                f"the ground at {place_of(self.points[np.argmax(closed)])} is connected to neither"
+                " a level nor an outlet, so the pressure there is unknown; name one of its"
+                " surfaces, or remove its conductivity."
             )
 
     def leaving(self, w: Floats) -> Floats:
-        """Return F, the water that the edges take from each point, shape (num_points,)."""
+        """Return F, the water that leaves each point along the edges, shape (num_points,)."""
         heads = self.height * (np.maximum(w - 1.0, 0.0) + DRY * np.minimum(w, 1.0))
         i, j = self._ends.T
         flow = self._conductances * (heads[i] - heads[j])
@@ -455,7 +459,7 @@ class Network:
         )
 
     def slopes(self, w: Floats) -> sp.csr_matrix:
-        """Return the derivative of F."""
+        """Return the derivative of F with respect to w."""
         i, j = self._ends.T
         saturated = w >= 1.0
         of_heads = self.height * np.where(saturated, 1.0, DRY)
@@ -473,13 +477,13 @@ def solve_flow(
     """Return w and the number of Newton steps. Not collective.
 
     Args:
-        network: The ground.
-        obstacles: Obstacles from below and from above, each of shape (num_points,).
-        start: Initial values of w, between the obstacles.
-        prefix: Prefix of the options of SNES-VI.
+        network: The network of the ground.
+        obstacles: Lower and upper bounds of w, each of shape (num_points,).
+        start: Initial values of w, within the bounds.
+        prefix: Prefix of the options for SNES-VI.
 
     Raises:
-        InputError: If no flow is found.
+        InputError: If SNES-VI does not converge.
     """
     alone = PETSc.COMM_SELF
     first = network.slopes(start)
@@ -489,10 +493,10 @@ def solve_flow(
     norms = [np.inf]
 
     def ended(snes: PETSc.SNES, step: int, sizes: Sequence[float]) -> int | None:
-        """Return the reason to end once F is rounding and decreases no further; otherwise None."""
+        """Return a reason to stop if F consists of rounding errors; otherwise None."""
         before, now = norms[-1], sizes[-1]
         norms.append(now)
-        gains = 0.5  # part of the norm before, above which a step has gained nothing
+        gains = 0.5  # a step to more than this fraction of the previous norm has gained nothing
         least = max(snes.atol, snes.rtol * norms[1])
         if (now <= network.rounding and now >= gains * before) or now <= least:
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS)
@@ -517,14 +521,14 @@ def solve_flow(
         used.destroy()
     if reason < 0 or not np.isfinite(found).all():
         raise InputError(
-            f"the flow of water was not found in {steps} steps of SNES-VI (reason {reason}); use a"
-            f" finer mesh, or look at the steps with -{SEEPAGE}snes_monitor."
+            f"SNES-VI did not find the flow of water in {steps} steps (reason {reason}); use a"
+            f" finer mesh, or examine the steps with -{SEEPAGE}snes_monitor."
         )
     return found, steps
 
 
 def _rows(matrix: sp.csr_matrix) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Floats]:
-    """Return a matrix as arrays for PETSc."""
+    """Return a matrix as the arrays that PETSc takes."""
     of_petsc = PETSc.IntType
     values = np.asarray(matrix.data, dtype=np.float64)
     return matrix.indptr.astype(of_petsc), matrix.indices.astype(of_petsc), values
@@ -551,13 +555,13 @@ def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floa
 
 
 def _merged(x: Floats, bodies: Ints) -> Longs:
-    """Return numbers of the vertices of bodies, equal for coincident ones, −1 for other vertices.
+    """Return numbers of the vertices of bodies: one number for coincident vertices, −1 elsewhere.
 
-    Vertices of one body stay apart, as those of the two sides of a cut.
+    Vertices of one body remain separate, as on the two sides of a cut.
 
     Args:
         x: Coordinates, shape (num_vertices, d).
-        bodies: The body of each vertex, −1 for other vertices.
+        bodies: Number of the body of each vertex, −1 for other vertices.
     """
     used = np.flatnonzero(bodies >= 0)
     tree = cKDTree(x[used])

@@ -63,7 +63,7 @@ REFUSED = {
         + CONTACT
         + 'gap = 1e-3\ninterference = true\nconstant = false\nname = "fit"\n'
         + stage("top = 1.0, fit = 1.0"),
-        "has constant = false, but no node",
+        "constant = false, but it has no overlap",
     ),
     "a stage of an overlap that is constant": (
         BLOCKS + CONTACT + 'interference = true\nname = "fit"\n' + stage("top = 1.0, fit = 1.0"),

@@ -159,7 +159,7 @@ def test_what_does_not_fit_into_memory_in_space(monkeypatch: pytest.MonkeyPatch)
 def test_loads_that_were_replaced_stay_where_they_are() -> None:
     problem = blocks(BLOCK, BLOCK)
     problem.loads = LoadCase(problem.loads.dead, 2.0 * problem.loads.live)
-    with pytest.raises(InputError, match="loads were replaced"):
+    with pytest.raises(InputError, match="loads of the problem were replaced"):
         limit_bounds(problem)
 
 

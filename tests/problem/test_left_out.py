@@ -32,7 +32,7 @@ def test_a_node_that_follows_a_tie_is_told_of(comm: MPI.Intracomm) -> None:
 @pytest.mark.mpi2
 def test_nodes_that_cannot_rub_are_told_of(comm: MPI.Intracomm) -> None:
     (told,) = left_out(glued(comm, "secondary", "bottom", (0.0, 1.0)))
-    assert told.startswith("1 of the 4 nodes with friction at 'bottom' have no friction")
+    assert told.startswith("1 of the 4 nodes with declared friction at 'bottom' have no friction")
 
 
 def test_a_node_at_an_edge_is_told_of(read: Read) -> None:
@@ -45,5 +45,8 @@ def test_a_node_at_an_edge_is_told_of(read: Read) -> None:
         [Contact("block_corner", "seat_corner", tresca=1.0)],
     )
     (told,) = left_out(problem)
-    assert "nodes with friction at 'seat_corner' have no friction: they are at an edge" in told
+    assert (
+        "nodes with declared friction at 'seat_corner' have no friction: they are at an edge"
+        in told
+    )
     assert problem.num_pairs - problem.friction.count == int(told.split()[0]) == 2

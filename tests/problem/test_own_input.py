@@ -192,7 +192,7 @@ ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
             {"ties": [Tie("upper_bottom", "lower_top")]},
             "tie 1 ('upper_bottom', 'lower_top') has th",
         ),
-        ({"obstacles": 2 * [ABOVE]}, "the obstacle on 'top' shares facets"),
+        ({"obstacles": 2 * [ABOVE]}, "and their surfaces share facets"),
         (
             {"loads": [Traction("top", lambda x: x)]},  # type: ignore[arg-type]
             "'top' has a function as value",

@@ -280,7 +280,7 @@ def test_bolts_that_do_not_fit_are_refused(bolts: list[Bolt], words: list[str]) 
         ({"preload": math.nan}, ["preload = nan"]),
         ({"axis": (0.0, 0.0, 0.0)}, ["axis = [0.0, 0.0, 0.0]"]),
         ({"axis": (0.0, math.inf, 0.0)}, ["axis = [0.0, inf, 0.0]"]),
-        ({"shank": (2.0, 1.0)}, ["[2.0, 1.0]", "smaller number first"]),
+        ({"shank": (2.0, 1.0)}, ["[2.0, 1.0]", "smaller one first"]),
         ({"shank": (2.0,)}, ["[2.0]"]),
     ],
 )

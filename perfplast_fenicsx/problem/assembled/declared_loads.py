@@ -1,15 +1,14 @@
 """Assemble the declared loads into the vectors L₀, which acts at any ζ, and L₁, which ζ multiplies.
 
-Store the loads as vectors: L₀, which acts at any ζ, and L₁, which ζ multiplies.
 The energy of (P)_ζ is J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v). Only this module evaluates its last two
 terms.
 
-Evaluate tractions that are linear on facets: stresses linear in the cells can balance them.
-The module treats pore pressures that are linear in each cell in the same way.
+The module also evaluates tractions that are linear on facets and pore pressures that are linear in
+cells. Stresses that are linear in the cells can balance such loads.
 
-The program replaces a formula by a quadratic through its values at vertices and midsides
-(:mod:`perfplast_fenicsx.problem.declared.loads`). So a formula of degree 1 is exact, and one with
-kinks is linear if its kinks are at vertices.
+A formula is replaced by the quadratic through its values at vertices and midside nodes
+(:mod:`perfplast_fenicsx.problem.declared.loads`). So a formula of degree 1 is exact, and a formula
+with kinks is piecewise linear if its kinks are at vertices.
 """
 
 from collections.abc import Sequence
@@ -54,10 +53,10 @@ class LoadCase:
     """Permanent (dead) and live loads; all methods are collective.
 
     Attributes:
-        dead: L₀ as a vector in V's dual, zero at supported unknowns (ghosts summed).
-        live: L₁, the loads of ζ = 1, in the same form.
-        held: The parts of both that act on supported unknowns, which do no work on displacements
-            and which supports carry directly; None if there are no such parts.
+        dead: L₀ as a vector in the dual space of V, zero at supported unknowns (ghosts summed).
+        live: L₁, the growing loads at ζ = 1, in the same form.
+        held: The parts of both vectors at supported unknowns; None if there are none. They do no
+            work on displacements, and supports take them directly.
     """
 
     dead: PETSc.Vec
@@ -66,9 +65,9 @@ class LoadCase:
 
     @staticmethod
     def of(dead: PETSc.Vec, live: PETSc.Vec, bcs: list[fem.DirichletBC]) -> "LoadCase":
-        """Return loads from vectors that also have entries at supported unknowns.
+        """Return a load case from vectors with entries at supported unknowns.
 
-        These become zero.
+        The entries at supported unknowns are moved to ``held``.
         """
         held = LoadCase(dead.copy(), live.copy())
         for all_of_it, rest in ((dead, held.dead), (live, held.live)):
@@ -83,11 +82,11 @@ class LoadCase:
         return out
 
     def subtract_from(self, force: PETSc.Vec, zeta: float, times: float = 1.0) -> None:
-        """Subtract L₀ + ζL₁ from the internal forces, which gives the gradient of J_ζ.
+        """Subtract L₀ + ζL₁ from the internal forces, to get the gradient of J_ζ.
 
         Args:
             force: The internal forces.
-            zeta: ζ.
+            zeta: Load factor ζ.
             times: Factor of L₀.
         """
         force.axpy(-zeta, self.live)
@@ -113,7 +112,7 @@ class LoadCase:
         return self.dead_work(u) + zeta * self.alpha(u)
 
     def add_all_to(self, force: PETSc.Vec, zeta: float) -> None:
-        """Add L₀ + ζL₁ with its parts on supported unknowns."""
+        """Add L₀ + ζL₁ to ``force``, including the parts at supported unknowns."""
         for loads in (self, self.held):
             if loads is not None:
                 force.axpy(zeta, loads.live)
@@ -129,21 +128,21 @@ class LoadCase:
 
 
 ROUNDING = 1e-12
-"""Allowed difference of a linear traction at midsides from the mean of the ends, relative to the
-largest value. Formulas whose terms cancel lose some digits."""
+"""Largest difference between a linear traction at midsides and the mean of the ends, relative to
+the largest value. Formulas whose terms cancel lose some digits."""
 
 
 def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Return the tractions on straight facets for ζ = 1. Not collective.
+    """Return the tractions on straight facets at ζ = 1. Not collective.
 
     Args:
-        load: A traction or a pressure, or the cosine pressure of a bearing.
+        load: A traction, a pressure, or the cosine pressure of a bearing.
         corners: Vertices of the facets, shape (n, d, d).
         normals: Outward unit normals, shape (n, d).
 
     Returns:
-        The tractions at the vertices, shape (n, d, d), and how much the quadratic differs from the
-        linear traction at midsides, shape (n,) (stress).
+        The tractions at the vertices, shape (n, d, d); and the largest difference between the
+        quadratic and the linear traction at midsides (stress), shape (n,).
 
     Raises:
         InputError: If the formula is not finite on these facets.
@@ -154,15 +153,15 @@ def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floa
 
 
 def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
-    """Return the pore pressure in straight cells for ζ = 1. Not collective.
+    """Return the pore pressure in straight cells at ζ = 1. Not collective.
 
     Args:
         load: The pore pressure.
         corners: Vertices of the cells, shape (n, d + 1, d).
 
     Returns:
-        The pressures at the vertices, shape (n, d + 1), and how much the quadratic differs from the
-        linear pressure at midsides, shape (n,) (stress).
+        The pressures at the vertices, shape (n, d + 1); and the largest difference between the
+        quadratic and the linear pressure at midsides (stress), shape (n,).
 
     Raises:
         InputError: If the formula is not finite in these cells.
@@ -182,7 +181,7 @@ def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
 
 
 def _edges(count: int) -> list[tuple[int, int]]:
-    """Return the ends of the edges of a simplex with ``count`` vertices."""
+    """Return the vertex numbers at the ends of the edges of a simplex with ``count`` vertices."""
     return list(combinations(range(count), 2))
 
 
@@ -193,20 +192,20 @@ def _middles(corners: Floats) -> Floats:
 
 
 def _off(at_ends: Floats, at_middles: Floats) -> Floats:
-    """Return how much values differ at midsides from the mean of the ends, for each simplex."""
+    """Return, for each simplex, by how much midside values differ from the mean of the ends."""
     off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
     return off
 
 
 def _points(x: Floats) -> Floats:
-    """Return the points of some simplices as one list, with three coordinates each."""
+    """Return the points of all simplices as one list, with three coordinates each."""
     points = np.zeros((x.shape[0] * x.shape[1], 3))
     points[:, : x.shape[2]] = x.reshape(-1, x.shape[2])
     return points
 
 
 def _values(load: Load, x: Floats, normals: Floats) -> Floats:
-    """Return the tractions at some points on each facet, shape (n, k, d) as the points."""
+    """Return the tractions at points of each facet, shape (n, k, d) like the points."""
     count, of_each, d = x.shape
     points, place = _points(x), f"the load on '{load.on}'"
     if isinstance(load, Pressure):
@@ -222,7 +221,7 @@ def _values(load: Load, x: Floats, normals: Floats) -> Floats:
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
-    """Return the linear form L(v) of at least one load, without forces on rigid surfaces.
+    """Return the linear form L(v) of at least one load, except forces on rigid surfaces.
 
     Collective.
 
@@ -244,7 +243,7 @@ def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argum
 
 
 def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
-    """Return the value of a load in UFL, a scalar or a vector with an entry for each direction."""
+    """Return the value of a load in UFL: a scalar, or a vector with an entry for each direction."""
     mesh = tagged_mesh.mesh
     in_volume, scalar = load.in_volume, load.scalar
     entities = tagged_mesh.cells(load.on) if in_volume else tagged_mesh.facets(load.on)
@@ -267,7 +266,7 @@ def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
 
 
 def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
-    """Return the function that is 1 in the cells below the line of a load and 0 elsewhere.
+    """Return the function that is 1 in the cells below the line of the load, and 0 elsewhere.
 
     Collective.
 
@@ -291,7 +290,7 @@ def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
 def _field(
     tagged_mesh: TaggedMesh, load: SpreadLoad, value: Formula, dim: int, entities: Ints
 ) -> fem.Function | fem.Constant:
-    """Return a number, or a formula at nodes of quadratic cells; 0 outside the load."""
+    """Return a number as a constant, or a formula at nodes of quadratic cells (0 elsewhere)."""
     mesh = tagged_mesh.mesh
     if not isinstance(value, str):
         return fem.Constant(mesh, default_scalar_type(value))
@@ -319,7 +318,7 @@ def _field(
 
 
 def _kind(load: SpreadLoad) -> str:
-    """Return the name of a load for messages."""
+    """Return the kind and name of a load for messages."""
     kind = kind_of(load).replace("_", " ")
     return f"{kind} '{load.name}'" if load.name else kind
 
@@ -337,57 +336,57 @@ def declared_loads(
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         loads: The declared loads.
-        bcs: Supports.
+        bcs: Homogeneous conditions at the supports.
         rigid: Rigid surfaces, on which forces may act.
-        driven: Whether ζ moves supports, obstacles or overlaps. If so, the list of loads may be
+        driven: Whether ζ moves supports, obstacles or overlaps; the list of loads may then be
             empty.
-        strained: Whether initial strains, overlaps or constant displacements load the bodies. If
-            so, the list of loads may be empty.
+        strained: Whether initial strains, overlaps or constant displacements load the bodies; the
+            list of loads may then be empty.
 
     Raises:
-        InputError: If a load does not fit the mesh, or if ζ multiplies no load.
+        InputError: If a load does not fit the mesh, or if no load can do work.
     """
     growing = [load for load in loads if not load.constant]
     constant = [load for load in loads if load.constant]
     if not (driven or strained or loads):
-        raise InputError("no load is given, so nothing can be increased; give at least one load.")
+        raise InputError("no load is given, so no load can grow; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
     straight = {surface.on: surface for surface in rigid if surface.held}
     for load in loads:
         if isinstance(load, Force) and load.on not in free:
             raise InputError(
-                f"the force on '{load.on}' acts on a rigid surface whose motion is given; leave out"
-                " the motion or the force."
+                f"the force on '{load.on}' acts on a rigid surface whose motion is prescribed; "
+                "remove the motion or the force."
             )
         if not isinstance(load, Force) or load.on not in straight:
             continue
         surface = straight[load.on]
         if np.any(load.moment):
             raise InputError(
-                f"the force on '{load.on}' has a moment, but that surface is partly held "
-                "and cannot rotate; remove the moment or held."
+                f"the force on '{load.on}' has a moment, but held prevents this surface from "
+                "rotating; remove the moment or held."
             )
         value = fitting(f"value of the force on '{load.on}'", load.value, V.mesh.geometry.dim)
         if not np.delete(value, surface.axes(V.mesh.geometry.dim)).any():
             raise InputError(
-                f"the force on '{load.on}' acts only along {surface.held}, where that surface is"
-                " held; give it a component along which the surface is free, or leave it out."
+                f"the force on '{load.on}' acts only along {surface.held}, where held fixes the "
+                "surface; give the force a component along which the surface is free, or remove it."
             )
     dead, live = (work_vector(V, tagged_mesh, part) for part in (constant, growing))
     case = LoadCase.of(dead, live, bcs)
     still = bool(loads) and not case.grows()
     if not driven and still and (growing or not case.has_dead()):
         raise InputError(
-            "the loads do no work on any admissible displacement, so nothing can be increased;"
+            "the loads do no work on any admissible displacement, so no load can grow;"
             " give a load that is not zero on a surface that is free to move."
         )
     return case
 
 
 def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
-    """Return the work L(v) of some loads as a vector, with entries at supported unknowns too.
+    """Return the work L(v) of some loads as a vector, with entries also at supported unknowns.
 
     Collective.
     """
@@ -403,7 +402,7 @@ def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[L
 
 
 def _add(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, load: Force, work: PETSc.Vec) -> None:
-    """Add the force on a rigid surface as forces on its leading nodes. Collective."""
+    """Add the force on a rigid surface to ``work``, as forces on its leading nodes. Collective."""
     gdim, (first, last) = V.mesh.geometry.dim, V.dofmap.index_map.local_range
     what = f"of the force on '{load.on}'"
     value, point = fitting(f"value {what}", load.value, gdim), load.point

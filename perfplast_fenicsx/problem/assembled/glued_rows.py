@@ -1,11 +1,11 @@
-"""Assemble all rows B u = 0: of ties, rigid bodies and surfaces, and supports along a normal.
+"""Assemble all rows B u = 0: of ties, rigid bodies, rigid surfaces, and supports along normals.
 
-Assemble supports along a normal as rows B u = g of their nodes.
-A flat surface has one normal for all its nodes. Nodes where facets meet then have one condition,
-however their coordinates are rounded. A curved surface uses the mean normal of the facets at each
-node, and must have a prescribed motion. Increments satisfy B δu = 0. At the beginning of a level,
-:meth:`Guides.settle` moves the nodes to their prescribed places. Where several such surfaces meet,
-or one meets other supports, a node has only the linearly independent rows.
+Supports along normals (guides) are assembled as rows B u = g of their nodes. On a flat surface all
+nodes have the same normal, so a node where facets meet has one condition, however coordinates are
+rounded. A curved surface uses the mean normal of the facets at each node, and must have a
+prescribed motion. Increments satisfy B δu = 0. At the start of a level, :meth:`Guides.settle` moves
+the nodes to their prescribed positions. Where such surfaces meet each other or other supports, a
+node has only linearly independent rows.
 """
 
 from collections.abc import Sequence
@@ -33,25 +33,25 @@ from perfplast_fenicsx.profiling import phase
 
 
 class Curved(InputError):
-    """Raised for a surface that is not flat."""
+    """Raised if a surface is not flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guides:
-    """Supports that hold the displacement along the normal of their surface.
+    """Supports that prescribe the displacement along the normal of their surface.
 
     Attributes:
         surfaces: Surface of each guide.
         names: Names of the guides in results (:func:`supports.name_of`).
         normals: Outward unit normals, the same on every rank, shape (num_guides, gdim).
-        host: Local block dof of the node of each row, owned by this rank, shape (num_rows,).
-        number: The guide of each row.
-        component: The component of its node that each row eliminates.
+        host: Local block dof of each row's node, which this rank owns, shape (num_rows,).
+        number: Number of the guide to which each row belongs.
+        component: Component of the node that each row eliminates.
         along: Unit normal of each row, shape (num_rows, gdim).
         curved: Whether each guide is curved.
         rows: Normals at local nodes, orthogonalised against earlier rows and against components
             that supports hold, shape (gdim, num_nodes, gdim).
-        pivots: The component that each of ``rows`` eliminates, −1 without a row, shape (gdim,
+        pivots: Component that each of ``rows`` eliminates, −1 if there is no row, shape (gdim,
             num_nodes).
     """
 
@@ -72,10 +72,10 @@ class Guides:
         return self.host, self.component, self.along
 
     def settle(self, u: Floats, known: Floats) -> None:
-        """Move nodes to the prescribed places, along the components that the rows eliminate.
+        """Move nodes to the prescribed positions, along the components that the rows eliminate.
 
         Args:
-            u: Displacements of local nodes, in which supports are already applied, shape
+            u: Displacements of local nodes that already satisfy the other supports, shape
                 (num_nodes, gdim).
             known: The displacements that guides and supports prescribe.
         """
@@ -83,10 +83,10 @@ class Guides:
         _add_motion(u, off, self.rows, self.pivots)
 
     def through(self, ties: Constraints, u: PETSc.Vec) -> float:
-        """Return the largest displacement of a node through its guide, on any rank. Collective.
+        """Return the largest displacement of a node through its guide, on all ranks. Collective.
 
         Args:
-            ties: All rows B u = 0 of the problem, with those of guides last.
+            ties: All rows B u = 0 of the problem, with the rows of guides last.
             u: Displacement.
         """
         jumps = ties.jumps(u)[len(ties.host) - len(self.host) :]
@@ -107,16 +107,16 @@ def find_guides(
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
-        supports: All supports; the function ignores those that hold components.
-        taken: Components held by supports at each local node, shape (num_nodes, gdim). The function
-            adds the components that its rows eliminate.
+        tagged_mesh: Mesh with named bodies and surfaces.
+        supports: All supports; the function ignores supports with given components.
+        taken: Components at each local node that supports hold, shape (num_nodes, gdim). The
+            function adds the components that its rows eliminate.
         displacement: u_D at each local node (length): the constant part and the part times ζ, shape
             (2, num_nodes, gdim). The function adds the motion of guides.
 
     Raises:
-        InputError: If a surface at rest is not flat, or if a surface is nearly parallel to another
-            one or is moved differently by another support.
+        InputError: If a surface without a motion is not flat, if a surface is nearly parallel to
+            another support, or if another support moves it differently.
     """
     gdim, size = V.mesh.geometry.dim, V.dofmap.index_map.size_local
     told = [it for it in supports if isinstance(it, Support) and it.guides]
@@ -138,8 +138,8 @@ def find_guides(
             factors = left[has, pivot[at]] / rows[at, pivot[at]]
             left[has] -= factors[:, None] * rows[at]
             offset[:, has] -= factors * of[:, at]
-        # Lengths of orthogonalised normals: up to the first is rounding, up to the second is too
-        # small for a row.
+        # Lengths of orthogonalised normals: below the first value, rounding errors; below the
+        # second, too small for a row.
         rounding, least = 1e-9, 1e-3
         sizes = np.abs(left).max(axis=1, initial=0)
         _check_moves(V.mesh.comm, support, offset[:, sizes <= rounding], wanted, displacement)
@@ -148,8 +148,8 @@ def find_guides(
             message = (
                 f"components = 'normal' of the support on '{support.on}': where it meets "
                 f"other supports, its normal is within {np.degrees(sizes[new].min()):.2g}° "
-                "of what they already hold; remove one of the supports, or separate their "
-                "surfaces."
+                "of the directions that they hold; remove one of the supports, or separate "
+                "their surfaces."
             )
             new = new[sizes[new] >= least]
         at, chosen = nodes[new], np.argmax(np.abs(left[new]), axis=1)
@@ -180,13 +180,13 @@ def flat_normal(
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         support: The support.
-        known: Unit vectors that replace the normal if they differ from it by no more than its
-            facets do.
+        known: Unit vectors. If the normal differs from one of them by no more than the facets
+            differ from the normal, this vector replaces it.
 
     Raises:
-        InputError: If its facets differ in direction, or no facet lies on the outside of a body.
+        InputError: If the facets differ in direction, or if no facet lies on the outside of a body.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     facets = surface_facets(V, tagged_mesh, support.on)
@@ -198,20 +198,18 @@ def flat_normal(
         raise InputError(
             f"components = 'normal' of the support on '{support.on}': no facet of the "
             "surface lies on the outside of a body and has a normal; name another "
-            "surface, or give letters."
+            "surface, or give letters as components."
         )
     normal: Floats = np.linalg.eigh(squares)[1][:, -1]
     across = np.linalg.norm(n - (n @ normal)[:, None] * normal, axis=1)
     turn = np.arcsin(min(1.0, comm.allreduce(float(across.max(initial=0)), MPI.MAX)))
-    flat = (
-        1e-4  # allowed rotation of the facets of a plane (rad), as for coordinates with six digits
-    )
+    flat = 1e-4  # largest angle (rad) in a plane, as for coordinates with six digits
     if turn > flat:
         raise Curved(
             f"components = 'normal' of the support on '{support.on}' needs a flat surface, "
-            f"but its facets turn by up to {np.degrees(turn):.3g}° from their mean; give "
-            "each flat part a name and a support of its own, or letters, or a value to "
-            "move a curved one along its normals."
+            f"but its facets deviate by up to {np.degrees(turn):.3g}° from their mean; give "
+            "each flat part its own name and support, or give letters as components, or "
+            "give a value to move a curved surface along its normals."
         )
     rounding = 1e-12
     for one in known:
@@ -225,17 +223,17 @@ def flat_normal(
 def _normals(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats, nodes: Ints
 ) -> tuple[Floats, Floats]:
-    """Return the normal of a surface, NaN if it is curved, and the normal at each node. Collective.
+    """Return the normal of a surface (NaN if curved), and the normal at each node. Collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         support: The support.
-        known: As for :func:`flat_normal`; rows of NaN are ignored.
+        known: See :func:`flat_normal`; the function ignores rows of NaN.
         nodes: Local nodes of the surface.
 
     Raises:
-        InputError: As :func:`flat_normal` for a surface at rest; or if facets meet at an edge.
+        InputError: If a surface without a motion is not flat, or if facets meet at an edge.
     """
     gdim = known.shape[1]
     try:
@@ -250,8 +248,8 @@ def _normals(
     if V.mesh.comm.allreduce(twice, MPI.LOR):
         raise InputError(
             f"components = 'normal' of the support on '{support.on}': facets of the "
-            "surface meet at an edge, whose nodes have two normals; give each smooth part "
-            "a name and a support of its own."
+            "surface meet at an edge, where nodes have two normals; give each smooth part "
+            "its own name and support."
         )
     field = la.vector(V.dofmap.index_map, gdim)
     field.array.reshape(-1, gdim)[faces.node] = faces.normal
@@ -273,26 +271,27 @@ def _wanted(V: fem.FunctionSpace, support: Support, nodes: Ints) -> Floats:
 def _check_moves(
     comm: MPI.Intracomm, support: Support, off: Floats, wanted: Floats, given: Floats
 ) -> None:
-    """Refuse other supports that move nodes of a guide off it. Collective.
+    """Refuse other supports that move nodes off the position that a guide prescribes. Collective.
 
     Args:
-        comm: The ranks.
-        support: The guide.
-        off: Distance of nodes that other supports hold from the places that the guide prescribes.
+        comm: Communicator of the ranks.
+        support: The guide's support.
+        off: Distances of nodes that other supports hold from the positions that the guide
+            prescribes.
         wanted: Displacement along the normal that the guide prescribes.
-        given: All u_D.
+        given: Constant and growing parts of u_D at all nodes.
 
     Raises:
         InputError: If a support moves such a node.
     """
-    rounding = 1e-9  # displacements that differ by less than this share of the largest are equal
+    rounding = 1e-9  # a relative difference below this value is a rounding error
     most = np.array([float(np.abs(of).max(initial=0)) for of in (wanted, given, off)])
     comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
     if most[2] > rounding * most[:2].max():
         raise InputError(
-            f"another support moves nodes of '{support.on}' off its plane, which "
-            "components = 'normal' holds; remove one of the supports, or separate their "
-            "surfaces."
+            f"components = 'normal' of the support on '{support.on}': another support moves "
+            "nodes of this surface along its normal differently; remove one of the supports, "
+            "or separate their surfaces."
         )
 
 
@@ -300,11 +299,11 @@ def _add_motion(displacement: Floats, offset: Floats, rows: Floats, pivots: Ints
     """Add the motion of guides to u_D, along the components that their rows eliminate.
 
     Args:
-        displacement: Shape (num_nodes, gdim).
+        displacement: u_D, shape (num_nodes, gdim).
         offset: Prescribed displacement along each row after orthogonalisation, shape (gdim,
             num_nodes).
-        rows: As for :class:`Guides`.
-        pivots: As ``rows``.
+        rows: See :class:`Guides`.
+        pivots: See :class:`Guides`.
     """
     left = offset.copy()
     for place in reversed(range(len(rows))):
@@ -324,23 +323,24 @@ def glued_rows(
     displacement: Floats,
     bodies: RigidBodies | None = None,
 ) -> tuple[Constraints, Guides, npt.NDArray[np.bool_]]:
-    """Return the rows, the guides and the components that contact cannot use. Collective.
+    """Return the rows, the guides, and the components that contact cannot use. Collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         given: The declaration: ties, rigid surfaces, and supports along a normal.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
         displacement: u_D at each local node (length): the constant part and the part times ζ, shape
             (2, num_nodes, gdim).
-        bodies: Rigid bodies, whose nodes host no other rows.
+        bodies: Rigid bodies, whose nodes are not hosts of other rows; None if there are none.
 
     Returns:
-        The rows, with those of guides last. The guides. The components of local nodes that contact
-        cannot use: those that supports hold, ties host, or rigid surfaces prescribe.
+        The rows, with the rows of guides last; the guides; and the components at local nodes that
+        contact cannot use, because supports hold them, ties eliminate them, or rigid surfaces
+        prescribe them.
 
     Raises:
-        InputError: If names or surfaces do not fit.
+        InputError: If names or surfaces do not fit the mesh or each other.
     """
     taken, solid = fixed.copy(), list[Constraints]()
     if bodies is not None:

@@ -1,16 +1,15 @@
-"""Compute strains without stress: from temperature, initial stress, and shortened bolt shanks.
+"""Compute stress-free strains: from temperature, initial stress, and shortened bolt shanks.
 
-With the initial strain e₀, the law receives ε(u) − e₀. A change of temperature T has e₀ = aTδ with
-the coefficient of expansion a of the material. A stress σ₀ in the undeformed bodies has e₀ =
+With an initial strain e₀, the law receives ε(u) − e₀. A change of temperature T gives e₀ = aTδ,
+with the expansion coefficient a of the material. A stress σ₀ in the undeformed bodies gives e₀ =
 −C⁻¹σ₀. :class:`Shanks` computes the strain that tightened bolts add.
 
-Model the shanks of bolts: how far each is shortened, its strain without stress, and its force.
-A shank that is shortened by s has e₀ = −s ε(w). The displacement of the bolt alone along its axis a
-is w = φa. The nodal values of φ rise from 0 at the beginning of the shank to 1 at its end. The law
-receives ε(u + sw), the strain of a continuous displacement, so that only the shortening strains the
-bolt. The force of the shank is N = ⟨σ, ε(w)⟩. In equilibrium this is the force that one end of the
-bolt exerts on the other. It is exact on any mesh if no force acts on the shank between its ends;
-otherwise it is the mean along the shank. It also equals ∂J/∂s, the force conjugate to s.
+A shank that is shortened by s has e₀ = −s ε(w), where w = φa is a displacement of the bolt alone
+along its axis a. The nodal values of φ rise from 0 at the beginning of the shank to 1 at its end.
+The law receives ε(u + sw), the strain of a continuous displacement, so only the shortening strains
+the bolt. The force of the shank is N = ⟨σ, ε(w)⟩. In equilibrium this is the force that one end of
+the bolt exerts on the other. It is exact on any mesh if no force acts on the shank between its
+ends; otherwise it is the mean along the shank. It also equals ∂J/∂s, the force conjugate to s.
 """
 
 import math
@@ -40,9 +39,9 @@ def initial_strain(
     laws: Sequence[LawOnCells],
     given: Sequence[Initial],
 ) -> fem.Function | None:
-    """Return e₀ as Mandel vectors at the quadrature points, 0 in bolts.
+    """Return e₀ as Mandel vectors at the quadrature points, without the strain of bolts.
 
-    None without initial strain.
+    Without initial strain, return None.
 
     Collective.
 
@@ -93,7 +92,7 @@ def _expansion(
 def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats:
     """Return σ₀ at points as Mandel vectors, shape (num_points, width)."""
     if len(given.stress) != width:
-        # The components of an initial stress, by the number of Mandel components.
+        # Components of an initial stress, by the number of Mandel components.
         components = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
         raise InputError(
             f"the initial stress of '{given.on}' has {len(given.stress)} components, but "
@@ -106,11 +105,11 @@ def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats
 
 
 class Shanks:
-    """The shanks of a problem's bolts.
+    """The shanks of all bolts in a problem.
 
     Attributes:
         bolts: The declared bolts.
-        shortening: Shortening of each bolt (length), shape (num_bolts,); None before they are
+        shortening: Shortening of each shank (length), shape (num_bolts,); None before the bolts are
             tightened.
         anew: Names of the bolts that stages tighten again.
     """
@@ -122,7 +121,7 @@ class Shanks:
         laws: Sequence[LawOnCells],
         initial: Sequence[Initial],
     ) -> None:
-        """Compute the strain of each bolt for a unit of shortening. Collective.
+        """Compute the strain of each bolt per unit of shortening. Collective.
 
         Raises:
             InputError: For an unknown volume, two bolts in one volume or with one name, an axis
@@ -153,13 +152,13 @@ class Shanks:
 
     @property
     def loose(self) -> bool:
-        """Return whether there are bolts that are not tightened yet."""
+        """Return whether the problem has bolts that are not tightened yet."""
         return bool(self.bolts) and self.shortening is None
 
     def strain(self) -> Floats:
-        """Return the bolts' part of e₀ at the points, as the values of a function of S.
+        """Return the bolts' part of e₀ at the points, as the values of a function in S.
 
-        0 while loose.
+        The values are 0 while the bolts are loose.
         """
         total = np.zeros_like(self._units[0].x.array) if self._units else np.zeros(1)
         if self.shortening is not None:
@@ -170,19 +169,20 @@ class Shanks:
     def stiffness(self) -> Floats:
         """Return the stiffness of each shank between fixed ends (force/length), shape (num_bolts,).
 
-        Collective. The function assumes an elastic shank; the clamped parts reduce the stiffness.
+        Collective. The function assumes an elastic shank between fixed ends; the real ends, which
+        give way, reduce the stiffness.
         """
         found = [self._held(unit) for unit in self._units]
         return np.array(found)
 
     def forces(self, stress: fem.Function) -> Callable[[], dict[str, float]]:
-        """Return a function that computes the force of each bolt by its name; tension is positive.
+        """Return a function that computes the force of each bolt by name; tension is positive.
 
         Args:
-            stress: Function of S, whose values may change.
+            stress: Function in S, whose values may change.
 
         Returns:
-            A collective function. Its forms are compiled once.
+            A collective function, whose forms are compiled once.
         """
         integrals = [Integral(self._comm, ufl.dot(stress, unit) * self._dx) for unit in self._units]
         return lambda: {
@@ -190,7 +190,7 @@ class Shanks:
         }
 
     def in_words(self) -> list[str]:
-        """Return sentences on the bolts before the first level; an empty list without bolts."""
+        """Return remarks on the bolts for the start of a run; an empty list without bolts."""
         if not self.bolts:
             return []
         told = ", ".join(f"'{bolt.called}' to {bolt.preload:.6g}" for bolt in self.bolts)
@@ -200,8 +200,8 @@ class Shanks:
             else ""
         )
         return [
-            f"bolts are tightened before any load acts ({told}), and then keep their "
-            f"length{but}; a preload does not change a limit load"
+            f"bolts are tightened before any load acts ({told}), and then their shanks keep "
+            f"their shortening{but}; a preload does not change a limit load"
         ]
 
     def _held(self, unit: fem.Function) -> float:

@@ -1,4 +1,4 @@
-"""Apply the laws of a problem, each on the cells of its bodies.
+"""Apply the laws of a problem on the cells of their bodies.
 
 Bodies whose materials use the same class of law are evaluated together.
 """
@@ -32,17 +32,17 @@ from perfplast_fenicsx.spatial_fields import SpatialField
 
 @dataclass(frozen=True, eq=False)
 class LawOnCells:
-    """A law and the cells on which it holds.
+    """A law, and the cells in which it applies.
 
     Attributes:
         law: The law. Its parameters are functions on all of Q; their values outside ``cells`` have
             no meaning.
-        numbers: The functions of the parameters by name. Other functions with the same names give
-            another law of this class.
-        old: The history of the law by name, functions at the points; laws with the same names share
-            them.
+        numbers: Functions of the parameters, by name. Other functions under these names define
+            another law of the same class.
+        old: History of the law as functions at the points, by name. Laws whose history has the same
+            names share these functions.
         cells: Local cells of the law, including ghosts, sorted.
-        dx: Measure that integrates over the cells of the law.
+        dx: Measure for integrals over the cells of the law.
     """
 
     law: Law
@@ -57,18 +57,18 @@ class LawOnCells:
 
 
 OfLaw: TypeAlias = Callable[[LawOnCells], Expr]
-"""A callable that returns an expression for each law."""
+"""Function that returns an expression for a law."""
 
 
 def lay_out(
     tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
 ) -> tuple[LawOnCells, ...]:
-    """Return the laws of the materials, each on the cells of its bodies. Collective.
+    """Return the laws of the materials on the cells of their bodies. Collective.
 
     Args:
         tagged_mesh: The bodies.
         spaces: The finite element spaces of the bodies.
-        materials: Materials of each volume.
+        materials: Material of each volume.
 
     Raises:
         InputError: If a volume is unknown or has no material, if a material is invalid, or if laws
@@ -108,8 +108,8 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
         tagged_mesh.cells(name)
         if not isinstance(material, Material):
             raise InputError(
-                f"the material of volume '{name}' is {material!r}, which names no law and no"
-                " parameters; give one of perfplast_fenicsx.materials."
+                f"the material of volume '{name}' is {material!r}, which has neither a law nor "
+                "parameters; give a material of perfplast_fenicsx.materials."
             )
         plane = tagged_mesh.mesh.geometry.dim == 2 and not tagged_mesh.axisymmetric
         if getattr(material.law, "plane_strain_only", False) and not plane:
@@ -129,14 +129,15 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
 def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
     """Refuse materials whose numbers are not finite or whose elastic energy is not positive.
 
-    The program's own materials check their numbers; this function also checks materials of users.
+    Materials of this program check their numbers themselves; this function also checks user
+    materials.
 
     Args:
-        materials: Materials of each volume.
-        size: Components of Mandel vectors.
+        materials: Material of each volume.
+        size: Number of components of Mandel vectors.
 
     Raises:
-        InputError: Naming the volume and the material.
+        InputError: With the names of the volume and the material.
     """
     known = set[tuple[Any, ...]]()
     for name, material in materials.items():
@@ -148,7 +149,7 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
             }
         except ZeroDivisionError as error:
             raise InputError(
-                f"{what} divides by zero where it computes the numbers of its law, as with "
+                f"{what} divides by zero when it computes the parameters of its law, as with "
                 "poisson = 0.5; give numbers inside their range."
             ) from error
         for key, number in numbers.items():
@@ -163,8 +164,8 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         stiffness = np.column_stack([numbers_of(elastic.hooke(unit)) for unit in units])
         if not np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0:
             raise InputError(
-                f"{what} has an elastic stiffness that is not positive "
-                f"({_shown(numbers)}), so that some strain has no energy; give young > 0 "
+                f"{what} has an elastic stiffness that is not positive definite "
+                f"({_shown(numbers)}), so some strain has no energy; give young > 0 "
                 "and poisson between -1 and 1/2, or the equivalent numbers of its law."
             )
 
@@ -176,12 +177,12 @@ def _shown(numbers: Mapping[str, float]) -> str:
 def _parameters(
     tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
 ) -> dict[str, fem.Function]:
-    """Return each parameter as a function, which laws with a parameter of the same name share.
+    """Return the parameters as functions; laws share the function of a parameter by its name.
 
     Collective.
 
     Raises:
-        InputError: As :func:`set_parameters`.
+        InputError: See :func:`set_parameters`.
     """
     found: dict[str, fem.Function] = {}
     for name in sorted(materials):
@@ -197,14 +198,14 @@ def set_parameters(
     materials: Mapping[str, Material],
     functions: Mapping[str, fem.Function],
 ) -> None:
-    """Set the parameters of the materials at the points of their volumes.
+    """Set the functions to the parameters of the materials, at the points of their volumes.
 
-    Collective where a parameter varies in space.
+    Collective if any parameter varies in space.
 
     Args:
         tagged_mesh: The bodies.
-        materials: Materials of each volume.
-        functions: Functions of Q, by the names of the parameters.
+        materials: Material of each volume.
+        functions: Functions in Q, by the names of the parameters.
 
     Raises:
         InputError: If a parameter that varies in space is not positive and finite at a point, or at
@@ -232,7 +233,7 @@ def set_parameters(
 
 
 def _vertices(tagged_mesh: TaggedMesh, cells: Ints) -> Floats:
-    """Return the vertices of the owned cells of a volume."""
+    """Return the vertices of the owned cells in a volume."""
     vertices, places = corners(tagged_mesh.mesh)
     return places[np.unique(vertices[cells[cells < len(vertices)]])]
 
@@ -241,7 +242,7 @@ def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
     """Refuse a strength that is not positive at some point.
 
     Raises:
-        InputError: Naming the first such point.
+        InputError: With the point at which the strength is lowest.
     """
     values = number.profile.at(x, f"a strength of '{name}'")
     wrong = ~(values > 0)
@@ -250,12 +251,12 @@ def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
         raise InputError(
             f"the strength of '{name}', {number.profile}, is {values[lowest]:.6g} at "
             f"{place_of(x[lowest])}; a strength that varies must be positive in the whole "
-            "body, so give it a small positive value there."
+            "body, so give a small positive value at this point."
         )
 
 
 def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[str, fem.Function]:
-    """Return the history of a law, set to zero; laws with the same variables share them."""
+    """Return the history of a law, set to zero; laws share history variables of the same name."""
     mesh, (m,) = spaces.S.mesh, spaces.S.value_shape
     shapes = law.history(m)
     for name, shape in shapes.items():
@@ -263,47 +264,46 @@ def _history(law: Law, spaces: Spaces, known: dict[str, fem.Function]) -> dict[s
             known[name] = fem.Function(space_at_points(mesh, spaces.degree, shape), name=name)
         elif known[name].function_space.value_shape != shape:
             raise InputError(
-                f"'{name}' in the history of {type(law).__name__} has shape {shape}, but "
-                f"in that of another law {known[name].function_space.value_shape}; rename "
-                "one of them."
+                f"'{name}' in the history of {type(law).__name__} has shape {shape}, but in "
+                f"another law it has shape {known[name].function_space.value_shape}; rename "
+                "one of the variables."
             )
     return {name: known[name] for name in shapes}
 
 
 def integrate(laws: Iterable[LawOnCells], density: OfLaw) -> ufl.Form:
-    """Return the integral of the density of each law over its cells.
+    """Return the integral of a density over the cells of all laws.
 
     Args:
         laws: Laws of a problem.
-        density: Function that returns the density of a law: a scalar, linear in any test and trial
-            functions.
+        density: Function that returns the density for a law: a scalar that is linear in each test
+            and trial function.
     """
     return reduce(add, (_valid(density(on), on) * on.dx for on in laws))
 
 
 class LawExpression:
-    """A value of each law at the points of its cells, compiled once."""
+    """A value for each law at the points of its cells, compiled once."""
 
     def __init__(self, laws: Sequence[LawOnCells], space: fem.FunctionSpace, value: OfLaw) -> None:
         """Compile the expressions. Collective.
 
         Args:
-            laws: Laws of a problem, or some of them if the others have no such value.
+            laws: Laws of a problem; only some of them if the others have no such value.
             space: Space of functions at the points (:func:`spaces.space_at_points`).
-            value: Function that returns the value of a law, with the shape of the space's
-                functions.
+            value: Function that returns the value for a law, with the value shape of ``space``.
         """
         points = interpolation_points(space.element)
         self._parts = [(fem.Expression(_valid(value(on), on), points), on.cells) for on in laws]
 
     def interpolate(self, function: fem.Function) -> None:
-        """Interpolate the expression into a function, on the cells of the laws including ghosts."""
+        """Interpolate the values into ``function``, on the cells of the laws including ghosts."""
         for expression, cells in self._parts:
             evaluate(expression, function, cells)
 
 
 def _valid(value: Expr, on: LawOnCells) -> Expr:
-    """Return the merged expression; 0 as a constant on the mesh, since UFL's own 0 has no mesh."""
+    """Return the merged expression, or 0 as a constant on the mesh: UFL's own 0 has no mesh."""
     if not isinstance(value, ufl.constantvalue.Zero):
         return merged(value)
     zero = np.zeros(value.ufl_shape, dtype=default_scalar_type)
@@ -311,13 +311,14 @@ def _valid(value: Expr, on: LawOnCells) -> Expr:
 
 
 def merged(expression: Expr) -> Expr:
-    """Return an equal expression in which equal parts are the same object.
+    """Return an equal expression in which equal parts are one object.
 
-    UFL compares equal parts that are different objects node by node. If a law performs the steps of
-    an iteration more than once, that work grows exponentially with the number of steps.
+    UFL compares equal parts node by node if they are different objects. If a law performs the steps
+    of an iteration more than once, the time for this comparison grows exponentially with the number
+    of steps.
 
     Args:
-        expression: An expression. The function replaces the operands of its parts by equal objects.
+        expression: An expression; the function replaces operands of its parts by equal objects.
     """
     parts: dict[int, tuple[Expr, Expr]] = {}
     terminals: dict[Expr, Expr] = {}

@@ -1,7 +1,7 @@
-"""Store the given displacement u_D of supports and obstacles, and its effect on contact.
+"""Compute the prescribed motion of supports, obstacles and overlaps, and its effect on contact.
 
-Compute given motions: u_D of supports, obstacles and overlaps, and their effect on contact.
-All given motions are linear in the load factor ζ, which multiplies every part that is not constant.
+All prescribed motions are linear in the load factor ζ, which multiplies every part that is not
+constant. u_D denotes the prescribed displacement.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,10 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def conditions_at_rest(V: fem.FunctionSpace, held: npt.NDArray[np.bool_]) -> list[fem.DirichletBC]:
-    """Return conditions of increments: 0 at held components, flags of shape (num_nodes, gdim)."""
+    """Return homogeneous conditions for increments at held components.
+
+    The flags ``held`` have shape (num_nodes, gdim).
+    """
     zero, gdim = default_scalar_type(0), held.shape[1]
     nodes = [np.flatnonzero(held[:, i]).astype(np.int32) for i in range(gdim)]
     return [fem.dirichletbc(zero, nodes[i] * gdim + i, V.sub(i)) for i in range(gdim)]
@@ -37,27 +40,29 @@ def conditions_at_rest(V: fem.FunctionSpace, held: npt.NDArray[np.bool_]) -> lis
 def known_displacements(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, supports: Sequence[Support | RigidSurface]
 ) -> tuple[npt.NDArray[np.bool_], Floats, Ints]:
-    """Return which components supports and moved rigid surfaces hold, and their displacements.
+    """Return the components that supports and moving rigid surfaces prescribe, and their values.
 
     Collective.
 
-    On the axis of bodies of revolution no node moves radially, whatever holds it.
+    On the axis of a body of revolution, nodes cannot move radially, so this component is always
+    held.
 
     Returns:
-        Flags; displacements (length), the constant part and the part times ζ, 0 at other
+        Flags; displacements (length) as the constant part and the part times ζ, 0 at other
         components, shape (2, num_nodes, gdim); and the number of the first support that holds each
-        component, −1 at others. All at local nodes including ghosts, shape (num_nodes, gdim).
+        component, −1 at others. Flags and numbers have shape (num_nodes, gdim). All are at local
+        nodes, including ghosts.
 
     Raises:
-        InputError: For an unknown surface, wrong components, a value that is not finite, or two
-            values for the same component of a node.
+        InputError: For an unknown surface, invalid components, a value that is not finite, or two
+            different values for one component of a node.
     """
     fdim, gdim = tagged_mesh.mesh.topology.dim - 1, tagged_mesh.mesh.geometry.dim
     x = V.tabulate_dof_coordinates()[:, :gdim]
     fixed, values, message = np.zeros(x.shape, dtype=bool), np.zeros((2, *x.shape)), None
     comm = tagged_mesh.mesh.comm
     holder = np.full(x.shape, -1, dtype=np.int32)
-    rounding = 1e-12  # displacements that differ by less than this share of the largest are equal
+    rounding = 1e-12  # a relative difference below this value is a rounding error
     for number, support in enumerate(supports):
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(support.on))
         given = np.zeros((2, len(nodes), gdim))
@@ -84,8 +89,8 @@ def known_displacements(
     on_axis = tagged_mesh.kinematics.held(V.tabulate_dof_coordinates(), size)
     if (on_axis & (values != 0)).any():
         message = (
-            "a support moves nodes of the axis r = 0 along x, which is the radius; remove "
-            "x from its components, or the axis from its surface."
+            "a support moves nodes on the axis r = 0 along x, the radial direction; remove "
+            "x from its components, or remove the axis from its surface."
         )
     raise_together(comm, message)
     return fixed | on_axis, values, holder
@@ -116,21 +121,21 @@ def check_moved_surfaces(
     fixed: npt.NDArray[np.bool_],
     prescribed: Floats,
 ) -> None:
-    """Refuse supports that move nodes of contact surfaces along their normals without any pair.
+    """Refuse supports that move nodes of contact surfaces along the normal without a contact pair.
 
-    There is no pair where neither of its nodes is free along the normal. Collective.
+    A node has no pair if neither it nor the opposite node is free along the normal. Collective.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
-        moves: The name of each surface in contact, and the given motion of its opposite side for ζ
-            = 1 (length): 0, or the motion of an obstacle, shape (gdim,).
-        constraints: The rows of these surfaces.
-        fixed: Components held by supports at each local node, shape (num_nodes, gdim).
+        tagged_mesh: Mesh with named bodies and surfaces.
+        moves: The name of each surface in contact, and the prescribed motion of its opposite side
+            at ζ = 1 (length), shape (gdim,): the motion of an obstacle, or 0.
+        constraints: The contact rows of these surfaces.
+        fixed: Components at each local node that supports hold, shape (num_nodes, gdim).
         prescribed: u_D: the constant part and the part times ζ, shape (2, num_nodes, gdim).
 
     Raises:
-        InputError: Naming the surface.
+        InputError: With the name of the surface.
     """
     message = None
     paired = la.vector(V.dofmap.index_map, 1)
@@ -148,8 +153,8 @@ def check_moved_surfaces(
         if (unseen & (along > ROUNDING * largest)).any():
             message = (
                 f"supports hold nodes of the contact surface '{name}' along its normal, "
-                "but these nodes or the opposite side are moved, so that they cannot give "
-                "way; remove these nodes from the contact surface."
+                "but supports or an obstacle move these nodes or the opposite side, so the "
+                "nodes cannot give way; remove these nodes from the contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
 
@@ -159,47 +164,46 @@ def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats
 
     Args:
         V: Displacement space.
-        ties: The rows of the ties.
+        ties: The tie rows.
         prescribed: u_D at each local node, shape (num_nodes, gdim).
 
     Raises:
-        InputError: If a support does.
+        InputError: If a support moves only one side of a tie.
     """
     u = fem.Function(V)
     u.x.array[:] = prescribed.ravel()
     apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
     if V.mesh.comm.allreduce(apart, MPI.MAX) > ROUNDING * _farthest(V, prescribed):
         raise InputError(
-            "a support moves nodes of a tied surface, which the other surface would have "
-            "to follow; remove these nodes from the support or from the tie, or give the "
-            "support the value 0."
+            "a support moves nodes of a tied surface, and the other surface would have to "
+            "follow; remove these nodes from the support or from the tie, or give the support "
+            "the value 0."
         )
 
 
 def _farthest(V: fem.FunctionSpace, prescribed: Floats) -> float:
-    """Return the largest component of u_D on any rank. Collective."""
+    """Return the largest component of u_D on all ranks. Collective."""
     own = float(np.abs(prescribed).max(initial=0))
     return float(V.mesh.comm.allreduce(own, MPI.MAX))
 
 
 @dataclass(frozen=True)
 class GivenMotion:
-    """Displacements and gaps at any ζ.
+    """Prescribed displacements and gaps at any ζ.
 
     Attributes:
         displacement: u_D at supports and 0 elsewhere (length): the constant part and the part times
             ζ, shape (2, num_nodes, gdim), at all local nodes including ghosts.
-        gap: Gaps of the pairs hosted by this rank (length), reduced by what u_D closes: the
-            constant part and the part times ζ, shape (2, num_pairs).
-        slide: Tangential jumps caused by the given motion alone (length), from which slip is
-            counted: the constant part and the part times ζ, shape (2, num_places, gdim − 1).
-        sources: Given motion of the opposite side for ζ = 1 (length), for each source of contact,
-            shape (num_sources, gdim).
-        overlap: Given growth of the overlap of each pair for ζ = 1 (length), shape (num_pairs,).
+        gap: Gaps of the pairs hosted by this rank (length), reduced by the closing that u_D causes:
+            the constant part and the part times ζ, shape (2, num_pairs).
+        slide: Tangential jumps that the prescribed motion alone causes (length): the constant part
+            and the part times ζ, shape (2, num_places, gdim − 1). Slip is counted from these jumps.
+        sources: Prescribed motion of the opposite side at ζ = 1 (length) for each source of contact
+            rows, shape (num_sources, gdim).
+        overlap: Prescribed growth of each pair's overlap at ζ = 1 (length), shape (num_pairs,).
         moves_supports: Whether u_D differs from 0 at any ζ.
         driven: Whether ζ moves anything.
-        parts: The motion that each name in the stages controls, for the factor 1; empty without
-            stages.
+        parts: The motion that each name in the stages controls, at factor 1; empty without stages.
     """
 
     displacement: Floats
@@ -216,7 +220,7 @@ class GivenMotion:
         return np.asarray(self.displacement[0] + zeta * self.displacement[1])
 
     def gap_at(self, zeta: float) -> Floats:
-        """Return the gaps (length), shape (num_pairs,)."""
+        """Return the gaps after the prescribed motion (length), shape (num_pairs,)."""
         return np.asarray(self.gap[0] + zeta * self.gap[1])
 
     def slide_at(self, zeta: float) -> Floats:
@@ -226,7 +230,7 @@ class GivenMotion:
     def moves(
         self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]
     ) -> list[tuple[str, Floats]]:
-        """Return the name of each contact surface and the motion opposite it for ζ = 1 (length)."""
+        """Return the name of each contact surface, and the motion opposite it at ζ = 1 (length)."""
         rest = np.zeros(self.displacement.shape[2])
         of_contacts = [(name, rest) for a in contacts for name in (a.primary, a.secondary)]
         of_obstacles = [(one.on, move_of(one, len(rest))) for one in obstacles]
@@ -241,19 +245,19 @@ def given_motion(
     friction: Friction,
     sources: Sequence[Source] = (),
 ) -> GivenMotion:
-    """Return the given motions of supports, obstacles and overlaps together. Collective.
+    """Return the combined prescribed motion of supports, obstacles and overlaps. Collective.
 
     Args:
         V: Displacement space.
         displacement: See :class:`GivenMotion`.
-        constraints: The rows of contact.
-        sliding: The rows of tangential jumps along surfaces with friction.
+        constraints: The contact rows.
+        sliding: The rows for tangential jumps on surfaces with friction.
         friction: The friction of the problem.
-        sources: The sources of the rows, of which some may move or increase their overlap; by
-            default the sources in ``constraints``.
+        sources: The sources of the rows, which may move or increase their overlap; by default the
+            sources in ``constraints``.
 
     Raises:
-        InputError: If no node overlaps at a source whose overlap is declared to grow.
+        InputError: If a source has a growing overlap, but no node at it overlaps.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     sources = sources or constraints.sources
@@ -270,8 +274,8 @@ def given_motion(
         most = float(overlap[constraints.surface == i].max(initial=0))
         if not comm.allreduce(most, MPI.MAX) > 0:
             raise InputError(
-                f"the {sources[i].name} has constant = false, but no node that is free to "
-                "move overlaps; give a negative gap, or remove constant."
+                f"the {sources[i].name} has constant = false, but it has no overlap at nodes "
+                "that are free to move; give a negative gap, or remove constant."
             )
     gap = np.stack([constraints.gap + overlap, opened - overlap])
     dragged = np.einsum("nij,nj->ni", friction.direction, of_surface[friction.pair])

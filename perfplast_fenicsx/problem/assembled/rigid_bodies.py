@@ -1,9 +1,9 @@
-"""Model rigid bodies at levels by rows B u = 0: a few nodes determine all others of a body.
+"""Model rigid bodies in levels by rows B u = 0: a few nodes determine all other nodes of a body.
 
-A body has three motions q in the plane and six in space. Some components that supports hold, and
+A body has three motions q in plane meshes and six in space. Components that supports hold, and
 directions at up to three nodes, determine q. All other components are linear functions of these.
-The rows do no work on rigid motions, so that their forces balance on each body, and the loads
-arrive at its supports, contacts and glued surfaces.
+The rows do no work on rigid motions, so the row forces balance on each body, and the loads reach
+its supports, contacts and ties.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from perfplast_fenicsx.problem.assembled.rigid_rows import farthest
 from perfplast_fenicsx.problem.declared.given import Given
 
 ROUNDING = 1e-9
-"""Motions of a body of unit size that are smaller are rounding."""
+"""For a body of unit size, smaller motions are rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,10 @@ class Supported:
 
     Attributes:
         fixed: Whether supports hold each component, shape (num_nodes, gdim).
-        displacement: u_D (length), its constant part and that which ζ multiplies, shape (2,
-            num_nodes, gdim).
-        holder: Number of the support, −1 for none, shape (num_nodes, gdim).
+        displacement: u_D (length): the constant part and the part times ζ, shape (2, num_nodes,
+            gdim).
+        holder: Number of the support that holds each component, −1 if none does, shape (num_nodes,
+            gdim).
     """
 
     fixed: npt.NDArray[np.bool_]
@@ -52,10 +53,11 @@ class RigidBodies:
     """Bodies whose nodes follow rigid motions.
 
     Attributes:
-        of_node: Number of the rigid body of each local node including ghosts; −1 for bodies that
-            deform.
-        rows: The rows of each body.
-        moving: Nodes of bodies that supports do not hold completely, shape (num_nodes,).
+        of_node: Number of the rigid body to which each local node (including ghosts) belongs; −1 in
+            deformable bodies.
+        rows: The rows of each rigid body.
+        moving: Whether each node belongs to a rigid body that supports do not hold completely,
+            shape (num_nodes,).
     """
 
     of_node: Ints
@@ -69,24 +71,25 @@ def rigid_bodies(
     materials: Mapping[str, Material],
     supported: Supported,
 ) -> RigidBodies:
-    """Make the rows of bodies of :class:`Rigid`. Collective.
+    """Return the rigid bodies with their rows, from materials of :class:`Rigid`. Collective.
 
-    Components that supports of a body imply are added to ``supported``, with their displacement.
+    The function adds to ``supported`` all components that the supports of a body imply, with their
+    displacements.
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
-        materials: Materials of each volume.
-        supported: Components that supports hold, with their displacement.
+        tagged_mesh: Mesh with named bodies and surfaces.
+        materials: Material of each volume.
+        supported: Components that supports hold, with their displacements.
 
     Raises:
-        InputError: If bodies are of revolution, or the given motion of a body by its supports is
+        InputError: If the mesh is axisymmetric, or if supports prescribe a motion of a body that is
             not rigid.
     """
     if tagged_mesh.axisymmetric:
         raise InputError(
             "a body of revolution has law = 'rigid', which levels do not support; give law = "
-            "'elastic' with a young that is 1e5 times as large as that of the bodies beside it."
+            "'elastic' with a young that is 1e5 times that of the adjacent bodies."
         )
     count, of_node = _find(V, tagged_mesh, materials)
     rows = []
@@ -103,17 +106,19 @@ def rigid_bodies(
 def check_touching(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, given: Given, bodies: RigidBodies
 ) -> None:
-    """Refuse rigid bodies that touch each other or obstacles, or that are guided. Collective.
+    """Refuse moving rigid bodies that touch each other or obstacles, or that guides support.
 
-    A row of contact or of a tie has a node on a body that deforms.
+    Collective.
+
+    In each row of a contact or a tie, at least one body must be deformable.
 
     Raises:
-        InputError: Naming the surfaces.
+        InputError: With the names of the surfaces.
     """
     comm, fdim = V.mesh.comm, V.mesh.topology.dim - 1
     remedy = (
-        "give one of the bodies law = 'elastic' with a young that is 1e5 times as large as that of"
-        " the bodies beside it"
+        "give one of the bodies law = 'elastic' with a young that is 1e5 times that of the"
+        " adjacent bodies"
     )
 
     def moves(name: str) -> bool:
@@ -125,7 +130,7 @@ def check_touching(
         if moves(pair.primary) and moves(pair.secondary):
             raise InputError(
                 f"the surfaces '{pair.primary}' and '{pair.secondary}' both belong to bodies with "
-                f"law = 'rigid', and levels do not determine the forces between these; {remedy}."
+                f"law = 'rigid', and levels cannot determine the forces between them; {remedy}."
             )
     for obstacle in given.obstacles:
         if moves(obstacle.on):
@@ -137,20 +142,20 @@ def check_touching(
         if support.guides and moves(support.on):
             raise InputError(
                 f"components = 'normal' of the support on '{support.on}' is not supported in "
-                "levels of bodies with law = 'rigid'; give letters of axes."
+                "levels for bodies with law = 'rigid'; give letters of axes."
             )
 
 
 class _Body:
-    """A rigid body: its local nodes and their components in its motions."""
+    """A rigid body: its local nodes, and their displacements in the motions of the body."""
 
     def __init__(self, V: fem.FunctionSpace, tagged_mesh: TaggedMesh, nodes: Longs) -> None:
-        """Measure the body. Collective.
+        """Compute the size of the body and its motions at the nodes. Collective.
 
         Args:
             V: Displacement space.
-            tagged_mesh: Mesh with names.
-            nodes: Local nodes of the body, ghosts too.
+            tagged_mesh: Mesh with named bodies and surfaces.
+            nodes: Local nodes of the body, including ghosts.
         """
         self._V, self._kinematics = V, tagged_mesh.kinematics
         self._comm, self._nodes = V.mesh.comm, nodes
@@ -164,11 +169,11 @@ class _Body:
         self._gdim, self._count = self._motions.shape[1:]
 
     def held_rows(self, fixed: npt.NDArray[np.bool_]) -> "_Leaders":
-        """Return a largest set of independent components that supports hold. Collective."""
+        """Return a maximal set of independent components that supports hold. Collective."""
         found = _Leaders.none(self._gdim, self._count)
         held = fixed[self._nodes] & self._owned[:, None]
         node, axis = np.nonzero(held)
-        # Supports that hold a motion by less, relative to the body, do not hold it.
+        # Supports that restrain a motion by less, relative to the body, do not hold it.
         least = 1e-6
         place: Floats = np.column_stack([self._x[node], axis.astype(np.float64)])
         number = self._numbers[node] * self._gdim + axis
@@ -185,10 +190,10 @@ class _Body:
         return found
 
     def imply(self, held: "_Leaders", supported: Supported) -> None:
-        """Hold all that these components imply, and move it as they move. Collective.
+        """Hold all components that the held components imply, and set their motion. Collective.
 
         Raises:
-            InputError: If the given motion of the supports is not a rigid motion of the body.
+            InputError: If the supports prescribe a motion that is not a rigid motion of the body.
         """
         if not len(held):
             return
@@ -208,12 +213,12 @@ class _Body:
             moved = self._motions @ np.linalg.lstsq(gram, right, rcond=ROUNDING)[0]
             apart = max(apart, float(np.abs(moved - given)[known].max(initial=0)))
             supported.displacement[part, nodes] = np.where(implied & ~known, moved, given)
-        rounding = 1e-9  # of displacements, relative to the largest
+        rounding = 1e-9  # relative to the largest displacement
         message = None
         if comm.allreduce(apart, MPI.MAX) > rounding * most:
             message = (
-                "supports move nodes of a body with law = 'rigid' in a way that is not a rigid "
-                "motion; give them values of a translation and a rotation, or remove all but one."
+                "supports move nodes of a body with law = 'rigid', but not as a rigid motion; give "
+                "them values of a translation and a rotation, or remove all but one of them."
             )
         raise_together(comm, message)
         holder = supported.holder[nodes]
@@ -226,10 +231,10 @@ class _Body:
         supported.fixed[nodes] = known | implied
 
     def rows(self, held: "_Leaders", fixed: npt.NDArray[np.bool_], number: int) -> Constraints:
-        """Return the rows of components that are neither held nor leaders. Collective.
+        """Return the rows for components that are neither held nor leaders. Collective.
 
         Args:
-            held: The components of supports that lead.
+            held: The leaders that supports hold.
             fixed: Components that supports hold, shape (num_nodes, gdim).
             number: Number of the body.
         """
@@ -249,7 +254,7 @@ class _Body:
             axes = np.eye(gdim)[loose]
             motions = self._kinematics.rigid_modes(at[None])[0]
             parts, strengths, _ = np.linalg.svd(axes @ motions @ leaders.complement())
-            # Directions whose freedom, relative to the largest, is smaller do not become leaders.
+            # Directions with a smaller freedom, relative to the largest, do not become leaders.
             least = 1e-6
             lead = int((strengths > least * strengths[0]).sum())
             directions = parts.T @ axes
@@ -266,7 +271,7 @@ class _Body:
     def _constraints(
         self, leaders: "_Leaders", node: Longs, along: Floats, number: int
     ) -> Constraints:
-        """Return a row for each of these directions at nodes of the body. Collective."""
+        """Return a row for each of the given directions at nodes of the body. Collective."""
         every, host = np.arange(len(node)), self._nodes[node].astype(np.int32)
         shares = np.einsum("ni,nim->nm", along, self._motions[node]) @ leaders.motions_of()
         terms = [(every, self._numbers[node], along)]
@@ -282,12 +287,12 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Leaders:
-    """Displacements d·u of nodes that determine motions of a body.
+    """Displacements d·u of nodes, which determine motions of a body.
 
     Attributes:
         number: Global block dof of each node, shape (n,).
-        along: d, shape (n, gdim).
-        rows: d·u of each motion, shape (n, num_motions).
+        along: Direction d of each leader, shape (n, gdim).
+        rows: d·u in each motion of the body, shape (n, num_motions).
     """
 
     number: Longs
@@ -296,14 +301,14 @@ class _Leaders:
 
     @classmethod
     def none(cls, gdim: int, count: int) -> "_Leaders":
-        """Return an empty set of leaders of a body with this number of motions."""
+        """Return an empty set of leaders for a body with ``count`` motions."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, gdim)), np.zeros((0, count)))
 
     def __len__(self) -> int:
         return len(self.number)
 
     def and_at(self, number: int, along: Floats, motions: Floats) -> "_Leaders":
-        """Return the leaders with more directions at a node.
+        """Return these leaders and further directions ``along`` at a node.
 
         ``motions`` are the motions of the node, shape (gdim, num_motions).
         """
@@ -314,20 +319,23 @@ class _Leaders:
         )
 
     def complement(self) -> Floats:
-        """Return an orthonormal basis of the motions that the leaders leave, as columns."""
+        """Return an orthonormal basis of the motions that the leaders leave free, as columns."""
         if not len(self):
             return np.eye(self.rows.shape[1])
         return np.asarray(np.linalg.svd(self.rows)[2][len(self) :].T)
 
     def motions_of(self) -> Floats:
-        """Return the motion of a unit displacement of each leader, as columns."""
+        """Return the motion for a unit displacement of each leader, as columns."""
         return np.asarray(np.linalg.inv(self.rows), dtype=np.float64)
 
 
 def _find(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, materials: Mapping[str, Material]
 ) -> tuple[int, Ints]:
-    """Return the number of rigid bodies, and that of each local node; −1 elsewhere. Collective."""
+    """Return the number of rigid bodies, and the body of each local node (−1 elsewhere).
+
+    Collective.
+    """
     comm, index_map = V.mesh.comm, V.dofmap.index_map
     names = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     cells = np.concatenate([np.zeros(0, dtype=np.int32), *map(tagged_mesh.cells, names)])

@@ -1,8 +1,8 @@
-"""Assemble rigid surfaces as rows B u = 0: all their nodes follow two, or in space three.
+"""Assemble rigid surfaces as rows B u = 0: all nodes follow two nodes, or three in space.
 
-The leading nodes a, b, c are far apart from each other. Their free unknowns are u_a, the components
-of u_b across a–b and, in space, the component of u_c out of the plane a, b, c: 3 or 6 in all. The
-displacement of each other node of the surface is linear in them:
+The leading nodes a, b, c are far apart. Their free unknowns are u_a, the components of u_b across
+a–b and, in space, the component of u_c out of the plane a, b, c: 3 or 6 in all. The displacement of
+each other node on the surface is linear in these unknowns:
 
     u(x) = u_a + ω × (x − a)   with   ω = W (u_a, u_b, u_c)
 """
@@ -27,12 +27,12 @@ from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, fitt
 
 @dataclass(frozen=True)
 class Leaders:
-    """The nodes of a rigid surface that all others follow.
+    """The nodes of a rigid surface that all other nodes follow.
 
     Attributes:
-        number: Their global block dofs, shape (2,) or (3,).
+        number: Global block dofs of the leaders, shape (2,) or (3,).
         x: Coordinates of the leaders, shape (2, 2) or (3, 3).
-        frame: Unit vectors along a–b, across it and, in space, out of their plane.
+        frame: Unit vectors along a–b, across a–b and, in space, out of the plane of the leaders.
     """
 
     number: Longs
@@ -40,7 +40,7 @@ class Leaders:
     frame: Floats
 
     def follow(self, x: Floats) -> Floats:
-        """Return the coefficients of the points' displacements in those of the leaders.
+        """Return the displacements of points as coefficients of the leaders' displacements.
 
         Args:
             x: Points, shape (n, gdim).
@@ -58,7 +58,7 @@ class Leaders:
         return found
 
     def _turns(self) -> Floats:
-        """Return W, the rotation from the leaders' displacements, shape (1 or 3, leaders, gdim)."""
+        """Return W, which gives the rotation from the leaders, shape (1 or 3, leaders, gdim)."""
         along, across = self.frame[:2]
         length = float(np.linalg.norm(self.x[1] - self.x[0]))
         if len(self.frame) == 2:
@@ -81,8 +81,8 @@ class Leaders:
 
         Args:
             force: The force, shape (gdim,).
-            moment: The moment about the point, shape (1,) or (3,).
-            point: The point, shape (gdim,).
+            moment: The moment about ``point``, shape (1,) or (3,).
+            point: The point where the force acts, shape (gdim,).
         """
         gdim = len(self.frame)
         arms = self.x - point
@@ -94,10 +94,10 @@ class Leaders:
 
 
 def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Leaders:
-    """Return the leaders of a surface; they are the same on any number of ranks. Collective.
+    """Return the leaders of a surface; they do not depend on the number of ranks. Collective.
 
     Raises:
-        InputError: For an unknown name, or a surface whose nodes lie in a point or a line.
+        InputError: For an unknown name, or if the nodes lie in a point or on a line.
     """
     nodes = surface_nodes_of(V, tagged_mesh, surface)
     gdim, comm = V.mesh.geometry.dim, V.mesh.comm
@@ -105,12 +105,12 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     number = V.dofmap.index_map.local_to_global(nodes)
     count, total = comm.allreduce(len(x)), comm.allreduce(x.sum(axis=0))
     if not count:
-        raise InputError(f"the rigid surface '{surface}' has no nodes; name another one.")
+        raise InputError(f"the rigid surface '{surface}' has no nodes; name another surface.")
     middle = total / count
     size = comm.allreduce(float(np.linalg.norm(x - middle, axis=1).max(initial=0)), MPI.MAX)
 
-    # Distances that differ by less, relative to the surface, are equal: coordinates decide, not
-    # ranks.
+    # Distances whose difference, relative to the surface, is smaller count as equal; coordinates
+    # decide then, so that the number of ranks does not.
     alike = 1e-9
 
     def leading(distance: Floats) -> tuple[float, int, Floats]:
@@ -119,7 +119,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     _, a, x_a = leading(np.linalg.norm(x - middle, axis=1))
     length, b, x_b = leading(np.linalg.norm(x - x_a, axis=1))
     chosen, places, height = [a, b], [x_a, x_b], length
-    # Nodes nearer to a point or a line than this, relative to the surface, are not leaders.
+    # Nodes nearer to a point or a line, relative to the surface, are not leaders.
     in_line = 1e-6
     along = (x_b - x_a) / max(length, in_line * size, np.finfo(float).tiny)
     if gdim == 2:
@@ -134,14 +134,14 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     if not (length > in_line * size and height > in_line * size):
         kind = "a point" if gdim == 2 else "a line"
         raise InputError(
-            f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot be "
-            "rotated; name a larger surface."
+            f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot rotate; "
+            "name a larger surface."
         )
     return Leaders(np.array(chosen), np.array(places), np.array(frame))
 
 
 def surface_nodes_of(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Ints:
-    """Return local block dofs of the owned nodes of a surface that can move. Collective."""
+    """Return the local block dofs of the owned nodes of a surface that can move. Collective."""
     fdim = tagged_mesh.mesh.topology.dim - 1
     nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(surface))
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
@@ -160,14 +160,14 @@ def rigid_rows(
 
     Args:
         V: Displacement space.
-        tagged_mesh: Mesh with names.
+        tagged_mesh: Mesh with named bodies and surfaces.
         surfaces: The rigid surfaces.
-        taken: Components of local nodes that supports hold or ties host, shape (num_nodes, gdim).
-            The function adds those of these surfaces.
+        taken: Components of local nodes that supports hold or ties eliminate, shape (num_nodes,
+            gdim). The function adds the components of the rigid surfaces.
 
     Raises:
-        InputError: For an unknown name, a surface without extent, or a surface that is already
-            held.
+        InputError: For an unknown name, a surface in a point or on a line, or a surface that shares
+            nodes with supports, ties or other rigid surfaces.
     """
     gdim = V.mesh.geometry.dim
     parts: list[Constraints] = []
@@ -208,7 +208,7 @@ def rigid_rows(
 
 
 def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> Constraints:
-    """Return the rows of each node's dependent components, in the leaders' frame. Collective."""
+    """Return the rows for each node's dependent components, in the leaders' frame. Collective."""
     gdim = V.mesh.geometry.dim
     numbers = V.dofmap.index_map.local_to_global(nodes)
     which = np.full(len(nodes), -1)
@@ -243,7 +243,7 @@ def _rows_of_slide(
     free: Sequence[int],
     number: int,
 ) -> Constraints:
-    """Return the rows of each node's free components, which follow one leader. Collective."""
+    """Return the rows for each node's free components, which follow one leader. Collective."""
     gdim, leader = V.mesh.geometry.dim, leaders.number[0]
     numbers = V.dofmap.index_map.local_to_global(nodes)
     others = np.flatnonzero(numbers != leader)
@@ -261,7 +261,9 @@ def _rows_of_slide(
 def farthest(
     comm: MPI.Intracomm, distance: Floats, number: Longs, x: Floats, alike: float
 ) -> tuple[float, int, Floats]:
-    """Return the largest distance and its node; among equal distances coordinates decide.
+    """Return the largest distance, its node and the node's coordinates.
+
+    Among equal distances the coordinates decide.
 
     Collective.
     """
@@ -279,11 +281,11 @@ def farthest(
 def rigid_resultants(
     surfaces: Sequence[RigidSurface], loads: Sequence[Load], gdim: int
 ) -> tuple[Floats, Floats]:
-    """Return the force and moment on each of some rigid surfaces for ζ = 1.
+    """Return the force and the moment on each rigid surface at ζ = 1.
 
     Args:
         surfaces: Rigid surfaces.
-        loads: Loads; only the forces on these surfaces count.
+        loads: Loads; the function uses only the forces on these surfaces.
         gdim: 2 or 3.
 
     Returns:
@@ -305,6 +307,6 @@ def rigid_resultants(
 
 
 def moments_of(arms: Floats, forces: Floats) -> Floats:
-    """Return moments of forces, both of shape (n, gdim); the moments have shape (n, 1 or 3)."""
+    """Return the moments of forces, shape (n, 1 or 3); arms and forces have shape (n, gdim)."""
     axes = np.eye(2 * arms.shape[1] - 3)
     return np.stack([np.einsum("ni,ni->n", turned(e, arms), forces) for e in axes], axis=1)

@@ -1,4 +1,4 @@
-"""Create finite element spaces of one degree, and forms that are compiled once."""
+"""Create finite element spaces of a given degree, and forms that are compiled once."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,20 +22,21 @@ from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class Spaces:
-    """V_h, S_h and their common quadrature.
+    """V_h, S_h and their common quadrature rule.
 
-    Strains of linear elements are constant in a cell, so S_h is DG0 there. Strains of quadratic
-    elements are known at the points of a rule of degree 2 (3 in a triangle, 4 in a tetrahedron).
-    This rule integrates ε(u):ε(v) exactly in straight-sided cells. All integrals of the method use
-    these points, so that the dual certificate holds for quadratic elements as for linear ones.
-    Plane strain has four Mandel components, because the out-of-plane stress is one of them.
+    Strains of linear elements are constant in a cell, so S_h is DG0 for them. Strains of quadratic
+    elements are evaluated at the points of a rule of degree 2 (3 points in a triangle, 4 in a
+    tetrahedron). This rule integrates ε(u):ε(v) exactly in straight-sided cells. All integrals of
+    the method use these points, so the dual certificate holds for quadratic elements as for linear
+    elements. Plane strain has four Mandel components, because the out-of-plane stress is one of
+    them.
 
     Attributes:
-        degree: 1 or 2.
+        degree: Degree of the displacements, 1 or 2.
         V: Continuous displacements, one vector per node.
         S: Mandel vectors (strain, stress) at the points.
         Q: Scalars at the points.
-        dx: Measure that integrates over these points; in axisymmetry around the axis.
+        dx: Measure with this quadrature rule; in axisymmetry it includes the full turn.
     """
 
     degree: int
@@ -46,7 +47,7 @@ class Spaces:
 
 
 def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -> Spaces:
-    """Return the spaces of a degree; without kinematics dx is the measure of the mesh. Collective.
+    """Return the spaces; without kinematics ``dx`` is the plain measure of the mesh. Collective.
 
     Raises:
         InputError: If the degree is not 1 or 2.
@@ -70,7 +71,7 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
 
 
 def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Return the space of values of a shape at the points of the rule for a degree. Collective."""
+    """Return the space of values of ``shape`` at the quadrature points for a degree. Collective."""
     cell = mesh.basix_cell()
     if degree == 1:
         element = basix.ufl.element("DG", cell, 0, shape=shape or None)
@@ -81,7 +82,7 @@ def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.Func
 
 
 def _accuracy(degree: int) -> int:
-    """Return the degree of the quadrature rule that integrates products of strains exactly."""
+    """Return the degree of a quadrature rule that integrates products of strains exactly."""
     return 2 * (degree - 1)
 
 
@@ -97,12 +98,12 @@ def coordinates_of_points(space: fem.FunctionSpace) -> Floats:
 
 
 def by_cell(function: fem.Function) -> Floats:
-    """Return values of Q by local cell and point, shape (num_cells, points_per_cell)."""
+    """Return the values of a function in Q by local cell and point, shape (num_cells, points)."""
     return function.x.array[function.function_space.dofmap.list]
 
 
 class Integral:
-    """A scalar form, compiled once, summed over the ranks at each call."""
+    """A scalar form that is compiled once; each call sums its value over the ranks."""
 
     def __init__(self, comm: MPI.Intracomm, form: ufl.Form) -> None:
         self._comm = comm

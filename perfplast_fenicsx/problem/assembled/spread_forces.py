@@ -1,4 +1,4 @@
-"""Spread forces, moments and pressures of pins on surfaces as tractions with these resultants."""
+"""Convert forces, moments and bearing forces on surfaces to tractions with the same resultants."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,19 +17,19 @@ from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, fitt
 def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     """Return the pressure p = max(0, −a·n) whose resultant on the mesh is the force. Collective.
 
-    The vector a minimises the convex function Φ(a) − F·a with Φ(a) = ½∫max(0, −a·n)². The gradient
-    of Φ is the resultant.
+    The vector a minimises the convex function Φ(a) − F·a, where Φ(a) = ½∫max(0, −a·n)². The
+    gradient of Φ is the resultant.
 
     Raises:
-        InputError: If no such pressure has this force: a pin can neither pull nor push along its
-            axis.
+        InputError: If no such pressure has this resultant: a pin can neither pull nor press along
+            its axis.
     """
     mesh = tagged_mesh.mesh
     gdim = mesh.geometry.dim
     if tagged_mesh.kinematics.whole and gdim == 2:
         raise InputError(
             f"the bearing force on '{load.on}' is on a body of revolution, where a pin would press"
-            " all around; give a pressure."
+            " all around the axis; give a pressure."
         )
     force = fitting(f"value of the bearing force on '{load.on}'", load.value, gdim)
     force = np.asarray(force / tagged_mesh.kinematics.thickness, dtype=np.float64)
@@ -39,11 +39,11 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     size = float(np.linalg.norm(force))
     a: Floats = np.asarray(force / resultant.area(), dtype=np.float64)
     found, slope = resultant.of(a)
-    # Limit of Newton iterations. Each at least halves the error until the set of loaded facets is
-    # constant.
+    # Limit of Newton iterations. Each iteration at least halves the error until the set of loaded
+    # facets is constant.
     most_steps = 50
     left_over = 1e-11  # allowed residual force, relative to the force
-    # The pressure cannot act along directions with less than this share of the largest stiffness.
+    # Directions in which the relative stiffness is smaller cannot take pressure.
     unsupported = 1e-9
     for _ in range(most_steps):
         left = force - found
@@ -60,7 +60,7 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
             break
         a, found, slope = a + share * step, trial, steep
     raise InputError(
-        f"no pressure on '{load.on}' has the force {force.tolist()}: a pin presses across "
+        f"no pressure on '{load.on}' has the force {force.tolist()}: a pin presses only normal to "
         "its axis, on facets that face the force; correct the force, or give it as force "
         "= [...], which may also pull."
     )
@@ -109,7 +109,8 @@ def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
 
     Collective.
 
-    So the total force is exact, though the facets have a little less area than a round surface.
+    The total force is therefore exact, although plane facets have a slightly smaller area than a
+    round surface.
 
     Raises:
         InputError: If a total force is a formula, or if its surface is unknown.
@@ -120,7 +121,7 @@ def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
             if any(isinstance(number, str) for number in load.value):
                 raise InputError(
                     f"the traction on '{load.on}' is a formula, but total = true needs "
-                    "numbers; remove one of them."
+                    "numbers; give numbers, or remove total."
                 )
             area = area_of(tagged_mesh, load.on)
             density = [float(number) / area for number in load.value]
@@ -130,7 +131,7 @@ def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
 
 
 def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
-    """Return the area of a surface: in the plane its length, in axisymmetry of a full turn.
+    """Return the area of a surface: its length in plane meshes, a full turn in axisymmetry.
 
     Collective.
 
@@ -149,9 +150,9 @@ def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
 def on_this_mesh(
     tagged_mesh: TaggedMesh, loads: Sequence[Load], rigid: Sequence[RigidSurface]
 ) -> list[Load]:
-    """Return the loads, with whole forces replaced by tractions. Collective.
+    """Return the loads, with total forces replaced by tractions on the mesh. Collective.
 
-    Forces on rigid surfaces are not changed.
+    Forces on rigid surfaces do not change.
 
     Raises:
         InputError: If a surface is unknown, or if the force cannot act on it.
@@ -168,11 +169,11 @@ def on_this_mesh(
 
 
 def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
-    """Return the traction t = F/A + ω × (x − c) with this force and moment. Collective.
+    """Return the traction t = F/A + ω × (x − c) that has the given force and moment. Collective.
 
-    The point c is the centroid of the surface. The vector ω is J⁻¹M with the moment M about c and J
-    = ∫|r|² − r rᵀ. So the traction is linear on each straight facet, and a stress that is linear in
-    the cells can balance it.
+    The point c is the centroid of the surface, and ω = J⁻¹M, where M is the moment about c and J =
+    ∫|r|² − r rᵀ. The traction is linear on each straight facet, so a stress that is linear in the
+    cells can balance it.
     """
     if tagged_mesh.kinematics.whole and tagged_mesh.mesh.geometry.dim == 2:
         raise InputError(
@@ -202,14 +203,14 @@ def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
 
 
 def _cross(arm: Floats, force: Floats) -> Floats:
-    """Return the cross product of arm and force, one number in the plane."""
+    """Return the cross product of arm and force; in plane meshes it has one component."""
     if len(arm) == 2:
         return np.array([arm[0] * force[1] - arm[1] * force[0]])
     return np.asarray(np.cross(arm, force), dtype=np.float64)
 
 
 def _formula(constant: float, slopes: Floats, centroid: Floats) -> str:
-    """Return one component of the traction as a formula, linear in the coordinates."""
+    """Return one component of the traction as a formula that is linear in the coordinates."""
     terms = [
         f" + {float(slope)!r}*({axis} - {float(c)!r})"
         for slope, axis, c in zip(slopes, AXES, centroid, strict=False)
@@ -219,7 +220,7 @@ def _formula(constant: float, slopes: Floats, centroid: Floats) -> str:
 
 
 def _integrals(tagged_mesh: TaggedMesh, surface: str) -> tuple[float, Floats, Floats]:
-    """Return the area, the centroid, and the second moments of area about it, shape (d, d).
+    """Return the area, the centroid, and the second moments about the centroid, shape (d, d).
 
     Collective.
 

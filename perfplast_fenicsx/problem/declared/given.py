@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Given:
-    """The arguments of :class:`problem.Problem` without the mesh; see there for their meaning."""
+    """The arguments of :class:`problem.Problem` except the mesh, as documented there."""
 
     materials: Mapping[str, Material]
     supports: Sequence[Support]
@@ -39,7 +39,7 @@ class Given:
             tagged_mesh: The mesh.
 
         Raises:
-            InputError: Naming the declaration.
+            InputError: With the name of the declaration.
         """
         for contact in self.contacts:
             if isinstance(contact, Tie):
@@ -73,17 +73,17 @@ class Given:
                 same = replace(one, on="", name="") == replace(other, on="", name="")
                 if same and {*tagged_mesh.tags_of([one.on])} & {*tagged_mesh.tags_of([other.on])}:
                     raise InputError(
-                        f"the obstacle on '{one.on}' shares facets with the obstacle on "
-                        f"'{other.on}'; remove one of them."
+                        f"the obstacle on '{one.on}' is the same as the obstacle on '{other.on}', "
+                        "and their surfaces share facets; remove one of them."
                     )
 
     def _check_pairs(self, tagged_mesh: "TaggedMesh") -> None:
-        """Refuse facets that two contacts or ties share, or that touch themselves.
+        """Refuse facets that two contacts or ties share, or surfaces in contact with themselves.
 
-        A surface may touch several others, with one contact for each.
+        A surface may touch several other surfaces, with one contact for each.
 
         Raises:
-            InputError: Naming both contacts.
+            InputError: With the names of both contacts.
         """
         before: list[tuple[str, tuple[str, str], list[set[int]]]] = []
         given = [("contact", [(one.primary, one.secondary) for one in self.contacts])]
@@ -91,13 +91,13 @@ class Given:
         for kind, pairs in given:
             for number, names in enumerate(pairs, start=1):
                 if not all(name in tagged_mesh.surfaces for name in names):
-                    continue  # an unknown name is refused where it is used, with its context
+                    continue  # the code that uses the name refuses an unknown one
                 place = f"{kind} {number} ('{names[0]}', '{names[1]}')"
                 tags = [set(tagged_mesh.tags_of([name])) for name in names]
                 if names[0] != names[1] and tags[0] & tags[1]:
                     raise InputError(
-                        f"{place}: the two surfaces share facets, which cannot touch "
-                        "themselves; name surfaces without common facets."
+                        f"{place}: the two surfaces share facets, and a facet cannot touch "
+                        "itself; name surfaces without common facets."
                     )
                 for other, others, theirs in before:
                     both = (tags[0] & theirs[0] and tags[1] & theirs[1]) or (
@@ -116,6 +116,6 @@ class Given:
 
     @property
     def holding(self) -> list[Support | RigidSurface]:
-        """Return the supports, and rigid surfaces whose motion is at least partly prescribed."""
+        """Return the supports, and rigid surfaces with an at least partly prescribed motion."""
         known = (surface for surface in self.rigid if surface.held or not surface.free)
         return [*self.supports, *known]

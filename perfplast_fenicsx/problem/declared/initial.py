@@ -1,4 +1,4 @@
-"""Declare initial strains: temperatures, initial stress, and bolts that are tightened."""
+"""Declare initial strains: from temperatures, initial stress, and bolts that are tightened."""
 
 import math
 from collections.abc import Sequence
@@ -10,24 +10,24 @@ from perfplast_fenicsx.problem.declared.loads import Formula
 
 @dataclass(frozen=True)
 class Bolt:
-    """A bolt that is tightened to a preload before loads act, and then keeps its length.
+    """A bolt that is tightened to a preload before loads act; its shank then stays as short.
 
-    The preload changes forces and stiffness below the limit load, but not the limit load itself.
+    The preload changes forces and stiffness below the limit load, but not the limit load.
 
     Args:
-        on: Physical volume: the bolt, or its shank.
-        preload: Force in the shank when the bolt is tightened, without any load (force; in plane
-            strain per unit of depth, in axisymmetry of the full turn). The force refers to the part
-            in the mesh: if a plane of symmetry halves the bolt, give half its force.
-        axis: Direction of the shank, of any length and either sign; in axisymmetry the axis of
-            revolution.
-        shank: Coordinates along the axis (length) between which the shank is shortened and its
-            force is reported. Neither head, nut nor thread may lie between them. The default is the
-            middle third of the volume.
+        on: Physical name of the volume: the bolt, or only its shank.
+        preload: Force in the shank when the bolt is tightened without any load (force; per unit of
+            depth in plane strain, for the full turn in axisymmetry). The force refers to the part
+            in the mesh: if a plane of symmetry halves the bolt, give half the force.
+        axis: Direction of the shank, of any length and either sign; in axisymmetry the direction of
+            the axis of revolution.
+        shank: Two coordinates along the axis (length). Between them the shank is shortened, and its
+            force is reported. The head, the nut and the thread must not lie between them. By
+            default the middle third of the volume.
         name: Name in results; by default ``on``.
 
     Raises:
-        InputError: If the preload is not positive, or axis or shank are not valid.
+        InputError: If the preload is not positive, or if axis or shank are not valid.
     """
 
     on: str
@@ -46,8 +46,8 @@ class Bolt:
         check_magnitude(f"the preload of '{self.called}'", self.preload)
         if not all(map(math.isfinite, self.axis)) or not any(self.axis):
             raise InputError(
-                f"{where} has axis = {list(self.axis)}, which is not a direction; give one such as"
-                " [0, 0, 1]."
+                f"{where} has axis = {list(self.axis)}, which is not a direction; give a direction "
+                "such as [0, 0, 1]."
             )
         if self.shank is None:
             return
@@ -55,7 +55,7 @@ class Bolt:
         if not rises or not all(map(math.isfinite, self.shank)):
             raise InputError(
                 f"{where} has shank = {list(self.shank)}, which is not a range along the "
-                "axis; give the positions of its begin and end, the smaller number first."
+                "axis; give the positions of its beginning and its end, the smaller one first."
             )
 
     @property
@@ -66,11 +66,11 @@ class Bolt:
 
 @dataclass(frozen=True)
 class Temperature:
-    """Change of temperature in a volume, constant at any load factor unless stages name it.
+    """Change of temperature in a volume; constant at any load factor unless stages name it.
 
     Args:
-        on: Physical volume; its material has an ``expansion``.
-        change: The change (temperature), a number or a formula in x, y, z.
+        on: Physical name of the volume, whose material must have an ``expansion``.
+        change: The change (temperature): a number, or a formula in x, y, z.
         name: Name in stages; by default ``on``.
     """
 
@@ -81,12 +81,12 @@ class Temperature:
 
 @dataclass(frozen=True)
 class InitialStress:
-    """Stress in a volume before any deformation, constant at any load factor.
+    """Stress in a volume before any deformation, the same at any load factor.
 
     Args:
-        on: Physical volume.
-        stress: Its components xx, yy, zz, yz, xz, xy, in the plane xx, yy, zz, xy (stress; tension
-            is positive), numbers or formulas in x, y, z.
+        on: Physical name of the volume.
+        stress: Components xx, yy, zz, yz, xz, xy, or xx, yy, zz, xy in plane meshes (stress;
+            tension is positive): numbers, or formulas in x, y, z.
     """
 
     on: str

@@ -1,12 +1,12 @@
-"""Define the loads, named by physical surface or volume, one class for each kind.
+"""Define the loads on named surfaces and volumes, one class for each kind of load.
 
-A load has the class attributes of :class:`Load`. A load that is spread over its surface or volume
-also has the integrand of its work L(v) (:class:`SpreadLoad`). Case files, units, words and reports
-read these attributes. A new load therefore needs only its class and an entry of :data:`LOADS`.
+A load has the class attributes of :class:`Load`. A load with a density on its surface or in its
+volume also defines the integrand of its work L(v) (:class:`SpreadLoad`). Case files, units and
+reports use these attributes, so a new load needs only its class and an entry in :data:`LOADS`.
 
-The fields of a load may be formulas in the coordinates, such as ``"10*maximum(8 - y, 0)"``
+The values of a load may be formulas in the coordinates, such as ``"10*maximum(8 - y, 0)"``
 (:mod:`perfplast_fenicsx.formulas`). The program interpolates a formula at the nodes of quadratic
-cells, so that degree 2 is exact.
+cells, so a formula of degree 2 is exact.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,15 +35,15 @@ class Load:
     """The interface of a load.
 
     Attributes:
-        words: Name in reports.
-        quantities: Units of its fields, by the keys of :meth:`units.Units.table`: of ``value``,
-            which case files name after the load's kind, and of other fields that are loads on their
-            own.
+        words: Name of the kind in reports.
+        quantities: Keys of :meth:`units.Units.table` for the units of the fields. ``value``, which
+            case files name after the kind of load, has a unit. So has any other field that is
+            itself a load.
         in_volume: Whether ``on`` is a volume rather than a surface.
-        on: Physical surface or volume.
-        value: A number or formula, or one for each direction.
+        on: Physical name of the surface or volume.
+        value: A number or formula, or one of them for each direction.
         name: Name in messages and stages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str]
@@ -57,7 +57,7 @@ class Load:
 
 
 class SpreadLoad(Load):
-    """A load with a density in its volume or on its surface.
+    """A load with a density on its surface or in its volume.
 
     Attributes:
         scalar: Whether ``value`` is one number or formula instead of one for each direction.
@@ -66,7 +66,7 @@ class SpreadLoad(Load):
     scalar: ClassVar[bool] = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return the work per volume or area, the integrand of L(v).
+        """Return the work per area or volume, which is the integrand of L(v).
 
         Args:
             value: Value of the load in UFL, a scalar or a vector.
@@ -81,12 +81,12 @@ class Traction(SpreadLoad):
     """Force per area on a surface.
 
     Args:
-        on: Physical surface.
+        on: Physical name of the surface.
         value: The force per area (stress), a number or formula for each direction.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-        total: Whether the value is the total force on the surface, spread evenly over its area in
-            the mesh.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        total: Whether the value is the total force on the surface, which the program distributes
+            evenly over the area in the mesh.
     """
 
     words: ClassVar[str] = "traction"
@@ -110,10 +110,10 @@ class Pressure(SpreadLoad):
     """Pressure on a surface.
 
     Args:
-        on: Physical surface.
-        value: The pressure (stress), a number or formula; a positive one pushes on the body.
+        on: Physical name of the surface.
+        value: The pressure (stress), a number or formula; a positive pressure pushes on the body.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str] = "pressure"
@@ -137,10 +137,10 @@ class BodyForce(SpreadLoad):
     """Force per volume.
 
     Args:
-        on: Physical volume.
+        on: Physical name of the volume.
         value: The force per volume, a number or formula for each direction.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str] = "force per volume"
@@ -161,14 +161,14 @@ class BodyForce(SpreadLoad):
 
 @dataclass(frozen=True)
 class ForceBelow(BodyForce):
-    """Force per volume in the cells of a volume that are below a line, such as a water table.
+    """Force per volume in the cells of a volume below a line, such as a water table.
 
     Args:
-        on: Physical volume.
+        on: Physical name of the volume.
         value: The force per volume, a number for each direction.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-        depth: A formula that is positive below the line, such as "8 + 0.2*x - y".
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        depth: Formula that is positive below the line, such as "8 + 0.2*x - y".
     """
 
     words: ClassVar[str] = "force per volume below a line"
@@ -187,8 +187,8 @@ class ForceBelow(BodyForce):
         found = enclosed(self.depth, corners, f"the load on '{self.on}'")
         if found is None:
             raise InputError(
-                f"the depth of the load on '{self.on}' is {self.depth!r}; give a formula "
-                "of sums, products, abs, minimum and maximum."
+                f"the depth of the load on '{self.on}' is {self.depth!r}; give a formula of "
+                "sums, products, abs, minimum and maximum."
             )
         low, high = found
         noticed = 1e-9 * np.abs(corners).max(initial=0.0)
@@ -196,9 +196,9 @@ class ForceBelow(BodyForce):
         if divided.any():
             at = place_of(corners[np.argmax(divided)].mean(axis=0))
             raise InputError(
-                f"the line below which '{self.on}' has another weight divides cells, one "
-                f"at {at}; give a mesh with edges along the line, or draw the ground in "
-                "the case with [[region]]."
+                f"the line below which '{self.on}' has another weight divides cells, one of them "
+                f"at {at}; give a mesh with edges along the line, or draw the ground in the "
+                "case with [[region]]."
             )
         below: npt.NDArray[np.bool_] = high.max(axis=1) > noticed
         return below
@@ -208,13 +208,13 @@ class ForceBelow(BodyForce):
 class PorePressure(SpreadLoad):
     """Pressure p of water in the pores of a volume, whose law uses effective stresses.
 
-    The total stress is σ − p δ (tension is positive), so that p does the work ∫ p div v.
+    The total stress is σ − p δ (tension is positive), so p does the work ∫ p div v.
 
     Args:
-        on: Physical volume.
+        on: Physical name of the volume.
         value: The pressure (stress), a number or formula.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str] = "water pressure in the pores"
@@ -240,9 +240,9 @@ class PorePressure(SpreadLoad):
         return value * divergence(tagged_mesh.kinematics, v)
 
     def at_corners(self, corners: Floats) -> Floats | None:
-        """Return a cellwise linear function by its values at the vertices, shape (n, d + 1).
+        """Return the values of a cellwise linear pressure at the vertices, shape (n, d + 1).
 
-        None for a number or formula, which need not be linear in a cell. Not collective.
+        Return None for a number or formula, which need not be linear in a cell. Not collective.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -251,10 +251,10 @@ class PorePressure(SpreadLoad):
 
 
 class CellField(Protocol):
-    """A function that is linear in each cell of a mesh and of the meshes that divide its cells."""
+    """A function that is linear in each cell of a mesh, and of meshes that divide these cells."""
 
     def at_corners(self, corners: Floats) -> Floats:
-        """Return the function at the vertices of cells, shape (n, d + 1).
+        """Return the values of the function at the vertices of cells, shape (n, d + 1).
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -263,54 +263,58 @@ class CellField(Protocol):
 
 @dataclass(frozen=True)
 class FieldPores(PorePressure):
-    """Pore pressure that is a field on a mesh, such as that of seepage.
+    """Pore pressure as a field on a mesh, such as that of seepage.
 
     Args:
-        on: Physical volume.
-        value: The origin of the field, in words.
+        on: Physical name of the volume.
+        value: Origin of the field, in words.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
-        field: The field (stress); None before there is a mesh.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        field: The field (stress); None before the mesh exists.
     """
 
     field: CellField | None = None
 
     def at_corners(self, corners: Floats) -> Floats | None:
-        """Return the field at the vertices of cells, shape (n, d + 1). Not collective.
+        """Return the values of the field at the vertices of cells, shape (n, d + 1).
+
+        Not collective.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
 
         Raises:
-            InputError: If there is no field yet.
+            InputError: If the field does not exist yet.
         """
         if self.field is None:
             raise InputError(
-                f"the pore pressure in '{self.on}' comes from {self.value}, which needs a "
-                "mesh; build the problem from the case."
+                f"the pore pressure in '{self.on}' comes from {self.value}, which needs a mesh; "
+                "build the problem from the case."
             )
         return self.field.at_corners(corners)
 
 
 @dataclass(frozen=True)
 class EnclosedPores(PorePressure):
-    """A pore pressure replaced by a cellwise linear function that bounds its formula on one side.
+    """A pore pressure as a cellwise linear function that bounds its formula from one side.
 
     Args:
-        on: Physical volume.
+        on: Physical name of the volume.
         value: The formula.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
         side: "above" if the function is nowhere below the formula, "below" if it is nowhere above
-            it.
+            the formula.
     """
 
     side: str = "above"
 
     def at_corners(self, corners: Floats) -> Floats | None:
-        """Return the bounding function at the vertices of cells, shape (n, d + 1). Not collective.
+        """Return the values of the bounding function at the vertices, shape (n, d + 1).
 
-        None for cells without such a function.
+        Not collective.
+
+        Return None for cells without such a function.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -321,21 +325,21 @@ class EnclosedPores(PorePressure):
 
 @dataclass(frozen=True)
 class Force(Load):
-    """Force and moment on a surface: spread over it, or acting on a free rigid surface.
+    """Force and moment on a surface: distributed over it, or acting on a free rigid surface.
 
-    On a surface that is not rigid, the force is the traction that is linear in the coordinates and
-    has this resultant on the mesh (:mod:`perfplast_fenicsx.problem.assembled.spread_forces`).
+    On a surface that is not rigid, the force becomes the traction that is linear in the coordinates
+    and has this resultant on the mesh (:mod:`perfplast_fenicsx.problem.assembled.spread_forces`).
 
     Args:
-        on: The surface.
-        value: The whole force on a surface (force; in the plane per unit of depth), one number for
-            each direction. It is spread linearly, or acts on a rigid surface that is free to move.
-        moment: Moment in addition to or instead of a force (moment; in the plane per unit of
-            depth): a number in the plane, one for each axis in space.
-        point: The point where the force acts and about which the moment is taken (length). The
-            default is the origin for rigid surfaces and the centroid for others.
+        on: Physical name of the surface.
+        value: The total force (force; in plane meshes per unit of depth), one number for each
+            direction. It is distributed linearly, or acts on a rigid surface that is free to move.
+        moment: Moment in addition to the force or without a force (moment; in plane meshes per unit
+            of depth): a number in plane meshes, one for each axis in space.
+        point: Point where the force acts and about which the moment is taken (length). By default
+            the origin for rigid surfaces, and the centroid for other surfaces.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str] = "force"
@@ -351,15 +355,18 @@ class Force(Load):
 
 @dataclass(frozen=True)
 class Bearing(Load):
-    """The force of a pin in a bore: a pressure that follows the cosine and only pushes.
+    """The force of a pin in a bore: a pressure with a cosine distribution that only pushes.
 
     Args:
-        on: Physical surface, such as a whole bore or half of one.
-        value: The whole force of a pin or shaft on its bore (force; in the plane per unit of
-            depth), one number for each direction. The pressure follows the cosine and acts where
-            the surface faces the force. It is scaled so that its resultant on the mesh is exact.
+        on: Physical name of the surface.
+        value: The total force (force; in plane meshes per unit of depth), one number for each
+            direction. It is distributed linearly, or acts on a rigid surface that is free to move.
+        moment: Moment in addition to the force or without a force (moment; in plane meshes per unit
+            of depth): a number in plane meshes, one for each axis in space.
+        point: Point where the force acts and about which the moment is taken (length). By default
+            the origin for rigid surfaces, and the centroid for other surfaces.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str] = "bearing force"
@@ -376,10 +383,10 @@ class CosinePressure(SpreadLoad):
     """A :class:`Bearing` on a mesh: the pressure p = max(0, −a·n).
 
     Args:
-        on: Physical surface.
-        value: The largest pressure in its direction: a (stress).
+        on: Physical name of the surface.
+        value: The vector a (stress): the largest pressure times its direction.
         name: Name in messages.
-        constant: Whether it acts in full at any load factor; otherwise ζ multiplies it.
+        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
 
     words: ClassVar[str] = "bearing pressure"
@@ -405,7 +412,7 @@ BOUNDED = (
     "of these, or compute only the limit load of the mesh (control = 'work', until = "
     "'limit')."
 )
-"""The end of the message that refuses a load for strict bounds."""
+"""The end of the message for a load that strict bounds do not accept."""
 
 LOADS: dict[str, type[Any]] = {
     "traction": Traction,
@@ -415,17 +422,17 @@ LOADS: dict[str, type[Any]] = {
     "force": Force,
     "bearing_force": Bearing,
 }
-"""Kinds of loads by their name in case files."""
+"""Kinds of loads by their names in case files."""
 
 OTHERS: dict[str, type[Any]] = {"body_force_below": ForceBelow}
-"""Kinds of loads that only the program creates, by their name in results."""
+"""Kinds of loads that only the program creates, by their names in results."""
 
 ON_SURFACES = (Traction, Pressure, CosinePressure)
-"""Loads whose tractions strict bounds and proofs accept where they are linear on facets."""
+"""Loads whose tractions strict bounds and proofs accept if they are linear on facets."""
 
 
 def load_kinds() -> dict[str, type[Any]]:
-    """Return all kinds of loads by their name in results, including those of packages."""
+    """Return all kinds of loads by their names in results, including kinds from packages."""
     return {**LOADS, **OTHERS}
 
 
@@ -437,12 +444,12 @@ def kind_of(load: Load) -> str:
 
 
 def is_known(load: Load) -> bool:
-    """Return whether the program defines the kind of a load."""
+    """Return whether the program defines the kind of this load."""
     return type(load) in (*load_kinds().values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
 def is_uniform(load: Load) -> bool:
-    """Return whether the fields of a load are numbers."""
+    """Return whether the values of a load are numbers."""
     return np.asarray(load.value).dtype.kind in "fiu"
 
 
@@ -457,7 +464,7 @@ def check_bounded(load: Load) -> None:
     """Refuse a load that strict bounds and proofs do not accept.
 
     Raises:
-        InputError: If it is of another kind, or if it is a body force that is a formula.
+        InputError: If the load is of another kind, or if it is a body force that is a formula.
     """
     if not is_bounded(load):
         kind = kind_of(load).replace("_", " ")
@@ -470,8 +477,8 @@ def scaled(load: Load, factor: float) -> Load:
 
     Args:
         load: A load; its numbers and formulas are multiplied.
-        factor: Factor of any sign. A negative factor changes where the pressure of a pin in its
-            bore acts.
+        factor: Factor of any sign. A negative factor changes where a bearing pressure acts in the
+            bore.
     """
     given: Any = load
     names = [field.name for field in fields(given) if field.name in load.quantities]

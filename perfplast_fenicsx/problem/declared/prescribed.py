@@ -5,7 +5,7 @@ from typing import Protocol
 
 
 class Loaded(Protocol):
-    """An object with a load factor and a work: a state, the report of a level, an iteration."""
+    """An object with a load factor and a work: a state, a level report, an iteration."""
 
     @property
     def zeta(self) -> float:
@@ -19,10 +19,11 @@ class Loaded(Protocol):
 
 
 class Prescribed(Enum):
-    """The quantity that an algorithm prescribes; the algorithm computes the other one.
+    """The quantity that an algorithm prescribes; the algorithm computes the other quantity.
 
-    Results use the values as names: an attribute of :class:`state.State` and
-    :class:`report.LevelReport`, a column of ``path.csv``, ``prescribed`` in ``summary.json``.
+    Results use the values of this enumeration as names: for an attribute of :class:`state.State`
+    and :class:`report.LevelReport`, for a column of ``path.csv``, and for ``prescribed`` in
+    ``summary.json``.
     """
 
     LOAD_FACTOR = "zeta"

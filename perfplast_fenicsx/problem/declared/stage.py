@@ -1,4 +1,4 @@
-"""Declare the stages of a loading history and check the names in them."""
+"""Declare the stages of a loading history, and check the names in them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -12,23 +12,23 @@ from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 
 Mover = Support | RigidSurface | Obstacle | Contact
-"""Objects with a given motion, such as a contact whose overlap grows."""
+"""Objects with a prescribed motion; a contact is one of them if its overlap grows."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a loading history in which factors change linearly with time.
+    """A part of a loading history, in which factors change linearly with time.
 
     Args:
-        factors: Factors of loads, changes of temperature and given motions at the end of the stage,
-            by their names, or by ``on`` for those without a name. All factors start at zero. A
-            factor that a stage does not name keeps its value. Constant loads and motions, and
-            temperatures that no stage names, act in full all the time. The factor of a bolt times
-            its preload is the force to which the stage tightens or loosens it, together with the
-            other loads. The factor starts at 1; in stages that do not name it the bolt keeps its
-            length.
-        steps: Levels of the stage, 1 to 1 000 000. Where directions of stress rotate, more levels
-            make the result more accurate.
+        factors: Factors of loads, changes of temperature and prescribed motions at the end of the
+            stage, by their names, or by ``on`` for objects without a name. All factors start at
+            zero. A factor that a stage does not name keeps its value. Constant loads and motions,
+            and temperatures that no stage names, act in full all the time. The factor of a bolt
+            times its preload is the force to which the stage tightens or loosens it, while the
+            other loads act. The factor of a bolt starts at 1; in stages that do not name the bolt,
+            its shortening does not change.
+        steps: Number of levels in the stage, 1 to 1 000 000. If stress directions rotate, more
+            levels make the result more accurate.
         name: Name of the stage in results.
 
     Raises:
@@ -41,8 +41,8 @@ class Stage:
 
     def __post_init__(self) -> None:
         whole = isinstance(self.steps, int) and not isinstance(self.steps, bool)
-        # Largest number of levels in a stage. With more levels, successive times could not be
-        # distinguished.
+        # Largest number of levels in a stage. With more levels, successive times would be too close
+        # to distinguish.
         most_steps = 1_000_000
         if not (whole and 1 <= self.steps <= most_steps):
             raise InputError(
@@ -62,7 +62,7 @@ def called(given: Load | Temperature | Mover) -> str:
 
 
 def follows(mover: Mover) -> bool:
-    """Return whether ζ or a factor of stages multiplies its motion."""
+    """Return whether ζ or a factor of stages multiplies the motion of an object."""
     if isinstance(mover, Support | RigidSurface):
         return mover.moves and not mover.constant
     if isinstance(mover, Contact):
@@ -76,7 +76,7 @@ def check_stages(
     initial: Iterable[Initial],
     movers: Sequence[Mover],
 ) -> None:
-    """Check that factors and the objects that they multiply match.
+    """Check that the names in stages match the objects that factors multiply.
 
     Args:
         stages: The stages in order.
@@ -85,9 +85,9 @@ def check_stages(
         movers: Supports, rigid surfaces, obstacles and contacts.
 
     Raises:
-        InputError: If a stage names something other than loads and motions that are not constant,
-            temperatures and bolts; if no stage names such a load or motion; if two kinds of objects
-            share a name; or if a bolt would push.
+        InputError: If a stage names something other than temperatures, bolts, and loads and motions
+            that are not constant. Also if no stage names such a load or motion, if two kinds of
+            objects share a name, or if a bolt would push.
     """
     initial = list(initial)
     loaded = {called(load) for load in loads if not load.constant}
@@ -107,8 +107,8 @@ def check_stages(
             )
         if name not in names:
             raise InputError(
-                f"stage {number} has a factor for '{name}', but there is no load, no change of"
-                f" temperature, no bolt and no motion of this name; {nearest(name, names)}"
+                f"stage {number} has a factor for '{name}', but no load, change of temperature, "
+                f"bolt or motion has this name; {nearest(name, names)}"
             )
         if name in bolts and name in loaded | warmed | moved | constant:
             raise InputError(
@@ -118,8 +118,8 @@ def check_stages(
         if name in bolts and not stages[number - 1].factors[name] > 0:
             raise InputError(
                 f"stage {number} has the factor {stages[number - 1].factors[name]:g} for "
-                f"the bolt '{name}', but its force is the factor times its preload and "
-                "must pull; give a number above 0."
+                f"the bolt '{name}', but its force, the factor times the preload, must be "
+                "tensile; give a number above 0."
             )
         if name in moved & (loaded | warmed):
             raise InputError(
@@ -130,6 +130,6 @@ def check_stages(
     for name in sorted(missing):
         what, verb = ("load", "act") if name in loaded else ("motion of", "take place")
         raise InputError(
-            f"the {what} '{name}' is in no stage, so it would never {verb}; give it a factor, "
-            "which may be 0 if only its work or force is needed, or set constant = true."
+            f"the {what} '{name}' is in no stage, so it would never {verb}; give it a factor "
+            "(0 if you need only its work or force), or set constant = true."
         )

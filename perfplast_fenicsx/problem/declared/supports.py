@@ -1,4 +1,4 @@
-"""Declare supports, and surfaces that move as rigid bodies, by the names of surfaces."""
+"""Declare supports, and surfaces that move as rigid bodies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,16 +17,17 @@ class Support:
     """Prescribed displacement of some components on a surface.
 
     Args:
-        on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all components of the mesh. Or
-            ``"normal"`` for the component normal to a flat surface of any direction, which may then
-            slide tangentially, as a plane of symmetry does. With a value the surface may be curved.
-        value: Prescribed displacement (length), such as a settlement; with "normal" the
-            displacement out of the body along the normal. A number, or a formula in x, y, z. The
-            default is no displacement.
-        constant: Whether it is the same at any load factor; otherwise ζ multiplies it, or a factor
-            of stages.
-        name: Name in results and stages; by default the name of its surface.
+        on: Physical name of the surface.
+        components: Any of the letters x, y, z; by default all components of the mesh. Or
+            ``"normal"`` for the component normal to a flat surface of any orientation, which can
+            then slide tangentially, like a plane of symmetry. With a value, the surface may be
+            curved.
+        value: Prescribed displacement (length), such as a settlement: a number, or a formula in x,
+            y, z; by default 0. With "normal" it is the displacement out of the body along the
+            normal.
+        constant: Whether the displacement is the same at any load factor; if not, ζ or a factor of
+            stages multiplies it.
+        name: Name in results and stages; by default the name of the surface.
     """
 
     on: str
@@ -62,7 +63,7 @@ class Support:
         return self.value != 0
 
     def motion(self, x: Floats) -> Floats:
-        """Return the displacement of points (length) for ζ = 1; both of shape (n, gdim).
+        """Return the displacement of points (length) at ζ = 1; both have shape (n, gdim).
 
         For a support along a normal, each component is the displacement along the normal.
 
@@ -80,28 +81,27 @@ class Support:
 
 
 Turn = float | Sequence[float]
-"""A rotation or moment: a number in the plane, one for each axis in space."""
+"""A rotation or moment: a number in plane meshes, one for each axis in space."""
 
 
 @dataclass(frozen=True)
 class RigidSurface:
-    """A surface glued to a rigid plate: it moves with the plate, by small rotations.
+    """A surface that moves like a rigid plate glued to it, by small rotations.
 
-    Without a displacement and a rotation the surface is free to move. A ``Force`` loads it, and
-    tractions load it as they load other surfaces. With one of them its motion is prescribed, as at
-    a support.
+    Without a displacement and a rotation, the surface is free to move. A ``Force`` loads it, and so
+    do tractions. With a displacement or a rotation, its motion is prescribed, as at a support.
 
     Args:
-        on: Physical surface.
+        on: Physical name of the surface.
         point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
-        displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
-        rotation: A number in the plane, one for each axis in space (rad); 0 if only a displacement
-            is given.
-        components: Letters of x, y, z that the prescribed motion holds; all by default. With only
-            some of them, a bar that is twisted at its end may warp there.
-        constant: Whether the motion is the same at any load factor; otherwise ζ multiplies it, or a
-            factor of stages.
-        name: Name in results and stages; by default the name of its surface.
+        displacement: Displacement of ``point`` (length; 2 or 3 numbers); by default 0.
+        rotation: A number in plane meshes, one for each axis in space (rad); 0 if only a
+            displacement is given.
+        components: Letters of x, y, z that the prescribed motion holds; by default all. If it holds
+            only some of them, a bar that is twisted at its end can warp there.
+        constant: Whether the motion is the same at any load factor; if not, ζ or a factor of stages
+            multiplies it.
+        name: Name in results and stages; by default the name of the surface.
         held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry.
             The surface then does not rotate either.
     """
@@ -117,7 +117,7 @@ class RigidSurface:
 
     @property
     def free(self) -> bool:
-        """Return whether the motion of the surface is unknown."""
+        """Return whether the motion of the surface is an unknown."""
         return not np.size(self.displacement) and not np.size(self.rotation)
 
     @property
@@ -147,7 +147,7 @@ class RigidSurface:
         return told.axes(gdim)
 
     def motion(self, x: Floats) -> Floats:
-        """Return the displacement of points (length), for ζ = 1; both of shape (n, gdim).
+        """Return the displacement of points (length) at ζ = 1; both have shape (n, gdim).
 
         Raises:
             InputError: If the declared motion does not fit the mesh.
@@ -165,7 +165,7 @@ def turned(turn: Floats, arms: Floats) -> Floats:
     """Return the cross product of the rotation and the arms.
 
     Args:
-        turn: Rotation, shape (1,) in the plane, (3,) in space.
+        turn: Rotation, shape (1,) in plane meshes, (3,) in space.
         arms: Arms, shape (n, gdim).
     """
     if arms.shape[1] == 2:
@@ -174,10 +174,10 @@ def turned(turn: Floats, arms: Floats) -> Floats:
 
 
 def fitting(what: str, value: Turn, size: int) -> Floats:
-    """Return ``size`` finite numbers, zeros if the value is missing.
+    """Return ``size`` finite numbers; zeros if the value is missing.
 
     Raises:
-        InputError: If the value does not fit, with ``what`` in its message.
+        InputError: If the value does not fit; the message contains ``what``.
     """
     numbers: Floats = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if not numbers.size:
@@ -191,6 +191,6 @@ def fitting(what: str, value: Turn, size: int) -> Floats:
 
 
 def name_of(support: Support | RigidSurface) -> str:
-    """Return the name of a support or rigid surface in results."""
+    """Return the name of a support or a rigid surface in results."""
     kind = "support" if isinstance(support, Support) else "rigid surface"
     return f"{kind} {support.name or support.on}"

@@ -1,1 +1,1 @@
-"""Evaluate the fields that each step needs."""
+"""Evaluate the fields that each step uses."""

@@ -26,15 +26,14 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 
 RIGID = 1e-5
-"""Share of :func:`jagged_norm2`.
+"""Fraction of √:func:`jagged_norm2` below which bodies move almost rigidly.
 
-Bodies with a smaller norm of strains move as if rigid. Their strain and stress consist mainly of
-rounding errors and serve as no reference.
-"""
+If the norm of strains is smaller, strain and stress consist mainly of rounding errors and cannot
+serve as a reference. """
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
-    """Return ‖σ‖² of a stress that each law gives, as an integral compiled once. Collective."""
+    """Return ‖σ‖² for a stress of each law, as an integral that is compiled once. Collective."""
 
     def square(on: LawOnCells) -> Expr:
         s = stress(on)
@@ -44,7 +43,7 @@ def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
 
 
 def strain_norm2(problem: Problem, strain: Expr) -> Integral:
-    """Return the integral ∫ Ce : e of a strain e, compiled once. Collective."""
+    """Return ∫ Ce : e for a strain e, as an integral that is compiled once. Collective."""
 
     def square(on: LawOnCells) -> Expr:
         return ufl.dot(on.law.elastic.hooke(strain), strain)
@@ -57,14 +56,17 @@ def stiffness_of_nodes(problem: Problem) -> float:
 
     Collective.
 
-    √(stiffness · energy) is the norm of the forces that the stress of an energy exerts on nodes
-    from all sides, before they balance.
+    √(stiffness · energy) is the norm of the forces from all sides on a node, before they balance,
+    of a stress with this energy.
     """
     return stiffness_of_all(problem) / problem.V.dofmap.index_map.size_global
 
 
 def stiffness_of_all(problem: Problem) -> float:
-    """Return ∫ 2μ/h²; this times the largest |u|² bounds :func:`jagged_norm2`. Collective."""
+    """Return ∫ 2μ/h²; this times the largest |u|² is a bound of :func:`jagged_norm2`.
+
+    Collective.
+    """
     h2 = abs(ufl.JacobianDeterminant(problem.tagged_mesh.mesh)) ** (
         2 / problem.tagged_mesh.mesh.geometry.dim
     )
@@ -73,7 +75,7 @@ def stiffness_of_all(problem: Problem) -> float:
 
 
 def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:
-    """Return the integral ∫ 2μ|u|²/h²: ‖u‖² if neighbouring nodes moved against each other.
+    """Return ∫ 2μ|u|²/h², which is ‖u‖² if neighbouring nodes move in opposite directions.
 
     Collective.
 
@@ -98,16 +100,16 @@ class QuadratureFields:
         e: ε(u) − e₀ as Mandel vectors at the quadrature points, as are all strains and stresses.
         stress: Σ(e).
         force: The vector of :meth:`assemble_force`.
-        bolt_forces: Function that returns the present force of each bolt's shank, by its name;
-            collective.
+        bolt_forces: Collective function that returns the current force in each bolt's shank, by
+            name.
         potential: Ψ(ε(u)).
-        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; with a history, that of the step.
+        conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; with a history, S of the current step.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
         u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Create fields of zeros and compile the expressions that evaluate them. Collective."""
+        """Create fields of zeros, and compile the expressions that evaluate them. Collective."""
         self.problem, laws, comm = problem, problem.laws, problem.comm
         mesh, V, S, Q = problem.tagged_mesh.mesh, problem.V, problem.S, problem.Q
         self.u = fem.Function(V, name="displacement")
@@ -158,8 +160,8 @@ class QuadratureFields:
         """Set the stress to Ce until the next update. Collective.
 
         Args:
-            before: Strain e' and stress σ' to start from, if bodies remember plastic flow. The
-                stress is then σ' + C(e − e').
+            before: Strain e' and stress σ' from which to start if bodies have a plastic history.
+                The stress is then σ' + C(e − e').
         """
         strain, stress = before or (0.0, 0.0)
         now = self.e.x.array.copy()
@@ -174,7 +176,7 @@ class QuadratureFields:
     def updated_history(self) -> dict[str, fem.Function]:
         """Return the internal variables by name at the end of the level; {} for Hencky's laws.
 
-        Strain and stress must be up to date. The problem's own history does not change.
+        Strain and stress must be up to date. The history of the problem does not change.
         """
         after = {}
         for name, expression in self._history.items():
@@ -195,7 +197,7 @@ class QuadratureFields:
         return self.problem.comm.allreduce(int(plastic.sum()))
 
     def plastic_fraction(self) -> float:
-        """Return the share of the volume that is plastic. Collective."""
+        """Return the plastic fraction of the volume. Collective."""
         return self._plastic_volume() / self._volume
 
     def initial_work(self) -> float:
@@ -203,20 +205,21 @@ class QuadratureFields:
         return 0.0 if self._initial is None else self._initial()
 
     def size(self) -> float:
-        """|Ψ| + ½‖σ‖² (energy), which duality gaps are relative to. Collective.
+        """Return |Ψ| + ½‖σ‖² (energy), the reference for duality gaps. Collective.
 
-        After plastic flow, stress is a difference of two strains, so that rounding errors of ψ + ψ*
-        are larger. They are relative to at least 1e-4 of the elastic energy of the strain.
+        After plastic flow, the stress follows from a difference of two strains, so rounding errors
+        of ψ + ψ* are larger. The reference is then at least 1e-4 of the elastic energy of the
+        strain.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
-        # Share of the elastic energy of the strain that scales gaps after plastic flow.
+        # Fraction of the elastic energy of the strain that scales gaps after plastic flow.
         share = 1e-4
         return max(energy, share * self.u_norm2() / 2) if self._remembers else energy
 
     def inner_force(self) -> float:
-        """Return the norm of the nodal forces of the stress without any load. Collective.
+        """Return the norm of the nodal forces that the stress exerts without any load. Collective.
 
-        The norm is 0 if the stress results from loads and supports, whose forces are known.
+        The norm is 0 if the stress results from loads and supports only, whose forces are known.
         """
         return (self._stiffness * self.size()) ** 0.5 if self._stiffness else 0.0
 
@@ -228,35 +231,35 @@ class QuadratureFields:
 
     @phase("assembly")
     def assemble_all_forces(self) -> PETSc.Vec:
-        """Return ⟨Σ(e), ε(v)⟩ as a vector, at supports too; also update ``force``. Collective."""
+        """Return ⟨Σ(e), ε(v)⟩ as a vector, including supports, in ``force``. Collective."""
         assemble_force(self.force, self._force_form, [])
         return self.force
 
     def leave(self) -> None:
-        """Store the size of u at the start of a level. Collective.
+        """Store the reference sizes of u at the start of a level. Collective.
 
-        The scale for rounding errors of later strains is the larger of this size and that of the
-        current u. The stored size matters where bodies are unloaded almost completely.
+        The scale for rounding errors of later strains is the larger of these sizes and the sizes of
+        the current u. The stored sizes matter if bodies are unloaded almost completely.
         """
         self._left = (0.0, 0.0)
         self._left = (self.jagged_norm2(), self.gross_force())
 
     def jagged_norm2(self) -> float:
-        """Return the reference for rounding errors of ``u_norm2`` (:func:`jagged_norm2`).
+        """Return the reference for rounding errors in ``u_norm2`` (:func:`jagged_norm2`).
 
         Collective.
         """
         return max(self._jagged_norm2(), self._left[0])
 
     def at_least(self, share: float, norm: float) -> float:
-        """Return the larger of a norm of strains and a share of √``jagged_norm2``. Collective.
+        """Return the larger of ``norm`` and a fraction ``share`` of √``jagged_norm2``. Collective.
 
-        The function forms the integral ``jagged_norm2`` only if a bound by the largest displacement
-        does not decide.
+        The function computes the integral ``jagged_norm2`` only if a bound from the largest
+        displacement does not decide.
         """
         largest = float(np.abs(self.u.x.array).max(initial=0.0))
         largest = self.problem.comm.allreduce(largest, MPI.MAX)
-        beyond = 4.0  # because |u| between nodes is at most the largest nodal value
+        beyond = 4.0  # |u| between nodes may exceed the largest nodal value
         bound = max(self._stiffness_of_all * (beyond * largest) ** 2, self._left[0])
         return (
             norm if share**2 * bound <= norm**2 else max(norm, share * self.jagged_norm2() ** 0.5)
@@ -267,7 +270,7 @@ class QuadratureFields:
         return stiffness_of_all(self.problem)
 
     def gross_force(self) -> float:
-        """Return the norm (force) that scales the rounding errors of all nodal forces.
+        """Return the norm (force) that scales the rounding errors of nodal forces.
 
         Collective.
         """
@@ -282,12 +285,12 @@ class QuadratureFields:
 
 
 class Direction:
-    """A direction δu from the displacement u of some fields.
+    """A direction δu at the displacement u of given fields.
 
     Attributes:
         du: The direction.
-        de: Its strain ε(δu).
-        beta: Step length in ``slope``.
+        de: Strain ε(δu) of the direction.
+        beta: Step length β in ``slope``.
         slope: ⟨Σ(ε(u + β δu)), ε(δu)⟩, the derivative of Ψ along δu.
         change_norm2: ‖Σ(ε(u + δu)) − σ‖² in the energy norm.
         moved_stress_norm2: ‖Σ(ε(u + δu))‖².
@@ -296,7 +299,7 @@ class Direction:
     """
 
     def __init__(self, fields: QuadratureFields) -> None:
-        """Create a direction of zero and compile the integrals. Collective."""
+        """Create a zero direction, and compile the integrals. Collective."""
         problem, e, s = fields.problem, fields.e, fields.stress
         S = problem.S
         self._cells = problem.cells

@@ -1,4 +1,4 @@
-"""Assemble the tangent stiffness as a blocked matrix, with the pattern that contact needs."""
+"""Assemble the tangent stiffness as a blocked matrix, with the sparsity pattern for contact."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from perfplast_fenicsx.profiling import phase
 
 
 class TangentForm:
-    """The form ⟨Σ^{o,ρ}(ε(u)) ε(·), ε(·)⟩ of some fields.
+    """The form ⟨Σ^{o,ρ}(ε(u)) ε(·), ε(·)⟩ of given fields.
 
     Attributes:
         form: The compiled form.
@@ -27,7 +27,7 @@ class TangentForm:
         """Compile the form. Collective.
 
         Args:
-            fields: Fields at whose strain the tangent is taken.
+            fields: Fields whose strain determines the tangent.
             space: Space of trial and test functions.
         """
         self._problem: Problem = fields.problem
@@ -42,13 +42,13 @@ class TangentForm:
         self.form: Any = fem.form(sum(terms[1:], start=terms[0]))
 
     def update(self, rho: float) -> None:
-        """Update the form to the present strains, with this ρ."""
+        """Update the form to the current strains and to ``rho``."""
         self._rho.value = rho
         for function, expression in self._stored:
             expression.interpolate(function)
 
     def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
-        """Return functions for the fields of a law's tangent, with the law's shapes."""
+        """Return functions for the fields of a law's tangent, in the law's shapes."""
         problem, stored = self._problem, {}
         for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
             space = problem.space_at_points(value.ufl_shape)
@@ -58,11 +58,11 @@ class TangentForm:
 
 
 class Stiffness:
-    """The stiffness Σ^{o,ρ}(ε(u)) of some fields.
+    """The stiffness Σ^{o,ρ}(ε(u)) of given fields.
 
     Attributes:
-        matrix: K in nodal unknowns, in blocks, which assemble twice as fast as single entries; zero
-            before the first assembly.
+        matrix: K in nodal unknowns, stored in blocks, which assemble twice as fast as single
+            entries; zero before the first assembly.
     """
 
     def __init__(self, fields: QuadratureFields) -> None:
@@ -75,10 +75,9 @@ class Stiffness:
 
     @phase("assembly")
     def assemble(self, rho: float) -> PETSc.Mat:
-        """Assemble the matrix at the present strains, with this ρ.
+        """Assemble the matrix for the current strains and ``rho``.
 
-        The diagonal of supported unknowns is the mean diagonal, and free motions get springs.
-        Collective.
+        Supported unknowns get the mean diagonal, and free motions get springs. Collective.
         """
         self._tangent.update(rho)
         self.matrix.zeroEntries()
@@ -89,7 +88,7 @@ class Stiffness:
         return self.matrix
 
     def _scale_supports(self) -> None:
-        """Scale supported unknowns as the others, so that Krylov solvers do not neglect them."""
+        """Scale supported unknowns like the others, so that Krylov solvers do not neglect them."""
         diagonal = self.matrix.getDiagonal()
         values = diagonal.array
         sums = np.array([values[~self._fixed].sum(), (~self._fixed).sum()])
@@ -100,7 +99,7 @@ class Stiffness:
 
 
 def create_stiffness(problem: Problem) -> PETSc.Mat:
-    """Return a blocked matrix of zeros with the pattern of K and of A = TᵀKT. Collective."""
+    """Return a blocked zero matrix with the sparsity pattern of K and of A = TᵀKT. Collective."""
     V, T = problem.V, problem.basis.T
     topology = V.mesh.topology
     index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
@@ -134,10 +133,10 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
 
 
 def _closed(T: PETSc.Mat) -> PETSc.Mat:
-    """Return the transitive closure of T: which nodes follow others in any number of steps.
+    """Return the transitive closure of T: which nodes follow which others in any number of steps.
 
-    Single unknowns need one step. But another component of a node may follow further nodes, as
-    where a rigid surface is in contact. Collective. The function destroys the given matrix.
+    For single unknowns one step suffices. But another component of a node may follow further nodes,
+    as on a rigid surface in contact. Collective. The function destroys ``T``.
     """
     closed = T.copy()
     while True:

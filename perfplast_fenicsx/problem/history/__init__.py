@@ -1,1 +1,1 @@
-"""Apply histories of loads and motions."""
+"""Apply loading histories: loads and motions in stages."""

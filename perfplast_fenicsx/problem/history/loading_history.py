@@ -1,12 +1,12 @@
-"""Apply the stages of a loading history to a problem: loads, motions and e₀ at a time.
+"""Apply the stages of a loading history to a problem: loads, motions and e₀ at a given time.
 
-ζ is the time: it grows by 1 in each stage. In the stage that starts at ζ = k, factors f_i go
-linearly from a_i to b_i. With the loads ℓ_i of factor 1 and the constant loads L_c,
+ζ is the time, which grows by 1 in each stage. In the stage that starts at ζ = k, each factor f_i
+changes linearly from a_i to b_i. With the loads ℓ_i at factor 1 and the constant loads L_c,
 
     L₀ + ζL₁ = L_c + Σ (a_i + (ζ − k)(b_i − a_i)) ℓ_i,    L₁ = Σ (b_i − a_i) ℓ_i,
 
-so that a level solves (P)_ζ as any other level does. The same holds for u_D and the gaps of moving
-objects. α = L₁(u) is the work of the changes in the stage.
+so a level solves (P)_ζ like any other level. The same holds for u_D and the gaps of moving objects.
+α = L₁(u) is the work of the load changes in the stage.
 """
 
 import math
@@ -38,10 +38,10 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def named_motions(problem: Problem) -> dict[str, GivenMotion]:
-    """Return the motion of each name for the factor 1. Collective.
+    """Return the motion that belongs to each name, at factor 1. Collective.
 
     Raises:
-        InputError: If the same components of a node follow two names.
+        InputError: If one component of a node follows two names.
     """
     V, given = problem.V, problem.given
     supports = given.holding
@@ -77,12 +77,12 @@ def in_stage(
     first: Mapping[str, float],
     rate: Mapping[str, float],
 ) -> GivenMotion:
-    """Return the motion in a stage, in which each name has the factor first + ζ · rate.
+    """Return the motion in a stage, in which the factor of each name is first + ζ · rate.
 
     Args:
-        constant: The problem's motion, of which only the part without ζ counts.
+        constant: The motion of the problem; the function uses only its part without ζ.
         parts: See :func:`named_motions`.
-        first: Factors extrapolated to ζ = 0, by name.
+        first: Factors by name, extrapolated to ζ = 0.
         rate: Growth of the factors with ζ, by name.
     """
     displacement = np.stack([constant.displacement[0], np.zeros_like(constant.displacement[0])])
@@ -126,14 +126,14 @@ def _check_parted(
             for other in sorted(others - {called(support)}):
                 message = (
                     f"the supports '{other}' and '{called(support)}' hold the same nodes "
-                    f"along {AXES[axis]}, but stages could move them differently; give "
-                    "both one name, or separate their surfaces."
+                    f"along {AXES[axis]}, but stages could move the supports differently; "
+                    "give both supports one name, or separate their surfaces."
                 )
     raise_together(problem.comm, message)
 
 
 class LoadingHistory:
-    """Leads a problem through stages; it then sets the problem's loads, motion and e₀.
+    """Sets the loads, the motion and e₀ of a problem to those at a time in the stages.
 
     Attributes:
         problem: The problem that is loaded.
@@ -141,10 +141,10 @@ class LoadingHistory:
     """
 
     def __init__(self, problem: Problem, stages: Sequence[Stage]) -> None:
-        """Assemble the vector and the initial strain of each name. Collective.
+        """Assemble the vector and the initial strain for each name. Collective.
 
         Raises:
-            InputError: If the stages do not fit loads and motions.
+            InputError: If the stages do not fit the loads and motions.
         """
         given = problem.given
         movers = [*given.holding, *given.obstacles, *given.contacts]
@@ -174,13 +174,13 @@ class LoadingHistory:
         self._first_strain = self._strain(others) if others else None
 
     def times(self) -> Iterator[float]:
-        """Yield the times of all levels, except the one at rest."""
+        """Yield the times of all levels, except the level at rest."""
         for k, stage in enumerate(self.stages):
             for step in range(1, stage.steps + 1):
                 yield k + step / stage.steps
 
     def rests_first(self) -> bool:
-        """Return whether any load or strain acts on the bodies before the first stage.
+        """Return whether a load, a motion or a strain acts before the first stage.
 
         Collective.
         """
@@ -195,7 +195,7 @@ class LoadingHistory:
         return min(max(math.ceil(time - ROUNDING) - 1, 0), len(self.stages) - 1)
 
     def label(self, time: float) -> str:
-        """Return the name of the stage at a time in results; empty at rest."""
+        """Return the name of the stage at a time for results; empty at rest."""
         k = self.number(time)
         return (self.stages[k].name or f"stage {k + 1}") if time > 0 else ""
 
@@ -216,23 +216,23 @@ class LoadingHistory:
         """Refuse to continue from a time at which bolts have been tightened again.
 
         Raises:
-            InputError: If an earlier stage tightened a bolt, since results do not store how far
-                shanks are shortened.
+            InputError: If a stage up to this time has tightened a bolt: results do not store the
+                shortening of the shanks.
         """
         begun = self.stages[: self.number(time) + 1] if time > 0 else ()
         for name in self._preloads:
             if any(name in stage.factors for stage in begun):
                 raise InputError(
-                    f"the bolt '{name}' was tightened again in an earlier stage, and a run cannot"
-                    " continue from there; run the case from its beginning, with --force."
+                    f"the bolt '{name}' was tightened again in an earlier stage, so a run cannot"
+                    " continue from this level; run the case from its beginning, with --force."
                 )
 
     def works(self, u: PETSc.Vec) -> dict[str, float]:
-        """Return the work ℓ_i(u) of each load by name. Collective."""
+        """Return the work ℓ_i(u) of the loads of each name. Collective."""
         return {name: float(vector.dot(u)) for name, vector in self._vectors.items()}
 
     def go_to(self, time: float) -> None:
-        """Set the problem's loads and motion to those of the stage, and e₀ to that of the time.
+        """Set the loads and motion of the problem for the stage at a time, and e₀ for the time.
 
         Collective.
         """
@@ -260,13 +260,13 @@ class LoadingHistory:
         return LoadCase.of(dead, live, self.problem.bcs)
 
     def _lines(self, k: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Return factors in a stage, by name: values extrapolated to ζ = 0, and growth."""
+        """Return the factors of a stage by name: values extrapolated to ζ = 0, and growth."""
         before, after = self._at_end(k - 1), self._at_end(k)
         rate = {name: after[name] - before[name] for name in after}
         return {name: before[name] - k * rate[name] for name in after}, rate
 
     def _at_end(self, k: int) -> Mapping[str, float]:
-        """Return factors at the end of a stage; before the first stage 0, and 1 for bolts."""
+        """Return the factors at the end of stage ``k``; before the first stage 0, for bolts 1."""
         factors = dict.fromkeys((name for a in self.stages for name in a.factors), 0.0)
         factors |= dict.fromkeys(self._preloads, 1.0)
         for stage in self.stages[: k + 1]:
@@ -274,7 +274,7 @@ class LoadingHistory:
         return factors
 
     def _strain(self, given: Sequence[Initial]) -> Floats:
-        """Return the initial strain of some declarations at the points."""
+        """Return the values at the points of the initial strain from given declarations."""
         problem = self.problem
         spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
         materials = problem.given.materials

@@ -1,1 +1,1 @@
-"""Evaluate states and resultants, and check them."""
+"""Evaluate states and resultants, and assess them."""

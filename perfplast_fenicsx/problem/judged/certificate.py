@@ -1,8 +1,9 @@
 """Measure the accuracy of a state: the certificate.
 
-It contains the duality gap, penetration, the smallest contact force, complementarity and the
-unbalanced forces. At a solution inf J_ζ = −S(σ) − Σ force × gap. The duality gap is the sum of both
-sides, relative to |Ψ| + ½‖σ‖². The certificate is valid for any field, whatever algorithm found it.
+The certificate contains the duality gap, the penetration, the smallest contact force, the
+complementarity and the unbalanced forces. At a solution inf J_ζ = −S(σ) − Σ force × gap. The
+duality gap is J_ζ + S(σ) + Σ force × gap, relative to |Ψ| + ½‖σ‖². The certificate is valid for any
+field, whatever algorithm computed it.
 """
 
 import math
@@ -24,22 +25,22 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import TINY
 
 LEAST_PUSH = 1e-6
-"""Smallest contact or friction force that serves as a reference, as a share of the forces that
-stress exerts on nodes. So rounding errors do not decide."""
+"""Smallest contact or friction force that serves as a reference, as a fraction of the forces that
+stress exerts on nodes. It prevents rounding errors from serving as references."""
 
 
 @dataclass(frozen=True)
 class Rubbed:
-    """Friction at a state.
+    """Friction in a state.
 
     Attributes:
-        forces: Friction forces μ at the places hosted by this rank, shape (num_places, gdim − 1).
-        jumps: The slip at these places (length), same shape.
-        energy: Σ c‖slip‖, the energy that friction has dissipated.
+        forces: Friction forces μ at the points hosted by this rank, shape (num_places, gdim − 1).
+        jumps: Slip at these points (length), same shape.
+        energy: Σ c‖slip‖, the dissipation by friction.
         excess: Largest ‖μ‖ − c, relative to the largest c; 0 if no force exceeds c.
         unbalanced: The same excess relative to the largest contact or friction force, or to
-            ``LEAST_PUSH`` of the forces that stress exerts on nodes.
-        slipping: Number of places that slip.
+            ``LEAST_PUSH`` times the forces that stress exerts on nodes.
+        slipping: Number of points that slip.
     """
 
     forces: Floats
@@ -52,12 +53,12 @@ class Rubbed:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The optimality conditions of (P)_ζ at a state.
+    """Residuals of the optimality conditions of (P)_ζ at a state.
 
-    :class:`report.LevelReport` explains the numbers.
+    :class:`report.LevelReport` documents the numbers.
 
     ``forces`` are the contact forces of the pairs hosted by this rank, shape (num_pairs,), positive
-    where the bodies push each other.
+    in compression.
     """
 
     forces: Floats
@@ -74,9 +75,9 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
     """Return the certificate of the state in ``fields``. Collective.
 
     The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩. At the
-    solution it equals −inf J_ζ, so the sum of both functionals is the duality gap. The gap vanishes
-    only at the solution, and is relative to |Ψ| + ½‖σ‖². The gaps are those of the basis, reduced
-    by what u_D closes.
+    solution it equals −inf J_ζ, so the sum of J_ζ and the dual functional is the duality gap. The
+    gap vanishes only at the solution, and is relative to |Ψ| + ½‖σ‖². The contact gaps are those of
+    the basis, reduced by the closing that u_D causes.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()
@@ -164,7 +165,7 @@ def forces_between(problem: Problem, internal: PETSc.Vec, zeta: float) -> tuple[
         zeta: Load factor ζ of the live loads.
 
     Returns:
-        Forces as of :func:`contact_forces` and :func:`friction_forces`.
+        Forces as in :func:`contact_forces` and :func:`friction_forces`.
     """
     residual = internal.copy()
     fem_petsc.set_bc(residual, problem.bcs)
@@ -182,7 +183,9 @@ def _left(problem: Problem, stress: fem.Function, zeta: float, times: float = 1.
 
 
 def _in_jumps(problem: Problem, residual: PETSc.Vec, zeta: float, times: float = 1.0) -> PETSc.Vec:
-    """Return nodal forces less the loads, in the jump basis; the former are destroyed. Collective.
+    """Return nodal forces minus the loads, in the jump basis, and destroy ``residual``.
+
+    Collective.
 
     Args:
         problem: The bodies.
@@ -198,21 +201,21 @@ def _in_jumps(problem: Problem, residual: PETSc.Vec, zeta: float, times: float =
 
 
 def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least: float) -> Rubbed:
-    """Return friction at y, with the forces that the gradient r leaves to it. Collective.
+    """Return friction at y, with the friction forces that follow from the gradient r. Collective.
 
     Args:
         problem: Problem with the friction.
         y: Displacement in the jump basis.
         r: Gradient in the jump basis.
         pushes: Contact forces, shape (num_pairs,).
-        least: Smallest force that counts.
+        least: Smallest force that serves as a reference.
     """
     friction, comm = problem.friction, problem.comm
     jumps, forces = friction.slip(y), -friction.jumps(r)
     if not friction.count:
         return Rubbed(forces, jumps, 0.0, 0.0, 0.0, 0)
     sizes = norms(jumps)
-    rounding = 1e-13  # slip below this share of the largest displacement counts as zero
+    rounding = 1e-13  # slip below this fraction of the largest displacement counts as zero
     slips = sizes > rounding * y.norm(PETSc.NormType.NORM_INFINITY)
     energy = comm.allreduce(friction.energy(np.where(slips[:, None], jumps, 0.0)))
     excess = float((norms(forces) - friction.bound).max(initial=0))
@@ -226,14 +229,14 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least:
 
 @dataclass(frozen=True)
 class _Moved:
-    """Motion of supports: the work of reactions on u_D, and the norm of all nodal forces."""
+    """Effect of moving supports: work of reactions on u_D, and norm of all nodal forces."""
 
     work: float
     norm: float
 
 
 def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
-    """Return ⟨σ, ε(ũ_D)⟩; ũ_D is zero at all other unknowns, so that loads do no work on it.
+    """Return ⟨σ, ε(ũ_D)⟩; ũ_D is zero at all other unknowns, so loads do no work on it.
 
     Collective.
     """
@@ -244,6 +247,6 @@ def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
 
 
 def _smallest(comm: MPI.Intracomm, forces: Floats) -> float:
-    """Return the smallest force of all ranks, 0 if there are no forces. Collective."""
+    """Return the smallest force on all ranks, 0 if there are no forces. Collective."""
     smallest = comm.allreduce(float(forces.min(initial=np.inf)), MPI.MIN)
     return smallest if np.isfinite(smallest) else 0.0

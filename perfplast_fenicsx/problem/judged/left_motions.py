@@ -1,4 +1,4 @@
-"""Rigid motions that supports leave to bodies, and supports on surfaces that others push on."""
+"""Find rigid motions that supports leave free, and supports on surfaces that stiff bodies load."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 
 STILL = 1e-6
-"""Share of a motion of all bodies below which a body counts as at rest."""
+"""A body is at rest if its part of a motion of all bodies is below this fraction."""
 
 
 def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
     """Return the rigid motions that supports leave free, without regard to contact. Collective.
 
     Returns:
-        The first list has an entry for each of ``problem.given.holding``. The entry has the motions
-        that this support or rigid surface alone leaves free in the bodies that it touches, such as
-        "translation in x and rotation", with the names of the bodies if they differ. The second
-        list is the same for all supports together, with the names of the bodies that still move.
-        Bodies that ties join move as one.
+        The first list has an entry for each of ``problem.given.holding``. The entry names the
+        motions that this support alone leaves free in the bodies that it touches, such as
+        "translation in x and rotation". It names the bodies if they have different motions. The
+        second list is for all supports together, with the names of the bodies that can still move.
+        Bodies that are tied together move as one body.
     """
     count, modes = problem.bodies.count, problem.bodies.num_modes
     holding = problem.given.holding
@@ -70,7 +70,7 @@ def _together(problem: Problem, grams: Floats) -> Floats:
 
 
 def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floats]:
-    """Return the rows of a support as functionals of rigid motions of the body of each node.
+    """Return the rows of a support, as functionals of the rigid motions of each node's body.
 
     Returns:
         The bodies, shape (n,), and the functionals, shape (n, num_modes), on this rank.
@@ -89,13 +89,13 @@ def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floa
 
 
 def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[str]:
-    """Return the motions that rows leave to some bodies, grouping bodies with the same motions.
+    """Return the motions that rows leave free, grouped by bodies with the same motions.
 
     Args:
         problem: Problem of the bodies.
-        grams: Rᵀ R of the rows of each body, shape (count, num_modes, num_modes).
-        some: Numbers of bodies.
-        alone: Whether to omit the names of the bodies if all have the same motions.
+        grams: Gram matrices of the rows of each body, shape (count, num_modes, num_modes).
+        some: Numbers of the bodies that are described.
+        alone: Whether to omit the names of bodies if all have the same motions.
     """
     names, by_words = problem.free.names, dict[str, list[str]]()
     for body in some:
@@ -116,7 +116,7 @@ def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[
 
 
 def _motions(problem: Problem, left: Floats) -> str:
-    """Return rigid motions of a body in words, along as few axes as possible."""
+    """Return the names of a body's rigid motions, along as few axes as possible."""
     projector = left @ left.T
     told = []
     for _ in range(left.shape[1]):
@@ -136,14 +136,14 @@ def _motions(problem: Problem, left: Floats) -> str:
 
 @dataclass(frozen=True)
 class HeldAgainst:
-    """A contact surface with some nodes held along the normal, unlike the opposite side.
+    """A contact surface with nodes that supports hold along the normal, unlike the opposite side.
 
     Attributes:
         surface: Name of the surface.
         other: Name of the opposite surface.
-        held: Number of its nodes that are held.
-        nodes: Number of its nodes.
-        by: The names of the supports.
+        held: Number of held nodes on the surface.
+        nodes: Number of all nodes on the surface.
+        by: Names of the supports that hold them.
     """
 
     surface: str
@@ -154,10 +154,10 @@ class HeldAgainst:
 
 
 def held_against(problem: Problem, stiff: Collection[str]) -> list[HeldAgainst]:
-    """Return where supports hold a part of a surface that a stiff body may push on. Collective.
+    """Return contact surfaces that supports partly hold against a stiff opposite body. Collective.
 
     A stiff body cannot move into such a surface. An example is a wall driven into ground whose base
-    is fixed under the wall too. The function ignores places where both sides are held along the
+    is fixed also under the wall. The function ignores nodes where both sides are held along the
     normal, and surfaces that are held everywhere.
 
     Args:
@@ -184,7 +184,7 @@ def held_against(problem: Problem, stiff: Collection[str]) -> list[HeldAgainst]:
 
 
 def _lies_on(problem: Problem, surface: str, volumes: Collection[str]) -> bool:
-    """Return whether all cells at a surface belong to some volumes; the same on every rank."""
+    """Return whether all cells at a surface belong to given volumes; the same on every rank."""
     tagged_mesh = problem.tagged_mesh
     topology = tagged_mesh.mesh.topology
     to_cell = topology.connectivity(topology.dim - 1, topology.dim)
@@ -195,15 +195,15 @@ def _lies_on(problem: Problem, surface: str, volumes: Collection[str]) -> bool:
 
 
 def _held_nodes(problem: Problem, surface: str) -> tuple[Floats, Ints, int]:
-    """Return the nodes of a surface that supports hold along its normal, on all ranks.
+    """Return the nodes of a surface, from all ranks, that supports hold along its normal.
 
     Returns:
-        Coordinates of these nodes, shape (n, 3), the number of the support that holds each, shape
-        (n,), and the number of nodes of the surface.
+        Coordinates of the held nodes, shape (n, 3); the number of the support that holds each,
+        shape (n,); and the number of all nodes on the surface.
     """
     faces = face_nodes(problem.V, problem.tagged_mesh, surface)
     taken = np.abs(faces.normal) * (problem.held_by[faces.node] >= 0)
-    mostly = 0.7  # smallest share of a normal along held axes
+    mostly = 0.7  # smallest component of a normal along held axes
     held = np.flatnonzero(np.linalg.norm(taken, axis=1) > mostly)
     nodes, first = np.unique(faces.node[held], return_index=True)
     by = problem.held_by[nodes, np.argmax(taken[held[first]], axis=1)]

@@ -1,6 +1,6 @@
 """Report a level and its iterations in numbers and words, without fields.
 
-Code that reads results needs only this module, so that it imports neither DOLFINx nor MPI.
+Code that reads results needs only this module, and so imports neither DOLFINx nor MPI.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,19 +14,19 @@ class Iteration:
 
     Attributes:
         number: Number of the iteration, from 1.
-        zeta: Load parameter.
+        zeta: Load factor ζ.
         alpha: L₁(u) after the step.
         energy: J_ζ(u) after the step.
         increment: Value of the chosen stopping criterion.
         beta: Step length.
         rho: Regularisation ρ of the tangent.
-        plastic_fraction: Share of the volume that is plastic after the step.
+        plastic_fraction: Plastic fraction of the volume after the step.
         active_contacts: Number of closed pairs.
-        active_set_iterations: Linear solves of the contact quadratic program.
+        active_set_iterations: Number of linear solves in the contact quadratic program.
         linear_iterations: Number of Krylov iterations.
-        seconds: Wall time since the level began.
+        seconds: Wall time since the start of the level.
         extra: Further values of an algorithm, by name. ALG2 stores the relative "primal" and "dual"
-            residual and the "penalty" r.
+            residuals and the "penalty" r.
     """
 
     number: int
@@ -52,56 +52,57 @@ class Iteration:
 
 @dataclass(frozen=True)
 class LevelReport:
-    """The report of a load level; one step in ``summary.json``.
+    """The report on a load level; an entry of the steps in ``summary.json``.
 
     Attributes:
-        zeta: Load parameter ζ.
+        zeta: Load factor ζ.
         alpha: Work of the live loads α = L₁(u).
         converged: Whether the level was solved.
-        reason: Why the iteration ended.
+        reason: Reason for the end of the iteration.
         newton_iterations: Number of Newton steps.
-        active_set_iterations: Linear solves of the contact quadratic programs.
+        active_set_iterations: Number of linear solves in the contact quadratic programs.
         linear_iterations: Number of Krylov iterations.
         linear_solves: Number of linear systems solved.
-        setups: Number of factorisations or multigrid set-ups.
+        setups: Number of factorisations and multigrid set-ups.
         damping_min: Smallest step length β.
-        plastic_fraction: Share of the volume that is plastic.
+        plastic_fraction: Plastic fraction of the volume.
         plastic_cells: Number of cells with at least one plastic quadrature point.
         active_contacts: Number of pairs with a contact force.
         contact_pairs: Number of all pairs.
         max_penetration: Largest (u_a − u_b)·n − g, at least 0 (length).
-        smallest_contact_force: Smallest contact force of all pairs (force); a negative value means
-            adhesion. The value is 0 without pairs.
-        complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖², as the duality gap.
+        smallest_contact_force: Smallest contact force of all pairs (force), 0 without pairs; a
+            negative value means tension.
+        complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖² like the duality gap.
         equilibrium: Norm of the unbalanced forces without contact forces, relative to the largest
-            of these norms: the loads; the contact forces; all nodal forces if supports move; and
-            the forces that stress exerts on nodes from all sides, if bodies have initial strain or
-            remember plastic flow.
+            of several norms. They are the norms of the loads; of the contact forces; of all nodal
+            forces if supports move; and, with initial strain or a plastic history, of the forces
+            that stress exerts on nodes from all sides.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to
             |Ψ(ε(u))| + ½‖σ‖².
         max_displacement: Largest nodal displacement (length).
         seconds: Wall time of the level.
-        reactions: Forces on the bodies (:class:`resultants.Resultants`), one number for each
-            direction.
-        balance: Their sum or the sum of their moments, relative to all nodal forces.
-        slipping: Places with friction that slip; in stages, since the previous level.
+        reactions: Forces on the bodies (:class:`resultants.Resultants`), by source, with one number
+            for each direction.
+        balance: Larger of the unbalanced force and moment (divided by the size of the bodies),
+            relative to the sum of all nodal forces.
+        slipping: Number of points with friction that slip; in stages, since the previous level.
         friction_dissipation: Energy that this slip has dissipated, Σ c × slip.
-        rounds: Iterations of the fixed point of Coulomb's friction; 1 without it.
-        friction_excess: Largest friction force beyond the limit c, relative to the largest c, at
-            least 0.
-        driving_force: Where ζ moves supports and obstacles, their work on the bodies per unit of ζ:
-            the force along each motion, times the motion for ζ = 1.
-        stage: Stage of a loading history; empty without stages, and at rest before them. ζ is then
-            the time, which grows by 1 in each stage.
+        rounds: Number of fixed-point iterations for Coulomb's friction; 1 without it.
+        friction_excess: Largest excess of a friction force over its bound c, relative to the
+            largest c, at least 0.
+        driving_force: If ζ moves supports or obstacles, their work on the bodies per unit of ζ: the
+            force along each motion, times the motion at ζ = 1.
+        stage: Name of the stage in a loading history; empty without stages, and for the level at
+            rest before them. In stages, ζ is the time, which grows by 1 in each stage.
         factors: Factors of loads, temperatures and motions, by their names in stages.
-        works: Work of each load with the factor 1 on u (energy).
+        works: Work on u of each load at factor 1 (energy).
         driving_forces: Work of each motion on the bodies per unit of its factor.
         bolts: Force in the shank of each bolt (force), tension positive.
         contact_programs: Number of contact quadratic programs solved; 0 without contact.
-        snes_vi_programs: Number of those that PETSc's SNES-VI solved by itself. It is 0 with Total
-            FETI. It excludes programs whose active sets cycled, so that the condensed program chose
-            the set.
-        snes_vi_iterations: Iterations of SNES-VI, one active set for each.
+        snes_vi_programs: Number of these programs that PETSc's SNES-VI solved by itself; 0 with
+            Total FETI. Programs whose active sets cycled do not count, because the condensed
+            program chose their sets.
+        snes_vi_iterations: Number of iterations of SNES-VI, each with one active set.
     """
 
     zeta: float
@@ -145,7 +146,7 @@ class LevelReport:
         return f"LevelReport({self.summary()})"
 
     def row(self) -> dict[str, Any]:
-        """Return the numbers by name; a table is divided, as in ``factor_push`` of ``factors``."""
+        """Return the values by name; mappings are split, as ``factors`` into ``factor_push``."""
         row: dict[str, Any] = {}
         for one in fields(self):
             value = getattr(self, one.name)

@@ -1,7 +1,7 @@
-"""Compute the resultants of forces on the bodies: of loads, supports, obstacles and contact.
+"""Compute resultants of the forces on the bodies: of loads, supports, obstacles and contact.
 
-The resultants balance. Internal forces do no work on rigid motions. The sum of all resultants
-therefore equals the sum of the residual at free unknowns, and the same holds for moments.
+Internal forces do no work on rigid motions. The sum of all resultants therefore equals the sum of
+the residual at free unknowns, so the resultants balance at a solution. The same holds for moments.
 """
 
 from collections.abc import Mapping
@@ -26,11 +26,11 @@ def moment(problem: Problem, forces: Floats) -> Floats:
 
     Args:
         problem: Problem with the nodes.
-        forces: Forces of the nodes that this rank owns, shape (num_nodes, gdim).
+        forces: Forces on the nodes that this rank owns, shape (num_nodes, gdim).
 
     Returns:
-        Moment about x, y and z in space, shape (3,); about z in the plane per unit of depth, shape
-        (1,); empty for bodies of revolution, shape (0,).
+        Moment about x, y and z in space, shape (3,); about z per unit of depth in plane meshes,
+        shape (1,); empty for bodies of revolution, shape (0,).
     """
     gdim = problem.bodies.gdim
     if problem.tagged_mesh.axisymmetric:
@@ -44,24 +44,24 @@ def moment(problem: Problem, forces: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Resultants:
-    """Resultants by their source, and their imbalance.
+    """Resultants by source, and their imbalance.
 
     Attributes:
         forces: Force of each source, one number for each direction. In plane strain it is per unit
             of depth. In axisymmetry it is that of the full turn; its radial number is the sum of
             outward forces around the axis, not a vector resultant. The sources are ``loads``,
-            ``support NAME``, ``rigid surface NAME`` if it is moved, ``obstacle NAME`` and ``contact
-            PRIMARY SECONDARY``. The force of a contact acts on the body of the primary surface; its
-            sum over both bodies is zero. The force of a component that two supports hold counts for
-            the first one.
+            ``support NAME``, ``rigid surface NAME`` if its motion is prescribed, ``obstacle NAME``
+            and ``contact PRIMARY SECONDARY``. The force of a contact acts on the body of the
+            primary surface; its sum over both bodies is zero. If two supports hold the same
+            component, the force belongs to the first one.
         moments: Moments of ``loads``, ``support NAME`` and ``rigid surface NAME`` about the origin
             (:func:`moment`).
-        balance: The larger of two sums: of the forces on the bodies, and of the moments about the
-            middle of the bodies over their size. Both are relative to the sum of all nodal forces.
-            In axisymmetry it uses the axial forces only.
+        balance: The larger of two imbalances, relative to the sum of all nodal forces: the sum of
+            the forces on the bodies; and the sum of their moments about the middle of the bodies,
+            divided by the size of the bodies. Axisymmetry uses only the axial forces.
         driving: Work of supports and obstacles on the bodies per unit of ζ: the force along each
-            motion, times the motion for ζ = 1.
-        driving_by_name: Work of each name in stages per unit of its factor.
+            motion, times the motion at ζ = 1.
+        driving_by_name: Work of the motion of each name in stages, per unit of its factor.
     """
 
     forces: Mapping[str, list[float]]
@@ -83,11 +83,11 @@ def resultants(
 
     Args:
         problem: The bodies, their loads and their supports.
-        internal: ⟨σ, ε(·)⟩ in nodal unknowns, at supports too.
+        internal: ⟨σ, ε(·)⟩ in nodal unknowns, including supported ones.
         contact: Forces of the pairs hosted by this rank, shape (num_pairs,).
         friction: Friction forces, shape (num_places, gdim − 1).
         zeta: Load factor.
-        least: Nodal forces (force) with a smaller sum count as rounding.
+        least: A smaller sum of nodal forces (force) counts as a rounding error.
     """
     comm, gdim = problem.comm, problem.bodies.gdim
     loads, pushes = problem.create_vector(), problem.create_vector()
@@ -157,8 +157,8 @@ def _moments(
     Args:
         problem: The bodies.
         external: Nodal forces of the loads, shape (num_nodes, gdim).
-        reaction: Those of supports, the same.
-        on_guides: Nodes, forces and numbers of supports of the rows of guides.
+        reaction: Nodal forces of the supports, same shape.
+        on_guides: Node, force and number of the support for each guide row.
     """
     node, force, support = on_guides
     turning = {"loads": moment(problem, external)}
@@ -185,10 +185,10 @@ def _add_contact(problem: Problem, contact: Floats, friction: Floats, forces: PE
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> Floats:
-    """Add the forces that glued surfaces exert on each other, at supports too. Collective.
+    """Add the forces that tied surfaces exert on each other, including supports. Collective.
 
     Returns:
-        The forces of guides, one for each of their rows.
+        The forces of guides, one for each guide row.
     """
     left, glued = internal.copy(), problem.ties.B.createVecLeft()
     fem_petsc.set_bc(left, problem.bcs)
@@ -206,10 +206,10 @@ def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.
 
 
 def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
-    """Return the larger of the unbalanced force and moment.
+    """Return the larger of the unbalanced force and the unbalanced moment.
 
-    The moment is about the middle of the nodes, divided by the distance of the farthest node.
-    Collective.
+    The moment is about the middle of the nodes, divided by the distance of the farthest node from
+    it. Collective.
     """
     comm, kinematics = problem.comm, problem.kinematics
     x = problem.V.tabulate_dof_coordinates()[: len(forces)]
@@ -226,17 +226,17 @@ def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
 
 @dataclass(frozen=True)
 class LoadResultant:
-    """A load as a force and a moment.
+    """The force and the moment of a load.
 
     Attributes:
-        name: Its name in messages, or the surface or volume where it acts.
-        on: Its surface or volume.
-        kind: Its kind in case files.
-        constant: Whether it acts in full at any load factor.
-        force: One number for each direction (force; in the plane per unit of depth, in axisymmetry
-            of the full turn).
-        moment: Moment about the origin (force × length): three numbers in space, one in the plane,
-            an empty array for bodies of revolution.
+        name: Name of the load in messages; by default its surface or volume.
+        on: Surface or volume of the load.
+        kind: Kind of the load in case files.
+        constant: Whether the load acts in full at any load factor.
+        force: One number for each direction (force; per unit of depth in plane meshes, for the full
+            turn in axisymmetry).
+        moment: Moment about the origin (force × length): three numbers in space, one number in
+            plane meshes, none for bodies of revolution.
     """
 
     name: str

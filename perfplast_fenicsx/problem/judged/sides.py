@@ -1,4 +1,4 @@
-"""Find sides of bodies: outer facets by body and plane, and the share that a name covers."""
+"""Find the sides of bodies: outer facets by body and plane, and which names cover them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ class OuterFacets:
     """The outer facets of the bodies on all ranks.
 
     Attributes:
-        x: Their vertices, shape (n, gdim, gdim).
+        x: Vertices of each facet, shape (n, gdim, gdim).
         vertex: Global numbers of these vertices, shape (n, gdim).
         normal: Outward unit normals, shape (n, gdim).
-        area: Their areas, shape (n,): length², in the plane length, for bodies of revolution of the
-            full turn.
-        body: Number of the connected body, shape (n,).
-        tag: Tag of the named surface, −1 without a name, shape (n,).
+        area: Areas (length², length in plane meshes, the full turn for bodies of revolution), shape
+            (n,).
+        body: Number of the connected body of each facet, shape (n,).
+        tag: Tag of the named surface, −1 if the facet has no name, shape (n,).
     """
 
     x: Floats
@@ -40,12 +40,13 @@ class OuterFacets:
 
 @dataclass(frozen=True)
 class Side:
-    """A flat or a smoothly curved part of the outside of a connected body.
+    """A flat or smoothly curved part of the outside of a connected body.
 
     Attributes:
         body: Number of the body.
-        words: Such as ``side z = 5``, ``side with normal (0.6, 0.8)`` or ``curved side``.
-        area: The whole area of the side.
+        words: Description, such as ``side z = 5``, ``side with normal (0.6, 0.8)`` or ``curved
+            side``.
+        area: Total area of the side.
         pieces: Number of connected parts of the side.
     """
 
@@ -61,10 +62,10 @@ class Cover:
 
     Attributes:
         side: The side.
-        area: The covered part.
-        pieces: Number of the side's parts that are covered completely.
-        rest: Names of the other surfaces on the side, with their areas; "" is the area without a
-            name.
+        area: The covered area.
+        pieces: Number of connected parts of the side that are covered completely.
+        rest: Areas of the other surfaces on the side, by their names; the key "" is for area
+            without a name.
     """
 
     side: Side
@@ -74,7 +75,7 @@ class Cover:
 
     @property
     def whole(self) -> bool:
-        """Return whether the surface covers all of the side."""
+        """Return whether the surface covers the whole side."""
         return not self.rest
 
 
@@ -85,9 +86,9 @@ class Sides:
     Attributes:
         facets: The outer facets on all ranks.
         sides: All sides.
-        side: The side of each facet, shape (n,).
-        piece: The connected part of a side that contains each facet, shape (n,).
-        surfaces: The tag of each name, or its tags.
+        side: Number of the side of each facet, shape (n,).
+        piece: Number of the connected part of a side that contains each facet, shape (n,).
+        surfaces: Tag or tags of each name.
     """
 
     facets: OuterFacets
@@ -97,7 +98,7 @@ class Sides:
     surfaces: Mapping[str, int | tuple[int, ...]]
 
     def area(self, name: str) -> float:
-        """Return the area of a surface on the outside of bodies."""
+        """Return the area of a surface that lies on the outside of bodies."""
         return float(self.facets.area[self.on(name)].sum())
 
     def on(self, name: str) -> npt.NDArray[np.bool_]:
@@ -111,12 +112,15 @@ class Sides:
         return {int(tag): float(area) for tag, area in zip(tags, areas, strict=True)}
 
     def names_of_tags(self) -> dict[int, str]:
-        """Return a name for each tag: of its surfaces, the one with the fewest tags."""
+        """Return a name for each tag: among its surfaces, the one with the fewest tags."""
         widest_first = sorted(self.surfaces, key=lambda name: -np.size(self.surfaces[name]))
         return {int(tag): name for name in widest_first for tag in np.ravel(self.surfaces[name])}
 
     def names_of_all(self, tags: Iterable[int]) -> dict[int, str]:
-        """Return a name for each of these tags: of surfaces with no other tag, the widest one."""
+        """Return a name for each of the given tags, and prefer names that cover many of them.
+
+        A name is used only if all its tags are among the given tags.
+        """
         left = set(tags)
         named = self.names_of_tags()
         groups = {name: set(np.ravel(of).tolist()) for name, of in self.surfaces.items()}
@@ -127,7 +131,7 @@ class Sides:
         return found
 
     def covers(self, name: str) -> list[Cover]:
-        """Return the share of each side that a surface covers, the largest one first."""
+        """Return the part of each side that a surface covers, the largest part first."""
         facets, own = self.facets, self.on(name)
         named = self.names_of_tags()
         found = []
@@ -145,13 +149,13 @@ class Sides:
         return sorted(found, key=lambda cover: (-round(cover.area, 9), cover.side.words))
 
     def rest(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return which facets of partly covered sides lie outside a surface, shape (n,)."""
+        """Return which facets on partly covered sides are not on the surface, shape (n,)."""
         own = self.on(name)
         return np.isin(self.side, self.side[own]) & ~own
 
 
 def find_sides(problem: Problem) -> Sides | None:
-    """Return the sides of a problem's bodies on rank 0, None on the other ranks. Collective."""
+    """Return the sides of a problem's bodies on rank 0; None on the other ranks. Collective."""
     found = gathered_facets(problem)
     if found is None:
         return None
@@ -161,7 +165,7 @@ def find_sides(problem: Problem) -> Sides | None:
 
 
 def gathered_facets(problem: Problem) -> OuterFacets | None:
-    """Return the outer facets of all ranks on rank 0, None on the other ranks. Collective."""
+    """Return the outer facets of all ranks on rank 0; None on the other ranks. Collective."""
     V, tagged_mesh, gdim = problem.V, problem.tagged_mesh, problem.bodies.gdim
     chosen = exterior_facets(tagged_mesh)
     own = outer_facets(V, tagged_mesh, chosen)
@@ -189,35 +193,36 @@ def gathered_facets(problem: Problem) -> OuterFacets | None:
 def sides_of(
     facets: OuterFacets, axes: str, size: float, surfaces: Mapping[str, int | tuple[int, ...]]
 ) -> Sides:
-    """Return the facets grouped into sides.
+    """Group facets into sides, and return the sides.
 
-    Facets in one plane, of one body and of one direction, form a side, even if they do not touch.
-    Facets whose direction changes in small angles form a curved side.
+    Facets of one body that lie in one plane and have the same direction form a side, even if they
+    do not touch. Facets whose direction changes by small angles form a curved side.
 
     Args:
         facets: All outer facets.
         axes: Letters of the coordinates.
         size: Size of the bodies (length).
-        surfaces: The tag of each name, or its tags.
+        surfaces: Tag or tags of each name.
     """
     count, gdim = len(facets.area), facets.x.shape[2]
     pairs = _neighbours(facets.vertex)
     turn = np.einsum("pi,pi->p", facets.normal[pairs[:, 0]], facets.normal[pairs[:, 1]])
     in_plane = np.cos(
         1e-3
-    )  # angle (rad) between facets of one plane, for coordinates with few digits
+    )  # largest angle (rad) between facets in one plane, for coordinates with few digits
     flat = turn >= in_plane
     _, patch = _joined(count, pairs[flat])
     bends = pairs[~flat & (turn >= SHARP)]
     curved, smooth = _curved(patch, bends, gdim)
-    # Direction and place of each patch are those of its largest facet, so that errors do not
+    # The direction and position of each patch are those of its largest facet, so that errors do not
     # accumulate.
     largest = np.lexsort((facets.area, patch))
     ends = np.searchsorted(patch[largest], np.arange(patch.max(initial=-1) + 1), side="right") - 1
     of_patch = largest[ends]
     normal, centre = facets.normal[of_patch], facets.x[of_patch].mean(axis=1)
     offset = np.einsum("pi,pi->p", normal, centre)
-    # Planes that differ by less are equal: in direction (rad) and in place relative to the size.
+    # Planes count as equal if they differ less, in direction (rad) and in position relative to the
+    # size.
     body_apart = 10.0
     place = np.column_stack([normal / 1e-3, offset[:, None] / (1e-6 * size)])
     place = np.column_stack([place, facets.body[of_patch] * body_apart])
@@ -244,7 +249,7 @@ def sides_of(
 
 
 def _neighbours(vertex: Longs) -> Longs:
-    """Return pairs of facets that share all vertices but one, shape (m, 2)."""
+    """Return pairs of facets that share all vertices except one, shape (m, 2)."""
     count, size = vertex.shape
     corners = np.array(list(combinations(range(size), size - 1)))
     keys = np.sort(vertex[:, corners], axis=2).reshape(-1, size - 1)
@@ -256,7 +261,7 @@ def _neighbours(vertex: Longs) -> Longs:
 
 
 def _joined(count: int, pairs: npt.NDArray[np.integer]) -> tuple[int, Longs]:
-    """Return the number of connected groups of things, and the group of each."""
+    """Return the number of connected groups, and the group of each of ``count`` items."""
     ones = np.ones(len(pairs), dtype=np.int8)
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     number, group = connected_components(graph, directed=False)
@@ -266,14 +271,14 @@ def _joined(count: int, pairs: npt.NDArray[np.integer]) -> tuple[int, Longs]:
 def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[np.bool_]]:
     """Return the curved side of each patch, and whether the patch is part of a curved side.
 
-    A patch belongs to a curved side if it is a strip of one facet's width: at least half of its
-    facets, in the plane all, have a neighbour in a patch of a slightly different direction. At
-    least three strips form a curved side.
+    A patch is part of a curved side if it is a strip one facet wide: at least half of its facets
+    (in plane meshes all) have a neighbour in a patch of slightly different direction. At least
+    three strips form a curved side.
 
     Args:
-        patch: The patch (facets in one plane) of each facet, shape (n,).
-        bends: Pairs of neighbours that differ a little in direction, shape (m, 2).
-        gdim: Dimension of space.
+        patch: Number of the patch (facets in one plane) of each facet, shape (n,).
+        bends: Pairs of neighbours with slightly different directions, shape (m, 2).
+        gdim: Space dimension.
     """
     count = int(patch.max(initial=-1)) + 1
     at_bend = np.zeros(len(patch), dtype=np.bool_)
@@ -288,7 +293,7 @@ def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[n
 
 
 def _plane(normal: Floats, offset: float, axes: str, size: float) -> str:
-    """Return a plane in words."""
+    """Return a description of a plane in words."""
     along = int(np.argmax(np.abs(normal)))
     straight = 1e-6  # components of a normal below this value count as zero
     if np.delete(np.abs(normal), along).max() <= straight:

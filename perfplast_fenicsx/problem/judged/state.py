@@ -1,4 +1,4 @@
-"""Store a state of the bodies and the load level that ends with it; track accumulated slip."""
+"""Store a state of the bodies and the load level that ends with it; record accumulated slip."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,15 +15,15 @@ from perfplast_fenicsx.tables import NotebookResult, Row, notebook_table
 
 @dataclass(frozen=True)
 class State:
-    """Displacement at a load, with the data from which the next solve starts.
+    """Displacement at a load, with the data to start the next solve.
 
     Attributes:
         u: Displacement (length).
-        zeta: Load parameter ζ.
+        zeta: Load factor ζ.
         alpha: Work of the live loads α = L₁(u).
         active: Closed contact pairs hosted by this rank, shape (num_pairs,).
-        history: Internal variables of the laws by name, functions of the quadrature points; empty
-            without such variables.
+        history: Internal variables of the laws by name, as functions at the quadrature points;
+            empty if the laws have none.
     """
 
     u: fem.Function
@@ -38,17 +38,17 @@ class State:
 
 @dataclass(frozen=True)
 class Level:
-    """A load level. The state of a level that has not converged starts no other level.
+    """A load level. If it has not converged, its state must not start another level.
 
     Attributes:
         state: State at the end of the level.
         stress: σ = Σ(ε(u)), Mandel vectors (:mod:`mandel`) at the quadrature points.
-        contact_forces: Contact forces of the pairs hosted by this rank (force), positive where the
-            bodies push each other, shape (num_pairs,).
+        contact_forces: Contact forces of the pairs hosted by this rank (force), positive in
+            compression, shape (num_pairs,).
         report: Report of the level.
-        iterations: Report of each step.
-        refuted: Whether the level ended with the verdict that no equilibrium exists with the
-            friction limits of the iteration, rather than without convergence.
+        iterations: Records of the steps.
+        refuted: Whether the level ended with the verdict that no equilibrium exists for the
+            friction bounds of the iteration, rather than without convergence.
     """
 
     state: State
@@ -77,7 +77,7 @@ class LoadingPath(NotebookResult):
     levels: tuple[Level, ...]
 
     def __init__(self, levels: Iterable[Level]) -> None:
-        """Take levels, such as those of :func:`load_path`, which are then solved. Collective."""
+        """Collect levels; an iterator such as :func:`load_path` solves them now. Collective."""
         object.__setattr__(self, "levels", tuple(levels))
 
     def __iter__(self) -> Iterator[Level]:
@@ -90,7 +90,7 @@ class LoadingPath(NotebookResult):
         return f"LoadingPath({len(self.levels)} levels)"
 
     def in_words(self) -> str:
-        """Return how many levels were solved, and why the last one was not."""
+        """Return how many levels are solved, and why the last level is not."""
         solved = sum(level.report.converged for level in self.levels)
         words = f"{solved} of {len(self.levels)} levels are solved"
         if solved == len(self.levels):
@@ -110,10 +110,10 @@ class LoadingPath(NotebookResult):
 
 
 def slipped(problem: Problem, state: State) -> Floats:
-    """Return the slip since the beginning (length), shape (num_places, gdim − 1). Collective.
+    """Return the slip since the start (length), shape (num_places, gdim − 1). Collective.
 
     Args:
-        problem: Problem with the places of friction.
+        problem: Problem with friction.
         state: State of the problem.
     """
     y = problem.create_vector()
@@ -124,13 +124,13 @@ def slipped(problem: Problem, state: State) -> Floats:
 
 
 def remember_slip(problem: Problem, start: State | None) -> None:
-    """Set the origin of slip to the state that a level starts from, in stages. Collective.
+    """In stages, set the origin of slip to the state from which a level starts. Collective.
 
-    Without stages a level is one step from rest, from whatever state the iteration starts.
+    Without stages, a level is one step from rest, whatever the initial state of its iteration.
 
     Args:
-        problem: The problem, moved to the load factor of the level.
-        start: The state; None for the state at rest.
+        problem: The problem, already moved to the load factor of the level.
+        start: The initial state; None for the state at rest.
     """
     if problem.in_stages and problem.friction.count and start is not None:
         problem.friction.origin[:] += slipped(problem, start)

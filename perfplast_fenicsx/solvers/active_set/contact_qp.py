@@ -1,16 +1,16 @@
-"""Solve the contact QP of one Newton step.
+"""Solve the contact quadratic program (QP) of one Newton step.
 
 minimise ½ δᵀAδ + rᵀδ  subject to  δ_s ≤ room at the bounded unknowns of the jump basis
-    and, where asked,  ℓᵀδ = work
+    and, if requested, ℓᵀδ = work
 
-PETSc's SNES-VI solves it (:mod:`variational_inequality`), starting from the active set of the last
-step. Each of its iterations solves the equality-constrained QP of one active set. Then all held
-pairs that pull are released and all open pairs that penetrate are held. Without contact the first
-QP is the solution.
+PETSc's SNES-VI solves this QP (:mod:`variational_inequality`), starting from the active set of the
+previous step. Each iteration solves the equality-constrained QP of one active set. It then releases
+all held pairs in tension, and holds all open pairs that penetrate. Without contact, the first QP
+gives the solution.
 
-The operator is not an M-matrix. Near collapse and with quadratic elements the active sets may
-cycle. Then the changing pairs are condensed to a small dense program, which has an exact solution,
-and SNES-VI starts from its active set.
+The operator is not an M-matrix. Near collapse, and with quadratic elements, the active sets may
+cycle. The changing pairs are then condensed to a small dense program, which is solved exactly, and
+SNES-VI starts from its active set.
 """
 
 from dataclasses import dataclass, replace
@@ -41,11 +41,12 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Condensed:
-    """Solution of a contact QP for only a few pairs.
+    """Solution of a contact QP that is condensed to a few pairs.
 
     Attributes:
-        closed: Which of these pairs remain closed, False elsewhere, shape (num_pairs,).
-        solves: Number of systems solved for it.
+        closed: Whether each of these pairs remains closed, False for other pairs, shape
+            (num_pairs,).
+        solves: Number of linear systems that were solved.
     """
 
     closed: PairFlags
@@ -55,13 +56,14 @@ class Condensed:
 def condense(
     program: EqualityProgram, model: QuadraticModel, *, held: PairFlags, undecided: PairFlags
 ) -> Condensed:
-    """Solve the contact QP for only the undecided pairs. Collective.
+    """Solve the contact QP for the undecided pairs only. Collective.
 
-    With all of them held, each gets a unit jump in turn: one solve per pair, with one set-up.
+    While all undecided pairs are held, each gets a unit jump in turn. This takes one solve per
+    pair, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator.
-        model: The function to be minimised, with ``jumps`` the room of each pair.
+        model: The function to be minimised; ``jumps`` is the current gap of each pair.
         held: Other pairs that are held closed, shape (num_pairs,).
         undecided: The few undecided pairs, shape (num_pairs,).
 
@@ -109,28 +111,29 @@ def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
 
 
 def openings(stiffness: Floats, forces: Floats) -> Floats:
-    """Return the scaled z ≥ 0 that minimises ½ zᵀSz − gᵀz; only its zeros matter.
+    """Return the scaled z ≥ 0 that minimises ½ zᵀSz − gᵀz; only the zeros of z matter.
 
-    With S = R Rᵀ this is the least-squares problem min ‖Rᵀz − R⁻¹g‖ over z ≥ 0, which the method of
-    Lawson and Hanson solves exactly (Solving Least Squares Problems, SIAM 1995, chapter 23).
+    With S = R Rᵀ, this is the least-squares problem min ‖Rᵀz − R⁻¹g‖ over z ≥ 0. The method of
+    Lawson and Hanson solves it exactly (Solving Least Squares Problems, SIAM 1995, chapter 23).
 
     Args:
-        stiffness: S, symmetric positive definite up to rounding: force on each pair for a unit
-            opening of each, shape (n, n).
-        forces: g, the energy gained per small opening of each pair, shape (n,).
+        stiffness: S, shape (n, n): the force on each pair for a unit opening of each pair. It is
+            symmetric positive definite, apart from rounding errors.
+        forces: g, shape (n,): the energy gained per small opening of each pair.
 
     Returns:
-        z times the roots of the diagonal of S, shape (n,).
+        z times the square roots of the diagonal of S, shape (n,).
     """
     from scipy.optimize import (
         nnls,
-    )  # importing it takes a tenth of a second, and few programs need it
+    )  # the import takes 0.1 s, and only few programs need it
 
     S = (stiffness + stiffness.T) / 2
     largest = float(np.diag(S).max(initial=1e-300))
     scale = np.sqrt(np.maximum(np.diag(S), 1e-30 * largest))
     values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
-    # Smallest eigenvalue of the scaled matrix, so that rounding does not make it indefinite.
+    # Smallest eigenvalue of the scaled matrix; it prevents rounding errors from making S
+    # indefinite.
     regularisation = 1e-13
     roots = np.sqrt(np.maximum(values, regularisation))
     found, _ = nnls(roots[:, None] * vectors.T, (vectors.T @ (forces / scale)) / roots)
@@ -144,13 +147,13 @@ class ContactStep:
 
     Attributes:
         delta: δ in the jump basis; valid until the next solve.
-        active: Which pairs hosted by this rank are closed with a compressive force, shape
+        active: Whether each pair hosted by this rank is closed with a compressive force, shape
             (num_pairs,).
-        settled: Whether the active set is that of the solution. Otherwise δ is feasible but not the
+        settled: Whether the active set is that of the solution. If not, δ is feasible but not the
             solution, and the Newton iteration must not end with it.
-        iterations: Number of solved active sets.
-        multiplier: Multiplier of the work equality; 0 without it.
-        held_forces: Support forces of the given unknowns, shape (num_held,).
+        iterations: Number of active sets whose QP was solved.
+        multiplier: Multiplier of the work equality; 0 if work is not prescribed.
+        held_forces: Forces that hold the given unknowns, shape (num_held,).
     """
 
     delta: PETSc.Vec
@@ -179,7 +182,10 @@ class ContactProgram:
         self._programs = self._condensed = 0
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same one with new values. Collective."""
+        """Set a new operator A in the jump basis, or the same operator with new values.
+
+        Collective.
+        """
         self.equality.set_operator(A)
 
     def solve(
@@ -197,14 +203,14 @@ class ContactProgram:
 
         Args:
             r: Gradient at δ = 0.
-            room: How far each pair hosted by this rank may still close, shape (num_pairs,).
+            room: Current gap of each pair hosted by this rank, shape (num_pairs,).
             active: Initial active set.
             rtol: Relative tolerance of the linear solves.
-            most_sets: Largest number of active sets to solve; None to continue until the correct
-                one.
-            work: ℓᵀδ with the loads ℓ, if it is prescribed.
-            given: Unknowns that are held at given values.
-            first: Largest force at the beginning of the level.
+            most_sets: Largest number of active sets to solve; None to continue to the correct
+                active set.
+            work: Required ℓᵀδ with the loads ℓ; None if it is not prescribed.
+            given: Unknowns with given values.
+            first: Largest force at the start of the level.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
@@ -234,13 +240,13 @@ class ContactProgram:
         )
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the counts of contact QPs, of those solved by SNES-VI, and of its iterations."""
+        """Return the numbers of contact QPs, of QPs solved by SNES-VI, and of its iterations."""
         return self._programs, self._programs - self._condensed, self._inequality.iterations
 
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
     ) -> PETSc.Vec:
-        """Return δ with Aδ = load, where these pairs keep their jumps and all others are free.
+        """Return δ with Aδ = load, where the held pairs keep their jumps and all others are free.
 
         Collective.
 
@@ -248,7 +254,7 @@ class ContactProgram:
             load: Load in nodal unknowns.
             held: Pairs that keep their jumps, shape (num_pairs,).
             rtol: Relative tolerance of the linear solve.
-            given: Further unknowns that are held at given values.
+            given: Further unknowns with given values.
 
         Returns:
             δ in the jump basis; valid until the next solve.
@@ -270,14 +276,14 @@ class ContactProgram:
         return forces
 
     def _condense(self, found: Found, circling: PairFlags) -> tuple[Found, int]:
-        """Find the active set among the pairs that cycle. Collective.
+        """Find the active set of the pairs that cycle. Collective.
 
         Returns:
-            The result of SNES-VI from this set, and the number of solved systems.
+            The result of SNES-VI from this active set, and the number of solved systems.
         """
         solution, iterations = found.solution, found.solution.solves
         model, held = solution.model, solution.held & ~circling
-        # Largest number of condensed pairs; with more, the step is used as it is.
+        # Largest number of condensed pairs; with more pairs, the step is used as it is.
         most_condensed = 300
         while 0 < self._comm.allreduce(int(circling.sum())) <= most_condensed:
             condensed = condense(self.equality, model, held=held, undecided=circling)

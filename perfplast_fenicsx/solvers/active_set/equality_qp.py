@@ -1,13 +1,13 @@
-"""Solve the equality-constrained QP: some jumps are given, with or without a given work.
+"""Solve the equality-constrained QP, in which some jumps, and possibly the work, are given.
 
-    minimise ½ δᵀAδ + rᵀδ  where δ_s = given at held pairs and, where asked,  ℓᵀδ = work
+    minimise ½ δᵀAδ + rᵀδ with δ_s given at held pairs and, if requested, ℓᵀδ = work
 
-The work equality borders the system. With A v = b and A w = ℓ on the same free unknowns, the
-solution is v + ζ w, where the multiplier ζ gives the required work (ALG4 of the paper; on a fixed
-active set it also solves the quadratic program of ALG3). Both solves share one set-up.
+The work equality borders the system. Let A v = b and A w = ℓ on the same free unknowns. The
+solution is then v + ζ w, where the multiplier ζ gives the required work. This is ALG4 of the paper;
+for a fixed active set it also solves the quadratic program of ALG3. Both solves share one set-up.
 
 If only the held pairs change, the previous solution is corrected. A few pairs change the solution
-little, so that an inaccurate solve is enough.
+only slightly, so an inaccurate solve suffices.
 """
 
 from dataclasses import dataclass
@@ -22,17 +22,17 @@ from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure, LinearSolver
 
 ROUNDING = 1e-12
-"""Contact forces below this share of the largest force count as zero; the same holds for lengths.
-"""
+"""Contact forces below this fraction of the largest force count as zero; the same holds for
+lengths."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """Unknowns that are given in addition to the jumps of pairs.
+    """Unknowns with given values, in addition to the jumps of pairs.
 
     Attributes:
-        index: Local (owned) unknowns, shape (num_held,).
-        values: Their δ, same shape.
+        index: Local owned unknowns, shape (num_held,).
+        values: Values of δ at these unknowns, same shape.
     """
 
     index: Ints
@@ -49,10 +49,10 @@ class QuadraticModel:
     Attributes:
         r: Gradient at δ = 0, in the jump basis.
         jumps: Jump of each held pair on this rank (length), shape (num_pairs,).
-        work: ℓᵀδ (energy) with the loads ℓ, if it is prescribed.
+        work: Required ℓᵀδ (energy) with the loads ℓ; None if it is not prescribed.
         rtol: Relative tolerance of the linear solves.
-        given: Further held unknowns, independent of the pairs.
-        first: Largest force at the beginning of the level, as a scale of rounding errors.
+        given: Further held unknowns, in addition to the pairs.
+        first: Largest force at the start of the level, as the scale of rounding errors.
     """
 
     r: PETSc.Vec
@@ -68,14 +68,14 @@ class Solution:
     """Solution of an equality-constrained QP.
 
     Attributes:
-        model: The function that it minimises.
-        delta: δ in the jump basis. A correction overwrites it.
+        model: The function that the solution minimises.
+        delta: δ in the jump basis; a correction overwrites it.
         held: Held pairs on this rank, shape (num_pairs,).
-        multiplier: ζ of the work equality; 0 without it.
-        accuracy: Allowed Euclidean norm of the residual, which corrections satisfy too.
-        force_tolerance: Contact forces up to this size are solver errors or rounding, and do not
+        multiplier: ζ of the work equality; 0 if work is not prescribed.
+        accuracy: Largest allowed Euclidean norm of the residual, also for corrections.
+        force_tolerance: Contact forces up to this size are solver or rounding errors, and do not
             affect the active set.
-        solves: Number of solved active sets since the last minimisation.
+        solves: Number of active sets solved since the last minimisation.
     """
 
     model: QuadraticModel
@@ -91,7 +91,7 @@ class EqualityProgram:
     """The equality-constrained QPs of one operator, for any held pairs.
 
     Attributes:
-        comm: The ranks.
+        comm: Communicator of the ranks.
         index: Local index of each pair's jump, shape (num_pairs,).
     """
 
@@ -107,7 +107,10 @@ class EqualityProgram:
         self._responded = self._response_is_new = False
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same with new values. Collective."""
+        """Set a new operator A in the jump basis, or the same operator with new values.
+
+        Collective.
+        """
         self._A = A
         self._linear.set_operator(A)
         self._responded = self._response_is_new = False
@@ -119,10 +122,10 @@ class EqualityProgram:
         return self._A
 
     def minimise(self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec) -> Solution:
-        """Solve with these pairs held. Collective.
+        """Return the solution with the given pairs held. Collective.
 
         Args:
-            model: The quadratic model that is minimised.
+            model: The quadratic model to be minimised.
             held: Held pairs on this rank, shape (num_pairs,).
             delta: Vector for δ.
 
@@ -135,9 +138,9 @@ class EqualityProgram:
         """Return the start of :meth:`minimise`, for :meth:`complete`. Collective.
 
         Args:
-            model: The quadratic model that is minimised.
+            model: The quadratic model to be minimised.
             held: Held pairs on this rank, shape (num_pairs,).
-            delta: Vector for δ, which becomes zero except at held unknowns.
+            delta: Vector for δ; it becomes zero, except at held unknowns.
         """
         delta.set(0)
         self._set_rhs(model, held, delta, 0.0)
@@ -148,7 +151,7 @@ class EqualityProgram:
         return Solution(model, delta, held.copy(), 0.0, accuracy, noise, 0)
 
     def begun_gradient(self, f: PETSc.Vec) -> None:
-        """Set f to the gradient at the last :meth:`begin`, zero at held unknowns."""
+        """Set f to the gradient at the last :meth:`begin`; f is zero at held unknowns."""
         self._rhs.copy(f)
         f.scale(-1)
 
@@ -161,12 +164,12 @@ class EqualityProgram:
         return self._solve(begun, begun.held, False)
 
     def correct(self, previous: Solution, held: PairFlags) -> Solution:
-        """Solve with other held pairs, from a solution that is overwritten. Collective.
+        """Return the solution with other held pairs, by correcting a previous one. Collective.
 
-        The function corrects it until the residual is as small as for the first solution.
+        The correction continues until the residual is as small as for the first solution.
 
         Args:
-            previous: Solution with other pairs held; its δ is overwritten.
+            previous: Solution with other pairs held; this method overwrites its δ.
             held: Held pairs on this rank, shape (num_pairs,).
 
         Raises:
@@ -176,7 +179,7 @@ class EqualityProgram:
         return self._solve(previous, held, True)
 
     def gradient(self, solution: Solution, f: PETSc.Vec) -> None:
-        """Set f to Aδ + r − ζℓ, which at held pairs is minus the contact force. Collective."""
+        """Set f to Aδ + r − ζℓ, which is minus the contact force at held pairs. Collective."""
         self._set_gradient(solution.model, solution.delta, solution.multiplier, f)
 
     def _set_gradient(
@@ -188,7 +191,7 @@ class EqualityProgram:
     def _set_rhs(
         self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec, multiplier: float
     ) -> None:
-        """Set held unknowns in δ, and compute the remaining right-hand side."""
+        """Set the held unknowns in δ, and compute the remaining right-hand side."""
         delta.array[self.index[held]] = model.jumps[held]
         delta.array[model.given.index] = model.given.values
         self._set_gradient(model, delta, multiplier, self._rhs)
@@ -200,7 +203,7 @@ class EqualityProgram:
         return np.concatenate([self.index[held], model.given.index])
 
     def _solve(self, start: Solution, held: PairFlags, correction: bool) -> Solution:
-        """Change δ to satisfy the right-hand side and the work equality."""
+        """Change δ so that it satisfies the right-hand side and the work equality."""
         if self._linear.hold(self._closed(start.model, held)):
             self._response_is_new = False
         self._reduce(self._rhs, start.accuracy, self._change, correction)
@@ -221,7 +224,7 @@ class EqualityProgram:
         )
 
     def _reduce(self, rhs: PETSc.Vec, atol: float, x: PETSc.Vec, correction: bool) -> None:
-        """Solve A x = rhs to the residual ``atol``; a smaller right-hand side is left unchanged."""
+        """Solve A x = rhs to the residual ``atol``; x = 0 if rhs is already as small."""
         size = rhs.norm()
         if size > atol:
             self._linear.solve(rhs, x, atol / size, correction=correction)
@@ -229,7 +232,7 @@ class EqualityProgram:
             x.set(0)
 
     def _shift(self, delta: PETSc.Vec, closed: Ints, work: float, rtol: float) -> float:
-        """Add the multiple of A⁻¹ℓ that gives the required work, and return the factor.
+        """Add the multiple of A⁻¹ℓ to δ that gives the required work, and return its factor.
 
         Collective.
         """
@@ -238,12 +241,14 @@ class EqualityProgram:
             self._respond(closed, rtol)
         compliance = self._border.dot(self._response)
         if not compliance > 0:
-            raise LinearFailure("the loads do no work on this active set, so it carries none")
+            raise LinearFailure(
+                "the loads do no work for this active set, so no load factor gives this work"
+            )
         delta.axpy(missing / compliance, self._response)
         return float(missing / compliance)
 
     def _respond(self, closed: Ints, rtol: float) -> None:
-        """Solve A w = ℓ for the response w, or correct w for other held pairs."""
+        """Solve A w = ℓ for the response w, or correct w if the held pairs have changed."""
         correction = self._responded
         if not correction:
             self._response.set(0)

@@ -2,38 +2,38 @@
 
 minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
 
-Each linearisation of friction leaves a contact QP, in which tangential jumps are held at sticking
-places and have forces and springs at slipping ones. If the linearisations do not converge, a dense
-program decides. In space and with many places, splitting approaches the solution instead. The
-linearisations then continue from there.
+Each linearisation of friction gives a contact QP. In this QP, tangential jumps are held at sticking
+points; slipping points have forces and springs. If the linearisations do not converge, a dense
+program determines the solution. In space, or with many points, splitting approaches the solution
+instead, and the linearisations then continue from its result.
 
-Linearise the friction law ‖μ‖ ≤ c, μ = c s/‖s‖: which places stick and which slip.
-Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k > 0.
-Where ‖z‖ ≤ c, the place sticks, s = 0. Elsewhere Newton's method for this equation (S. Hüeber, G.
-Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
+The linearisation refers to the friction law ‖μ‖ ≤ c, μ = c s/‖s‖, and determines which points stick
+and which slip. Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any
+stiffness k > 0. If ‖z‖ ≤ c, the point sticks, s = 0. Otherwise Newton's method for this equation
+(S. Hüeber, G. Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
 
     μ = c ẑ + c k/(‖z‖ − c) (I − ẑẑᵀ) s,   ẑ = z/‖z‖,
 
-a force and springs perpendicular to it. No tangential direction is preferred.
+which is a force, and springs perpendicular to it. No tangential direction is preferred.
 
-Split friction: a separate slip q follows the jumps s of u, as strains do in ALG2.
-With the multiplier μ of s = q, and the penalty r k of a place with the stiffness k:
+The splitting introduces a separate slip q that follows the jumps s of u, as strains do in ALG2.
+With the multiplier μ of s = q, and the penalty r k at a point with the stiffness k:
 
 1. u minimises the energy with ½ r k ‖s − q + μ/(r k)‖² added,
 2.  q = shrink(s + μ/(r k)) by c/(r k),
 3. μ ← μ + r k (s − q), which lies in the ball ‖μ‖ ≤ c.
 
-No place is held or released, so that the method converges to the solution, if slowly, however many
-places are undecided. It is the friction method of ALG2, and the fallback of Newton's methods when
-they cycle.
+No point is held or released, so the method converges to the solution, though possibly slowly,
+however many points are undecided. It is the friction method of ALG2, and the fallback of Newton's
+methods if their linearisations cycle.
 
-Decide which pairs are closed and which places slip, in the plane: a dense program.
-minimise ½ zᵀSz − gᵀz  over z ≥ 0
+In plane meshes, a dense program determines which pairs are closed and which points slip: minimise ½
+zᵀSz − gᵀz over z ≥ 0.
 
-If all pairs are closed and all places stick, z are the openings of pairs and the slips of places in
-both directions. S is their stiffness, and g is the energy gained per unit of each, minus the bound
-c for a slip. Its solution is exact also if successive linearisations cycle, as for a pin that rolls
-in its hole.
+Starting from all pairs closed and all points sticking, z contains the openings of pairs and the
+slips of points in both directions. S is their stiffness, and g is the energy gained per unit of
+each, minus the bound c for a slip. This solution is exact even if successive linearisations cycle,
+as for a pin that rolls in its hole.
 """
 
 from dataclasses import dataclass, replace
@@ -61,17 +61,17 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 DRAG = 1e-8
-"""Stiffness of springs along the slip, relative to the bodies' stiffness, that resist changes of
-the slip in a step. They hold a body that slips everywhere, and vanish with the last step."""
+"""Stiffness, relative to that of the bodies, of springs that resist changes of slip along the slip
+in a step. They hold a body that slips everywhere, and their forces vanish with the last step."""
 
 
 @dataclass(frozen=True)
 class Slip:
-    """Which places hosted by this rank slip, and in which direction.
+    """Which points of friction hosted by this rank slip, and in which direction.
 
     Attributes:
-        sticks: Places whose jump is zero, shape (num_places,).
-        along: ẑ at slipping places, zero at sticking ones, shape (num_places, gdim − 1).
+        sticks: Whether the jump of each point is zero, shape (num_places,).
+        along: ẑ at slipping points, zero at sticking points, shape (num_places, gdim − 1).
         across: Stiffness of the springs perpendicular to ẑ (force/length), shape (num_places,).
     """
 
@@ -81,7 +81,7 @@ class Slip:
 
 
 def stuck(shape: tuple[int, ...]) -> Slip:
-    """Return the linearisation without slip.
+    """Return the linearisation in which no point slips.
 
     Args:
         shape: Shape of the jumps.
@@ -90,12 +90,12 @@ def stuck(shape: tuple[int, ...]) -> Slip:
 
 
 def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip:
-    """Return the linearisation at jumps.
+    """Return the linearisation at given jumps.
 
     Args:
         jumps: Jumps s, shape (num_places, gdim − 1).
         bound: Bounds c, shape (num_places,).
-        slips: Which places with nonzero jumps slip; places without friction slip too.
+        slips: Whether each point with a nonzero jump slips; points without friction slip too.
     """
     sizes = norms(jumps)
     along = np.divide(jumps, sizes[:, None], out=np.zeros_like(jumps), where=slips[:, None])
@@ -104,10 +104,10 @@ def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip
 
 
 def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
-    """Return the linearisation at forces and jumps that the last linearisation gave.
+    """Return the linearisation at the forces and jumps that follow from the last linearisation.
 
-    A place that slips in the wrong direction sticks first. Otherwise a body that slips everywhere
-    would oscillate.
+    A point that slips in the wrong direction is first set to stick. Otherwise a body that slips
+    everywhere would oscillate.
 
     Args:
         slip: The last linearisation.
@@ -130,12 +130,12 @@ def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: F
 
 
 def distance(bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Floats:
-    """Return ‖μ − c z/max(c, ‖z‖)‖, zero where the friction law holds, shape (num_places,)."""
+    """Return ‖μ − c z/max(c, ‖z‖)‖, zero if the friction law holds, shape (num_places,)."""
     return norms(forces - shrunk(forces + stiffness[:, None] * jumps, bound))
 
 
 def springs(slip: Slip, stiffness: Floats, drag: float = DRAG) -> Floats:
-    """Return spring stiffnesses, shape (num_places, gdim − 1, gdim − 1), 0 at sticking places."""
+    """Return spring stiffnesses, shape (num_places, gdim − 1, gdim − 1), 0 at sticking points."""
     along = np.einsum("ni,nj->nij", slip.along, slip.along)
     every = np.eye(along.shape[1])
     dragged = np.where(slip.sticks, 0.0, drag * stiffness)
@@ -143,7 +143,7 @@ def springs(slip: Slip, stiffness: Floats, drag: float = DRAG) -> Floats:
 
 
 def forces_of(slip: Slip, bound: Floats, jumps: Floats) -> Floats:
-    """Return forces μ of slipping places at these jumps, as linearised, same shape."""
+    """Return the linearised forces μ at the jumps, same shape; 0 at sticking points."""
     off = jumps - np.einsum("ni,ni->n", slip.along, jumps)[:, None] * slip.along
     slips = ~slip.sticks
     finite = np.where(slips, bound, 0.0)
@@ -151,14 +151,14 @@ def forces_of(slip: Slip, bound: Floats, jumps: Floats) -> Floats:
 
 
 class FrictionSplitting:
-    """q and μ at the places of friction hosted by this rank."""
+    """The slip q and the multiplier μ at the points of friction hosted by this rank."""
 
     def __init__(self, problem: Problem, operator: ContactOperator, stiffness: Floats) -> None:
         """Add the springs to an operator. Collective.
 
         Args:
-            problem: Problem with the places.
-            operator: Operator of the bodies, without the springs.
+            problem: Problem with friction.
+            operator: Operator of the bodies without springs.
             stiffness: Stiffness k, shape (num_places,).
         """
         self._problem, self._k, friction = problem, stiffness, problem.friction
@@ -167,7 +167,7 @@ class FrictionSplitting:
         self._q, self._mu = np.zeros(friction.index.shape), np.zeros(friction.index.shape)
 
     def begin(self, jumps: Floats) -> None:
-        """Start from a slip and its forces."""
+        """Start from a slip and the friction forces that belong to it."""
         sizes, bound = norms(jumps), self._problem.friction.bound
         self._q = jumps.copy()
         slips = (sizes > 0) & np.isfinite(bound)
@@ -175,7 +175,7 @@ class FrictionSplitting:
         self._mu = share[:, None] * jumps
 
     def slip(self) -> Slip:
-        """Return the linearisation at the present values; the last trial μ + r k s has r = 1."""
+        """Return the linearisation at the current values; the last trial μ + r k s has r = 1."""
         z = self._mu + self._k[:, None] * self._q
         nothing = stuck(z.shape)
         return judge(nothing, self._problem.friction.bound, self._k, z, np.zeros_like(z))
@@ -186,10 +186,10 @@ class FrictionSplitting:
         self._problem.friction.add(force, gradient.array)
 
     def follow(self, jumps: Floats, r: float) -> Floats:
-        """Do steps 2 and 3, and return the squared residuals. Collective.
+        """Perform steps 2 and 3, and return the squared residuals. Collective.
 
         Returns:
-            Squares of the primal and the dual residual, Σ k‖s − q‖² and Σ k‖Δq‖².
+            Squares of the primal and the dual residual: Σ k‖s − q‖² and Σ k‖Δq‖².
         """
         stiffness, before = r * self._k[:, None], self._q
         trial = self._mu + stiffness * jumps
@@ -200,8 +200,8 @@ class FrictionSplitting:
 
 
 def condensable(program: EqualityProgram, friction: Friction) -> bool:
-    """Return whether slip has two directions, and pairs and places are few. Collective."""
-    most_unknowns = 300  # largest number of condensed pairs and places
+    """Return whether slip has only two directions, and pairs and points are few. Collective."""
+    most_unknowns = 300  # largest number of condensed pairs and points
     few = program.comm.allreduce(len(program.index) + len(friction.index)) <= most_unknowns
     return few and friction.index.shape[1] == 1
 
@@ -209,18 +209,18 @@ def condensable(program: EqualityProgram, friction: Friction) -> bool:
 def condense_friction(
     program: EqualityProgram, model: QuadraticModel, friction: Friction, jumps: Floats
 ) -> tuple[Slip, PairFlags, int]:
-    """Solve the contact QP with friction for all pairs and places at once. Collective.
+    """Solve the contact QP with friction for all pairs and points at once. Collective.
 
-    This takes one linear solve for each of them, with one set-up.
+    The function solves one linear system for each of them, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator without springs.
-        model: The function to be minimised, with ``jumps`` the room of each pair.
-        friction: The places of friction.
+        model: The function to be minimised; ``jumps`` is the current gap of each pair.
+        friction: Friction data.
         jumps: Tangential jumps at δ = 0, shape (num_places, 1).
 
     Returns:
-        The linearisation and the closed pairs of the solution; and the number of solved systems.
+        The linearisation and the closed pairs of the solution, and the number of solved systems.
 
     Raises:
         LinearFailure: If a linear system cannot be solved.
@@ -264,13 +264,13 @@ def condense_friction(
 
 
 def moves_of(S: Floats, G: Floats, bound: Floats, is_place: np.ndarray) -> Floats:
-    """Return how far pairs open (negative) and places slip, shape (n,).
+    """Return by how much pairs open (negative) and points slip, shape (n,).
 
     Args:
-        S: Force on each for a unit jump of each, shape (n, n).
-        G: Gradient with everything closed and sticking.
-        bound: Bounds c of places.
-        is_place: Which entries are places.
+        S: Force on each unknown for a unit jump of each unknown, shape (n, n).
+        G: Gradient with all pairs closed and all points sticking.
+        bound: Bounds c of the points.
+        is_place: Whether each entry is a point of friction.
     """
     pairs, places = np.flatnonzero(~is_place), np.flatnonzero(is_place & np.isfinite(bound))
     which = np.concatenate([pairs, places, places])
@@ -287,9 +287,9 @@ class FrictionStep:
     """Solution of one contact QP with friction.
 
     Attributes:
-        step: Solution of the last linearisation; not settled if the next one differs.
+        step: Solution of the last linearisation; not settled if the next linearisation differs.
         slip: The next linearisation.
-        turns: Whether some places change between stick and slip in the next linearisation.
+        turns: Whether any point changes between stick and slip in the next linearisation.
     """
 
     step: ContactStep
@@ -302,12 +302,12 @@ class FrictionModel:
     """The data of a contact QP with friction.
 
     Attributes:
-        r: Gradient at δ = 0 of all but friction.
-        room: How far each pair hosted here may still close, shape (num_pairs,).
+        r: Gradient at δ = 0 without friction.
+        room: Current gap of each pair hosted by this rank, shape (num_pairs,).
         jumps: Tangential jumps s at δ = 0, shape (num_places, gdim − 1).
         rtol: Relative tolerance of the linear solves.
-        work: ℓᵀδ if it is prescribed, where ℓ are the loads.
-        first: Largest force where the level began.
+        work: Required ℓᵀδ with the loads ℓ; None if it is not prescribed.
+        first: Largest force at the start of the level.
     """
 
     r: PETSc.Vec
@@ -331,11 +331,14 @@ class FrictionProgram:
         self._drag = DRAG
 
     def begin(self) -> None:
-        """Begin a level with the full drag."""
+        """Start a level with the full drag."""
         self._drag = DRAG
 
     def set_operator(self, A: ContactOperator) -> None:
-        """Take a new operator A in the jump basis, or the same one with new values. Collective."""
+        """Set a new operator A in the jump basis, or the same operator with new values.
+
+        Collective.
+        """
         self._operator = A
         if self._stiffness is None:
             self._stiffness = self._problem.friction.gather(A.diagonal()).max(axis=1)
@@ -346,18 +349,18 @@ class FrictionProgram:
         """Solve the contact QP with friction. Collective.
 
         Args:
-            asked: The data.
-            active: Active set to begin with.
-            slip: Linearisation to begin with.
-            most_sets: Solve with one linearisation, and no more sets of held pairs; None to
-                continue until both are correct.
+            asked: The data of the QP.
+            active: Initial active set.
+            slip: Initial linearisation.
+            most_sets: Solve only one linearisation, with at most this number of active sets; None
+                to continue until both are correct.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
         """
         found = self._linearise(asked, active, slip, most_sets)
         condenses = condensable(self._program.equality, self._problem.friction)
-        # Number of splitting steps each time that places alternate between stick and slip.
+        # Numbers of splitting steps, for each time that points alternate between stick and slip.
         splittings = (20, 80, 320)
         ways = () if most_sets is not None else (0,) if condenses else splittings
         for steps in ways:
@@ -376,7 +379,7 @@ class FrictionProgram:
     def _linearise(
         self, asked: FrictionModel, active: PairFlags, slip: Slip, most_sets: int | None
     ) -> FrictionStep:
-        """Solve successive linearisations until they converge, or only one. Collective."""
+        """Solve successive linearisations until they converge, or only one of them. Collective."""
         assert self._operator is not None and self._stiffness is not None
         friction, k, comm, jumps = (
             self._problem.friction,
@@ -419,25 +422,25 @@ class FrictionProgram:
         )
 
     def _loosen(self, slip: Slip, change: Floats, delta: PETSc.Vec) -> None:
-        """Reduce the drag in the next step if little else resisted this step. Collective."""
+        """Reduce the drag for the next step if little else resisted this step. Collective."""
         assert self._operator is not None and self._stiffness is not None
         self._r.set(0)
         self._operator.mult_add(delta, self._r, self._image)
         resisted = self._image.dot(delta)
         along = np.einsum("ni,ni->n", slip.along, change)
         dragged = float(self._problem.comm.allreduce(self._stiffness @ along**2)) * self._drag
-        # Range of the drag's share in the resistance to a step in which it is too strong. Below the
-        # range it hardly matters; above it nothing else resists, and less drag would let a body
+        # The drag is too strong if its fraction of the resistance to a step is in this range. Below
+        # the range it hardly matters; above it nothing else resists, and less drag would let a body
         # move too far.
         low, high = 0.1, 0.9
         if low * resisted < dragged < high * resisted:
-            # Factor by which drag is weakened, and its lower limit relative to the bodies'
-            # stiffness, at which linear systems still have some digits.
+            # Factor by which the drag is reduced, and its lower limit relative to the stiffness of
+            # the bodies, at which solutions of linear systems still have some correct digits.
             looser, least_drag = 0.1, 1e-11
             self._drag = max(looser * self._drag, least_drag)
 
     def _condense(self, asked: FrictionModel) -> tuple[Slip, PairFlags, int]:
-        """Solve only for pairs and places; see :func:`condense_friction`. Collective."""
+        """Solve for pairs and points only; see :func:`condense_friction`. Collective."""
         assert self._operator is not None
         self._operator.add_springs(None)
         self._program.set_operator(self._operator)
@@ -449,10 +452,10 @@ class FrictionProgram:
     def _split(
         self, asked: FrictionModel, last: ContactStep, steps: int
     ) -> tuple[Slip, PairFlags, int]:
-        """Take steps of splitting from the last solution. Collective.
+        """Perform splitting steps from the last solution. Collective.
 
         Returns:
-            The resulting linearisation and active set; and the number of solved systems.
+            The resulting linearisation and active set, and the number of solved systems.
         """
         assert self._operator is not None and self._stiffness is not None
         friction, active, iterations = self._problem.friction, last.active, 0
@@ -470,5 +473,5 @@ class FrictionProgram:
         return splitting.slip(), active, iterations
 
     def _there(self, slip: Slip) -> np.ndarray:
-        """Return the held jumps, shape of ``index``."""
+        """Return which jumps are held, same shape as ``index``."""
         return slip.sticks[:, None] & (self._problem.friction.index >= 0)

@@ -3,18 +3,18 @@
     find δ ≤ room  with  F_i(δ) = 0 where δ_i < room_i,  F_i(δ) ≤ 0 where δ_i = room_i,
     F(δ) = Aδ + r − ζℓ
 
-``vinewtonrsls`` repeats these steps. It evaluates F, reads the active set from F (at the bound with
-F_i < 0), and solves the Newton equation on the other unknowns. Then it takes the full step and
+``vinewtonrsls`` repeats these steps: it evaluates F, reads the active set from F (at the bound with
+F_i < 0), and solves the Newton equation for the other unknowns. It then takes the full step and
 projects onto the bounds. This module supplies two components.
 
-*F at pairs.* Projected pairs that penetrated carry no force yet. F at the projection would count
-them as open, and SNES-VI would cycle. So F is that of the solution before the projection. At pairs
-it has the sign of the primal–dual active set strategy (M. Hintermüller, K. Ito, K. Kunisch, SIAM J.
-Optim. 13 (2003) 865): negative where a closed pair pushes or an open pair penetrates. That strategy
-is a semismooth Newton method for the same program.
+*F at pairs.* Pairs that penetrated and were projected have no force yet. F at the projected point
+would count them as open, and SNES-VI would cycle. So F is that of the solution before the
+projection. At pairs, its sign is that of the primal–dual active set strategy (M. Hintermüller, K.
+Ito, K. Kunisch, SIAM J. Optim. 13 (2003) 865): negative where a closed pair is in compression or an
+open pair penetrates. This strategy is a semismooth Newton method for the same program.
 
-*The linear solves.* SNES-VI's own reduced matrices lose the block size and the near-nullspace. Its
-preconditioner is therefore an equality-constrained QP of the full space (:class:`ReducedSolve`).
+*The linear solves.* The reduced matrices of SNES-VI lose the block size and the near-nullspace. Its
+preconditioner is therefore an equality-constrained QP in the full space (:class:`ReducedSolve`).
 """
 
 import weakref
@@ -37,12 +37,12 @@ from perfplast_fenicsx.solvers.linear.linear_solver import LinearFailure
 from perfplast_fenicsx.solvers.linear.petsc_options import ACTIVE_SET, check_snes_vi, own_prefix
 
 MOST_ACTIVE_SETS = 50
-"""An active set iteration that has not converged by then counts as cycling."""
+"""Number of active sets after which an iteration that has not converged counts as cycling."""
 
 PRESET = {
     "snes_type": "vinewtonrsls",
     "snes_linesearch_type": "basic",
-    "snes_vi_zero_tolerance": 0.0,  # the default 1e-8 is a length
+    "snes_vi_zero_tolerance": 0.0,  # the default 1e-8 would be a length
     "snes_max_it": MOST_ACTIVE_SETS,
     "snes_atol": 0.0,  # the active set ends the iteration, unless the user gives tolerances
     "snes_rtol": 0.0,
@@ -50,7 +50,7 @@ PRESET = {
 }
 
 LEAST = np.finfo(np.float64).tiny
-"""The least force with a sign."""
+"""The smallest force that has a sign."""
 
 Reason = PETSc.SNES.ConvergedReason
 
@@ -61,11 +61,11 @@ class Found:
 
     Attributes:
         solution: The last equality-constrained solution, before its projection.
-        delta: SNES-VI's δ, which is feasible; valid until the next solve.
+        delta: δ of SNES-VI, which is feasible; valid until the next solve.
         wrong: Pairs whose state differs in the next active set, shape (num_pairs,).
         settled: Whether no pair is wrong, on all ranks.
         circling: Pairs whose states alternate in the last active sets, shape (num_pairs,); None if
-            the sets do not cycle, or if the iteration ended before.
+            the sets do not cycle, or if the iteration ended earlier.
         given_forces: −F at the unknowns of ``model.given``, shape (num_held,).
     """
 
@@ -78,14 +78,14 @@ class Found:
 
 
 class ReducedSolve:
-    """SNES-VI's preconditioner: its Newton step on the inactive unknowns."""
+    """The preconditioner of SNES-VI, which computes its Newton step for the inactive unknowns."""
 
     def __init__(self, inequality: "VariationalInequality") -> None:
         """Store a weak reference to the solver, so that PETSc does not keep it alive."""
         self._inequality = weakref.proxy(inequality)
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Solve for y (called by PETSc), see :meth:`VariationalInequality.newton_step`."""
+        """Solve for y (called by PETSc); see :meth:`VariationalInequality.newton_step`."""
         self._inequality.newton_step(y)
 
 
@@ -97,7 +97,7 @@ class _Jacobian:
         self._inequality = weakref.proxy(inequality)
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to A x (called by PETSc for line searches that need slopes). Collective."""
+        """Set y to A x (called by PETSc for line searches that use slopes). Collective."""
         self._inequality.multiply(x, y)
 
     def createSubMatrix(
@@ -112,14 +112,14 @@ class VariationalInequality:
     """A SNES-VI solver for the contact QPs of a problem.
 
     Attributes:
-        iterations: SNES-VI's iterations so far.
+        iterations: Number of SNES-VI iterations so far.
     """
 
     def __init__(self, problem: Problem, program: EqualityProgram) -> None:
-        """Create the SNES, which is reused. Collective.
+        """Create the SNES, which later solves reuse. Collective.
 
         Raises:
-            InputError: If the user's options select another solver.
+            InputError: If options of the user select another solver.
         """
         self.iterations = 0
         self._program = program
@@ -170,10 +170,10 @@ class VariationalInequality:
         """Solve the contact QP, or take a few steps towards its solution. Collective.
 
         Args:
-            model: The function to be minimised, with ``jumps`` the room of each pair.
+            model: The function to be minimised; ``jumps`` is the current gap of each pair.
             active: Initial active set, shape (num_pairs,).
-            most_sets: Largest number of iterations; None to continue until the active set is right
-                or cycles.
+            most_sets: Largest number of iterations; None to continue until the active set is
+                correct or cycles.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.
@@ -235,7 +235,7 @@ class VariationalInequality:
         f.array[index] = np.where(wanted, -size, size)
 
     def _is_elsewhere(self, x: PETSc.Vec) -> bool:
-        """Return whether a user's line search did not take the full step. Collective."""
+        """Return whether a line search of the user did not take the full step. Collective."""
         index, delta = self._program.index, self._delta
         off = self._off
         off.waxpy(-1.0, x, delta)
@@ -244,7 +244,7 @@ class VariationalInequality:
         return bool(off.norm(PETSc.NormType.NORM_INFINITY) > rounding)
 
     def _judge(self, pull: Floats) -> PairFlags:
-        """Return pairs in the wrong state: held ones that pull, and open ones that penetrate."""
+        """Return pairs in the wrong state: held pairs in tension, and open pairs that penetrate."""
         solution, index = self._solution, self._program.index
         excess = self._delta.array_r[index] - solution.model.jumps
         least = ROUNDING * self._delta.norm(PETSc.NormType.NORM_INFINITY)
@@ -257,10 +257,10 @@ class VariationalInequality:
         self._program.operator.mult_add(x, self._off, y)
 
     def newton_step(self, y: PETSc.Vec) -> None:
-        """Set y to δ − δ' at the inactive unknowns; δ' is the solution with the active ones held.
+        """Set y to δ − δ' at the inactive unknowns; δ' is the solution with active unknowns held.
 
-        Here δ is SNES-VI's last iterate. A linear failure is stored for :meth:`solve` to raise, and
-        y is then zero. Called by PETSc; collective.
+        Here δ is the last iterate of SNES-VI. If a linear solve fails, the failure is stored for
+        :meth:`solve` to raise, and y is zero. Called by PETSc; collective.
         """
         program, solution, x = self._program, self._solution, self._x
         index_set = self._snes.getVIInactiveSet()
@@ -281,7 +281,7 @@ class VariationalInequality:
         y.array[:] = (x.array_r - self._delta.array_r)[inactive]
 
     def test(self, iteration: int, norm: float) -> int | None:
-        """Return the reason to stop, or None (called by PETSc). Collective."""
+        """Return the reason to stop, or None to continue (called by PETSc). Collective."""
         if self._failure is not None:
             return int(Reason.DIVERGED_LINEAR_SOLVE)
         if iteration == 0:
@@ -312,7 +312,7 @@ class VariationalInequality:
         return True
 
     def _changing(self, circle: list[PairFlags]) -> PairFlags:
-        """Return pairs whose state differs between these sets, or is wrong in the last one."""
+        """Return pairs whose state differs between these sets, or is wrong in the last set."""
         held = self._solution.held
         changing: PairFlags = np.any([other != held for other in circle], axis=0) | self._wrong
         return changing

@@ -1,8 +1,7 @@
-"""Interpolate between levels of multigrid in single precision, by blocks of nodes, in C.
+"""Interpolate between multigrid levels in single precision, by blocks of nodes, in C.
 
-Generate the C source of interpolations in single precision.
-Coarse vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros
-or stored in the padding.
+Coarse vectors are padded to the vector width. Entries that are loaded beyond a row are multiplied
+by zeros or stored in the padding.
 """
 
 from collections.abc import Callable
@@ -26,7 +25,7 @@ from perfplast_fenicsx.solvers.linear.petsc_calls import Rows, own_rows
 
 
 def source() -> str:
-    """Return the functions ``interpolate`` and ``restrict_``."""
+    """Return the C source of the functions ``interpolate`` and ``restrict_``."""
     products = "".join(
         _products().replace("_WIDTH", f"_{width}").replace("LANES", f"{width}") for width in (4, 8)
     )
@@ -108,10 +107,10 @@ void restrict_(int fine, int coarse, int64_t rows, int64_t columns, const int64_
 
 
 class BlockedInterpolation:
-    """Products P x and Pᵀ x.
+    """Products P x and Pᵀ x with an interpolation P.
 
     Attributes:
-        matrix: PETSc's matrix that multiplies.
+        matrix: PETSc matrix of type "python" that computes the products.
     """
 
     def __init__(self, P: PETSc.Mat) -> None:
@@ -135,7 +134,7 @@ class BlockedInterpolation:
         self.matrix.setUp()
 
     def fill(self, P: PETSc.Mat) -> None:
-        """Copy the entries of a matrix with the pattern of the first one. Collective."""
+        """Copy the entries of a matrix that has the pattern of the first one. Collective."""
         here, there, _ = own_rows(P)
         self._here.fill(here)
         if self._there is not None and there is not None:
@@ -161,7 +160,7 @@ class BlockedInterpolation:
         self._scatter.scatter(self._ghosts, y, addv=add, mode=back)
 
     def destroy(self) -> None:
-        """Release PETSc's memory. Collective."""
+        """Release the memory of PETSc objects. Collective."""
         for thing in (self.matrix, self._ghosts, self._scatter):
             thing.destroy()
 

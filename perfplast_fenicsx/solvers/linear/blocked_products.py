@@ -1,14 +1,14 @@
-"""Multiply with a symmetric matrix by the blocks of its upper triangle, in C.
+"""Multiply by a symmetric matrix, with the blocks of its upper triangle, in C.
 
-The products are limited by memory traffic, which this halves; in single precision it is a quarter.
-Single precision is for the smoothers of multigrid, which multiply six times for each product of CG.
-It changes the preconditioner by about 1e-7. CG itself, coarse spaces and factors use double
-precision.
+Memory traffic limits the speed of products. Storing only the upper triangle halves this traffic;
+single precision reduces it to a quarter. The smoothers of multigrid, which multiply six times for
+each product in CG, use single precision. This changes the preconditioner by about 1e-7. CG itself,
+coarse spaces and factors use double precision.
 
-Generate the C source of products with blocks, in either precision.
-Vectors are padded to the vector width. Entries loaded beyond a row are multiplied with zeros or
-stored in the padding. A symmetric matrix is stored as the blocks of its upper triangle, with the
-diagonal block first in each row.
+This module also generates the C source of the products, in either precision. Vectors are padded to
+the vector width. Entries that are loaded beyond a row are multiplied by zeros or stored in the
+padding. A symmetric matrix is stored as the blocks of its upper triangle, with the diagonal block
+first in each row.
 """
 
 from collections.abc import Callable
@@ -27,22 +27,22 @@ from perfplast_fenicsx.solvers.linear.petsc_calls import Rows, own_rows
 
 
 def sizes() -> tuple[int, ...]:
-    """Return the supported block sizes: unknowns of a node, motions of an aggregate."""
+    """Return the supported block sizes: unknowns per node, and motions per aggregate."""
     return 2, 3, 4, 6, 7
 
 
 def for_size(of: str) -> str:
-    """Return a macro that calls a function with the size in a variable as a constant.
+    """Return a C macro that calls a function with a variable size as a compile-time constant.
 
     Args:
-        of: The variable.
+        of: Name of the variable with the size.
     """
     cases = (f"case {size}: function({size}, __VA_ARGS__); break;" for size in sizes())
     return f"#define FOR_SIZE(function, ...) switch ({of}) {{ {' '.join(cases)} }}\n"
 
 
 def own_types(text: str, precision: type[np.floating]) -> str:
-    """Return a source with PETSc's integers for INDEX, and REAL for the stored precision."""
+    """Return C source with PETSc's integer type for INDEX and the stored precision for REAL."""
     whole = f"int{8 * np.dtype(PETSc.IntType).itemsize}_t"
     real = {np.float32: "float", np.float64: "double"}[precision]
     head = r"""
@@ -55,7 +55,7 @@ def own_types(text: str, precision: type[np.floating]) -> str:
 
 
 def rows_source(precision: type[np.floating]) -> str:
-    """Return functions ``pattern`` and ``fill`` for blocks with n rows and m columns.
+    """Return the C source of ``pattern`` and ``fill`` for blocks with n rows and m columns.
 
     Args:
         precision: Precision of the stored values, float32 or float64.
@@ -135,12 +135,12 @@ int64_t fill(int n, int m, int64_t rows, int64_t columns, int upper, const INDEX
 
 
 class BlockRows:
-    """Blocks row by row, with their own order and precision.
+    """Blocks stored row by row, in an order and a precision of their own.
 
     Attributes:
-        rows: Number of block rows; ``columns`` is that of block columns.
-        matrix: Data for kernels: beginnings of the rows, columns of the blocks, and their entries,
-            row by row.
+        rows: Number of block rows; ``columns`` is the number of block columns.
+        matrix: Data for the kernels: the start of each row, the columns of the blocks, and the
+            entries of the blocks, row by row.
     """
 
     def __init__(
@@ -153,15 +153,15 @@ class BlockRows:
         *,
         upper: bool = False,
     ) -> None:
-        """Find the blocks. Collective.
+        """Find the pattern of the blocks. Collective.
 
         Args:
             comm: Communicator of the matrix.
             precision: Precision of the stored entries, float32 or float64.
-            both: Rows and columns of a block, each of a supported size.
-            rows: This rank's rows.
-            columns: Least number of columns.
-            upper: Whether the matrix is symmetric, and only blocks of its upper triangle are
+            both: Numbers of rows and columns in a block, each a supported size.
+            rows: Rows of this rank.
+            columns: Smallest number of columns.
+            upper: Whether the matrix is symmetric. If so, only the blocks of its upper triangle are
                 stored, with the diagonal block first in each row.
         """
         assert set(both) <= set(sizes()), f"no kernel for blocks of {both}"
@@ -183,17 +183,17 @@ class BlockRows:
         self.matrix = begin, found, kept
 
     def fill(self, rows: Rows) -> None:
-        """Set the entries, within the pattern of the first rows."""
+        """Set the entries, which must lie within the pattern of the first rows."""
         values = self._of("double[]", rows.values)
         astray = self._kernels.fill(*self._told(rows), values, self._places, *self.matrix)
         assert astray == 0, f"{astray} entries are outside the first pattern of the matrix"
 
     def _of(self, kind: str, array: npt.NDArray) -> Any:
-        """Return an array as a kernel argument, which keeps it alive."""
+        """Return an array as a kernel argument, which keeps the array alive."""
         return self._ffi.from_buffer(kind, array)
 
     def reals(self, count: int) -> Any:
-        """Return an array for numbers of the precision."""
+        """Return a zero array in the stored precision as a kernel argument."""
         kind = "float[]" if self._precision is np.float32 else "double[]"
         return self._of(kind, np.zeros(count, dtype=self._precision))
 
@@ -202,7 +202,7 @@ class BlockRows:
         return self._of("double[]", array)
 
     def _told(self, rows: Rows) -> tuple[Any, ...]:
-        """Return the kernel arguments for rows."""
+        """Return the kernel arguments that describe the rows."""
         of = f"int{8 * rows.pointer.itemsize}_t[]"
         arrays = (self._of(of, array) for array in (rows.pointer, rows.columns))
         return *self._both, self.rows, self.columns, int(self._upper), *arrays
@@ -214,13 +214,13 @@ def whole(entries: int, size: int) -> int:
 
 
 def room_of(size: int) -> int:
-    """Return the padded length of a block in a vector, a multiple of the vector width."""
+    """Return the padded length of a block in a vector: a multiple of the vector width."""
     few, many = 4, 8
     return few if size <= few else many
 
 
 def products_source(precision: type[np.floating]) -> str:
-    """Return the functions product, add, take and give.
+    """Return the C source of the functions ``product``, ``add``, ``take`` and ``give``.
 
     Args:
         precision: Precision of storage and products, float32 or float64.
@@ -340,10 +340,10 @@ void give(int n, int64_t rows, const REAL *y, double *taken) {
 
 
 class BlockedProducts:
-    """Products with a symmetric matrix, of which only the blocks of the upper triangle are stored.
+    """Products with a symmetric matrix that is stored as the blocks of its upper triangle.
 
     Attributes:
-        matrix: PETSc's matrix that multiplies.
+        matrix: PETSc matrix of type "python" that computes the products.
     """
 
     def __init__(self, A: PETSc.Mat, precision: type[np.floating] = np.float64) -> None:
@@ -368,7 +368,7 @@ class BlockedProducts:
         self.matrix.setUp()
 
     def fill(self, A: PETSc.Mat) -> None:
-        """Copy the entries of a matrix with the pattern of the first one. Collective."""
+        """Copy the entries of a matrix that has the pattern of the first one. Collective."""
         here, there, _ = own_rows(A)
         self._here.fill(here)
         if self._there is not None and there is not None:
@@ -388,7 +388,7 @@ class BlockedProducts:
         self._here.give(y.array_w)
 
     def destroy(self) -> None:
-        """Release PETSc's memory. Collective."""
+        """Release the memory of PETSc objects. Collective."""
         for thing in (self.matrix, self._ghosts, self._scatter):
             thing.destroy()
 
@@ -417,15 +417,15 @@ class _Products:
         self._of.fill(rows)
 
     def take(self, x: Floats) -> None:
-        """Copy the vector to be multiplied."""
+        """Copy the vector by which the matrix is multiplied."""
         self._kernels.take(self._size, self._of.columns, self._of.vector(x), self._x)
 
     def product(self) -> None:
-        """Multiply, including the blocks' transposes."""
+        """Multiply by the blocks and by their transposes."""
         self._kernels.product(self._size, self._of.rows, *self._of.matrix, self._x, self._y)
 
     def add_to(self, other: "_Products") -> None:
-        """Add the product to another one."""
+        """Add the product to the result of ``other``."""
         self._kernels.add(self._size, self._of.rows, *self._of.matrix, self._x, other._y)
 
     def give(self, y: Floats) -> None:
@@ -434,14 +434,14 @@ class _Products:
 
 
 def ghosts_of(A: PETSc.Mat, columns: npt.NDArray[np.integer]) -> tuple[PETSc.Vec, PETSc.Scatter]:
-    """Return a vector for other ranks' entries, and the scatter that fills it. Collective.
+    """Return a vector for entries of other ranks, and the scatter that fills it. Collective.
 
     Args:
         A: Matrix that multiplies the vector.
-        columns: Global column numbers of A on other ranks.
+        columns: Global numbers of the columns of A on other ranks.
 
     Returns:
-        Vector for whole blocks of columns; and the scatter.
+        A vector for whole blocks of columns; and the scatter.
     """
     size = A.getBlockSizes()[1]
     ghosts = PETSc.Vec().createSeq(size * whole(len(columns), size), comm=PETSc.COMM_SELF)

@@ -1,7 +1,7 @@
-"""Minimise residuals over known directions by generalised conjugate residuals.
+"""Minimise residuals along given directions, by generalised conjugate residuals.
 
 S. Eisenstat, H. Elman and M. Schultz, SIAM Journal on Numerical Analysis 20, 1983. The caller
-computes the directions, accurately or not; the residual never grows.
+computes the directions, exactly or approximately; the residual never grows.
 """
 
 from collections import deque
@@ -13,7 +13,7 @@ from perfplast_fenicsx.arrays import Floats
 
 
 class ConjugateResiduals:
-    """Directions with orthonormal effects, each one conjugate to the last ones before it.
+    """Directions with orthonormal effects; each is conjugate to the stored directions before it.
 
     Attributes:
         count: Number of directions so far.
@@ -23,21 +23,21 @@ class ConjugateResiduals:
         """Start without directions.
 
         Args:
-            total: Function that sums over all ranks. Collective.
+            total: Collective function that sums a number over all ranks.
         """
-        most = 50  # number of stored directions; for symmetric effects two would suffice
+        most = 50  # number of stored directions; two would suffice for a symmetric operator
         self._total = total
         self._before: deque[tuple[Floats, Floats]] = deque(maxlen=most)
         self.count = 0
 
     def step(self, motion: Floats, effect: Floats, left: Floats) -> Floats | None:
-        """Return the step along one more direction with the smallest residual. Collective.
+        """Return the step along a new direction that minimises the residual. Collective.
 
         Args:
-            motion: This rank's part of the direction, shape (num_owned,).
-            effect: Effect of the direction on the residual, shape (num_effects,); linear in the
-                motion.
-            left: Present residual, same shape.
+            motion: Part of the direction on this rank, shape (num_owned,).
+            effect: Effect of the direction on the residual, shape (num_effects,); it must be linear
+                in ``motion``.
+            left: Current residual, same shape.
 
         Returns:
             The step, shape (num_owned,); None if the direction is linearly dependent or has no

@@ -1,11 +1,11 @@
-"""Define the operator of a step in the jump basis, A = TᵀKT, with held unknowns in its matrix.
+"""Define the operator of a step in the jump basis, A = TᵀKT, and its matrix with held unknowns.
 
-Products with vectors use K and T, so that only one matrix is stored. This matrix is for linear
-solves; its rows and columns of held unknowns are those of a scaled identity.
+Products with vectors use K and T, so only one matrix is stored in addition. This matrix is for
+linear solves; in it, the rows and columns of held unknowns are those of a scaled identity.
 
-Compute the rows of A = TᵀKT that differ from those of K: contact nodes and neighbours.
-Elsewhere T is the identity. So only these few rows are multiplied, and A is K with these rows
-replaced, if K has space for their entries.
+The rows of A differ from those of K only at contact nodes and their neighbours; elsewhere T is the
+identity. So only these few rows are multiplied. A is K with these rows replaced, if K has space for
+their entries.
 """
 
 from petsc4py import PETSc
@@ -36,10 +36,10 @@ class ContactRows:
         self._part, self._right, self._both = PETSc.Mat(), PETSc.Mat(), PETSc.Mat()
 
     def transform(self, K: PETSc.Mat) -> None:
-        """Transform K to A in place; K must have space for the entries. Collective.
+        """Transform K into A in place; K must have space for the entries. Collective.
 
         Args:
-            K: Stiffness in nodal unknowns, of type "aij"; always with the same pattern.
+            K: Stiffness in nodal unknowns, of type "aij", with the same pattern in each call.
         """
         if self._part:
             K.createSubMatrix(self._chosen, self._whole, self._part)
@@ -55,14 +55,17 @@ class ContactRows:
 
 
 def every_column(A: PETSc.Mat) -> PETSc.IS:
-    """Return all columns of a matrix, as distributed, for the selection of rows."""
+    """Return all columns of a matrix, distributed like the matrix, to select rows of it."""
     return PETSc.IS().createStride(
         A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.comm
     )
 
 
 def _moved(T: PETSc.Mat) -> npt.NDArray[np.bool_]:
-    """Return owned unknowns whose row or column of T is not that of the identity. Collective."""
+    """Return which owned unknowns have a row or column of T that differs from the identity.
+
+    Collective.
+    """
     pointer, columns, values = T.getValuesCSR()
     first, last = T.getOwnershipRange()
     row = np.repeat(np.arange(first, last), np.diff(pointer))
@@ -80,7 +83,7 @@ def _moved(T: PETSc.Mat) -> npt.NDArray[np.bool_]:
 
 
 def _near(V: fem.FunctionSpace, unknowns: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Return owned nodes that share a cell with the node of one of these unknowns, or are its node.
+    """Return which owned nodes belong to one of the unknowns or share a cell with its node.
 
     Collective.
     """
@@ -97,11 +100,11 @@ def _near(V: fem.FunctionSpace, unknowns: npt.NDArray[np.bool_]) -> npt.NDArray[
 
 
 class ContactOperator:
-    """The operator A = TᵀKT for the present values of K.
+    """The operator A = TᵀKT for the current values of K.
 
     Attributes:
         stiffness: K in nodal unknowns, in blocks.
-        matrix: A with the held unknowns of the last :meth:`hold`.
+        matrix: A, with the held unknowns of the last :meth:`hold` eliminated.
     """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
@@ -113,11 +116,11 @@ class ContactOperator:
         self._springs: tuple[Ints, Floats] | None = None
 
     def add_springs(self, springs: tuple[Ints, Floats] | None) -> None:
-        """Add springs at some unknowns, or remove them, from the next :meth:`hold` on.
+        """Set springs at some unknowns, or remove them; the next :meth:`hold` includes them.
 
         Args:
-            springs: Local owned unknowns of one node each, −1 for none, shape (n, k), and their
-                stiffness, shape (n, k, k).
+            springs: Local owned unknowns of one node in each row, −1 where there is no unknown,
+                shape (n, k); and their stiffness, shape (n, k, k). None to remove the springs.
         """
         self._springs = springs
 
@@ -138,7 +141,7 @@ class ContactOperator:
 
     @phase("basis change")
     def hold(self, held: Ints) -> None:
-        """Form the matrix with the local owned unknowns ``held`` eliminated. Collective."""
+        """Form the matrix, with the local owned unknowns ``held`` eliminated. Collective."""
         self.stiffness.convert("aij", self.matrix)
         if self._rows is not None:
             self.matrix.setOption(
@@ -166,7 +169,7 @@ class ContactOperator:
         self.matrix.assemble()
 
     def _take_out(self, held: Ints) -> None:
-        """Replace rows and columns of held unknowns by those of a scaled identity."""
+        """Replace the rows and columns of held unknowns by those of a scaled identity."""
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
@@ -174,7 +177,7 @@ class ContactOperator:
         self.matrix.zeroRowsColumns((held + first).astype(PETSc.IntType), diag=scale)
 
     def diagonal(self) -> Floats:
-        """Return the diagonal A_ii of this rank's unknowns, with only ties held. Collective."""
+        """Return the diagonal A_ii at this rank's unknowns; only ties are held. Collective."""
         self.hold(np.zeros(0, dtype=np.int32))
         diagonal = self.matrix.getDiagonal()
         entries = np.array(diagonal.array_r)
@@ -182,5 +185,5 @@ class ContactOperator:
         return entries
 
     def nodal(self) -> PETSc.Mat:
-        """Return K of type "aij", which the caller destroys. Collective."""
+        """Return K as a matrix of type "aij", which the caller must destroy. Collective."""
         return self.stiffness.convert("aij", PETSc.Mat())

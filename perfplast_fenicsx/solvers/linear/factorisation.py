@@ -1,16 +1,16 @@
-"""Solve systems by a factorisation: MUMPS Cholesky, CHOLMOD, or the user's; estimate its memory.
+"""Solve systems by factorisation with MUMPS, CHOLMOD or the user's solver; estimate its memory.
 
 If only a few held unknowns change, the change of the matrix has low rank, and CG with the old
-factors takes a few iterations.
+factors converges in a few iterations.
 
-Estimate whether a factorisation fits into memory, and its cost.
-The estimate is MUMPS's analysis, which is fast.
+The module also estimates the cost of a factorisation, and whether it fits into memory. The estimate
+uses MUMPS's analysis, which is fast.
 
-Use CHOLMOD's factors instead of MUMPS's where they are faster: on one rank, in space.
-CHOLMOD orders by METIS, which Debian's MUMPS cannot. The lower bound's matrices in space are
-factorised in three fifths of the time, and solves take half of the time. In the plane, with few
+CHOLMOD replaces MUMPS where its factors are faster: on one rank, in space. CHOLMOD orders by METIS,
+which MUMPS in Debian cannot use. For lower bounds in space, a factorisation by CHOLMOD takes three
+fifths of the time of MUMPS, and a solve takes half of the time. In plane meshes, with few
 operations per entry of the factors, MUMPS is faster (benchmarks/NOTEBOOK.md). CHOLMOD needs a
-positive definite matrix, which rounding may prevent.
+positive definite matrix, and rounding errors may make a matrix indefinite.
 """
 
 import logging
@@ -34,19 +34,19 @@ log = logging.getLogger(__name__)
 
 
 OPERATIONS, ENTRIES = 3, 29
-"""MUMPS's indices of the operations of the present factorisation, and of the entries of its
+"""MUMPS's indices for the operations of the current factorisation, and for the entries of its
 factors."""
 
 
 @dataclass(frozen=True)
 class Price:
-    """The cost of a factorisation.
+    """The estimated cost of a factorisation.
 
     Attributes:
-        iterations: Number of multigrid CG iterations that take as long. Operations are faster, the
-            more of them there are per matrix entry: the square root of their number is accurate to
-            a factor of 2, for linear and quadratic elements, slender and stout bodies, from 19 to
-            270 thousand unknowns (benchmarks/NOTEBOOK.md).
+        iterations: Number of multigrid CG iterations that take the same time. Operations are the
+            faster, the more there are per matrix entry, so the estimate is the square root of their
+            number. It is accurate to a factor of 2 for linear and quadratic elements, for slender
+            and stout bodies, and from 19 to 270 thousand unknowns (benchmarks/NOTEBOOK.md).
         fits: Whether the ranks have enough memory.
     """
 
@@ -56,12 +56,12 @@ class Price:
 
 @dataclass(frozen=True)
 class Analysis:
-    """MUMPS's estimates before a factorisation.
+    """The estimates of MUMPS before a factorisation.
 
     Attributes:
-        operations: Operations of a factorisation on all ranks.
-        per_entry: Operations per entry of the factors.
-        needed: Least memory that this rank needs (bytes).
+        operations: Number of operations of a factorisation on all ranks.
+        per_entry: Number of operations per entry of the factors.
+        needed: Smallest memory that this rank needs (bytes).
     """
 
     operations: float
@@ -70,11 +70,12 @@ class Analysis:
 
 
 def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
-    """Return the price of a factorisation by MUMPS. Collective.
+    """Return the estimated cost of a factorisation by MUMPS. Collective.
 
     Args:
-        ksp: Solver with its options and operators, not set up; it is left in this state.
-        matrix: Matrix to be factorised.
+        ksp: Solver with its options and operators, not set up; the function returns it in this
+            state.
+        matrix: Matrix that would be factorised.
     """
     comm = ksp.comm.tompi4py()
     found = _analyse(ksp)
@@ -84,26 +85,26 @@ def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
 
 
 def entries_of(factors: PETSc.Mat, which: int) -> float:
-    """Return entries of factors by one of MUMPS's indices, which are millions if negative."""
+    """Return a number of entries by MUMPS's index; negative numbers are millions."""
     entries = factors.getMumpsInfog(which)
     return float(entries if entries >= 0 else -1e6 * entries)
 
 
 def _analyse(ksp: PETSc.KSP) -> Analysis:
-    """Analyse a matrix. Collective.
+    """Return MUMPS's analysis of a matrix. Collective.
 
-    MUMPS gets almost no memory, so that it stops after the analysis.
+    The function gives MUMPS almost no memory, so that MUMPS stops after the analysis.
     """
     pc = ksp.getPC()
     pc.setFactorSetUpSolverType()
     factors = pc.getFactorMatrix()
-    # MUMPS's indices: additional working space (%), memory that a rank needs, and memory that it
-    # may use (MB).
+    # MUMPS's indices for the additional working space (%), the memory that a rank needs, and the
+    # memory that it may use (MB).
     room, needed, most = 14, 15, 23
     factors.setMumpsIcntl(most, 1)
     ksp.setUp()
     least = factors.getMumpsInfo(needed) * 1e6 / (1 + factors.getMumpsIcntl(room) / 100)
-    # MUMPS's indices of the operations of a factorisation, and of its entries.
+    # MUMPS's indices for the operations of a factorisation, and for the entries of its factors.
     estimated_operations, estimated_entries = 1, 20
     operations = factors.getMumpsRinfog(estimated_operations)
     entries = entries_of(factors, estimated_entries)
@@ -112,7 +113,7 @@ def _analyse(ksp: PETSc.KSP) -> Analysis:
 
 
 class TooLarge(InputError):
-    """Raised for a factorisation that does not fit into memory."""
+    """Raised if a factorisation does not fit into memory."""
 
 
 def check_memory(ksp: PETSc.KSP) -> Analysis | None:
@@ -121,13 +122,14 @@ def check_memory(ksp: PETSc.KSP) -> Analysis | None:
     Collective.
 
     Args:
-        ksp: Solver with its options and operators, not set up; it is left in this state.
+        ksp: Solver with its options and operators, not set up; the function returns it in this
+            state.
 
     Returns:
-        MUMPS's analysis; None for another solver, which is not checked.
+        MUMPS's analysis; None for other solvers, whose memory the function does not check.
 
     Raises:
-        TooLarge: With the needed and the available memory.
+        TooLarge: With the required and the available memory.
     """
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
@@ -152,11 +154,11 @@ DIRECT = {
 
 
 USELESS = 0.1
-"""A solution with a larger relative residual is not accepted."""
+"""A solution with a larger relative residual is rejected."""
 
 
 class Factorisation:
-    """A factorisation of the operator with its held unknowns.
+    """A factorisation of the operator's matrix, with held unknowns eliminated.
 
     Attributes:
         name: Name of the solver in messages.
@@ -168,9 +170,9 @@ class Factorisation:
         """Create the solver. Collective.
 
         Args:
-            comm: The ranks.
+            comm: Communicator of the ranks.
             preset: Default options.
-            heed: Whether the user's options apply.
+            heed: Whether the options of the user apply.
         """
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(own_prefix(self, LINEAR, preset, heed))
@@ -187,17 +189,17 @@ class Factorisation:
 
     @property
     def worth(self) -> int:
-        """Return the number of iterations with old factors that cost as much as new ones, or 0."""
+        """Return how many iterations with old factors cost as much as new factors; or 0."""
         pc = self._ksp.getPC()
         if pc.getFactorSolverType() != "mumps":
             return 0
         factors = pc.getFactorMatrix()
         entries = entries_of(factors, ENTRIES)
-        # Time of CG per entry of the factors, in operations of a factorisation, which works in
-        # cache.
+        # Time of CG per entry of the factors, in operations of a factorisation; these operations
+        # work in cache.
         balance = 40.0
         iterations = int(factors.getMumpsRinfog(OPERATIONS) / (balance * max(entries, 1)))
-        # Factorisations that cost less than this number of iterations are always repeated.
+        # Factorisations that cost less than this number of iterations are never replaced by CG.
         least_worth = 5
         return iterations if iterations >= least_worth else 0
 
@@ -207,18 +209,18 @@ class Factorisation:
         return price(self._ksp, self._matrix)
 
     def prepare(self, operator: ContactOperator) -> bool:
-        """Do nothing and return True: this method suits any operator."""
+        """Do nothing, and return True: a factorisation suits any operator."""
         return True
 
     @phase("linear set-up")
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
+        """Set the matrix of an operator in which ``held`` is eliminated. Collective."""
         self._matrix = operator.matrix
         self._ksp.setOperators(self._matrix)
         self._cg.setOperators(self._matrix)
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Factorise at the next solve."""
+        """Request a new factorisation at the next solve."""
         if self._failed:
             forget_factors(self._ksp)
             self._failed = False
@@ -226,12 +228,12 @@ class Factorisation:
         self._kept = False
 
     def keep(self) -> None:
-        """Solve by CG with the present factors, as long as this costs less than new ones."""
+        """Use CG with the current factors, as long as this costs less than new factors."""
         self._ksp.getPC().setReusePreconditioner(True)
         self._kept = True
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x; with new factors as accurately as they allow, whatever ``rtol``.
+        """Solve for x to ``rtol``; with new factors, as accurately as the factors allow.
 
         Collective.
         """
@@ -261,21 +263,21 @@ class Factorisation:
 
 
 class SupernodalFactors:
-    """Factors by CHOLMOD, until a matrix is found not to be positive definite."""
+    """Factors by CHOLMOD; used until a matrix turns out not to be positive definite."""
 
     def __init__(self) -> None:
         """Start without factors."""
         self._ksp: PETSc.KSP | None = None
 
     def take_over(self, ksp: PETSc.KSP, analysis: Analysis | None, prefix: str) -> None:
-        """Create factors from now on if that is faster. Collective.
+        """Use CHOLMOD from now on if it is faster. Collective.
 
         Args:
-            ksp: Solver of MUMPS, with its operators.
-            analysis: Analysis of MUMPS; None without one.
-            prefix: Prefix of the options by which users select a solver.
+            ksp: MUMPS solver with its operators.
+            analysis: MUMPS's analysis; None if there is none.
+            prefix: Prefix of the options by which users choose a solver.
         """
-        # operations per entry of the factors from which CHOLMOD is faster
+        # Operations per entry of the factors from which CHOLMOD is faster.
         least = 300.0
         asked = PETSc.Options().hasName(f"{prefix}pc_factor_mat_solver_type")
         if ksp.comm.getSize() > 1 or analysis is None or asked:
@@ -284,7 +286,7 @@ class SupernodalFactors:
             return
         self._ksp = PETSc.KSP().create(ksp.comm)
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
-        quiet = {"mat_cholmod_print": 0}  # it prints messages on matrices that it cannot factorise
+        quiet = {"mat_cholmod_print": 0}  # no messages on matrices that are indefinite
         self._ksp.setOptionsPrefix(own_prefix(self, prefix, quiet, heed=False))
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)
@@ -294,7 +296,8 @@ class SupernodalFactors:
         """Factorise a matrix. Collective.
 
         Returns:
-            A solver with the factors; None if there are none, also in all later calls.
+            A solver with the factors; None if CHOLMOD is not used or has failed, and then also in
+            later calls.
         """
         if self._ksp is None:
             return None
@@ -307,7 +310,7 @@ class SupernodalFactors:
         return self._ksp
 
     def destroy(self) -> None:
-        """Release PETSc's memory. Collective."""
+        """Release the memory of PETSc objects. Collective."""
         if self._ksp is not None:
             self._ksp.destroy()
             self._ksp = None

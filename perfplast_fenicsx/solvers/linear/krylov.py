@@ -1,7 +1,7 @@
-"""Solve systems by a Krylov method with any of PETSc's preconditioners.
+"""Solve systems by a Krylov method with any PETSc preconditioner.
 
-The method multiplies with blocks of the upper triangle (:class:`BlockedProducts`), more than twice
-as fast; preconditioners use the matrix itself.
+The Krylov method multiplies by the blocks of the upper triangle (:class:`BlockedProducts`), which
+is more than twice as fast; preconditioners use the matrix itself.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from perfplast_fenicsx.solvers.linear.petsc_options import LINEAR, own_prefix, s
 
 
 class Krylov:
-    """A Krylov method with a preconditioner that may be older than the matrix.
+    """A Krylov method with a preconditioner that may belong to an earlier matrix.
 
     Attributes:
         name: Name of the solver in messages.
@@ -30,12 +30,12 @@ class Krylov:
     def __init__(
         self, comm: MPI.Intracomm, preset: Mapping[str, object], *, parts: bool = False
     ) -> None:
-        """Create the solver from the preset and the user's options. Collective.
+        """Create the solver from the preset and the options of the user. Collective.
 
         Args:
-            comm: The ranks.
-            preset: Default options, which the user's options override.
-            parts: Whether each part of the preconditioner gets its own matrices.
+            comm: Communicator of the ranks.
+            preset: Default options, which options of the user override.
+            parts: Whether each part of the preconditioner has its own matrices.
         """
         prefix = own_prefix(self, LINEAR, preset)
         self._ksp = PETSc.KSP().create(comm)
@@ -50,16 +50,16 @@ class Krylov:
 
     @property
     def preconditioner(self) -> PETSc.PC:
-        """Return PETSc's preconditioner."""
+        """Return the PETSc preconditioner."""
         return self._ksp.getPC()
 
     def prepare(self, operator: ContactOperator) -> bool:
-        """Do nothing and return True: this method suits any operator."""
+        """Do nothing, and return True: this method suits any operator."""
         return True
 
     @phase("linear set-up")
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
+        """Set the matrix of an operator in which ``held`` is eliminated. Collective."""
         self._matrix = operator.matrix
         if self._products is None:
             self._products = BlockedProducts(operator.matrix)
@@ -67,22 +67,26 @@ class Krylov:
         self.attach()
 
     def attach(self) -> None:
-        """Pass the matrices to PETSc's solver, also after a reset of its preconditioner."""
-        # PETSc passes its own matrices to a part with the same matrix as the whole
+        """Pass the matrices to the PETSc solver; needed again if its preconditioner is reset."""
+        # PETSc passes its own matrices to a part of the preconditioner that has the matrix of the
+        # whole.
         assert self._products is not None
         product = self._products.matrix
         self._ksp.setOperators(product, product if self._parts else self._matrix)
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Renew the preconditioner at the next solve."""
+        """Request a new preconditioner at the next solve."""
         self.preconditioner.setReusePreconditioner(False)
 
     def keep(self) -> None:
-        """Solve with the present preconditioner."""
+        """Use the current preconditioner in the next solves."""
         self.preconditioner.setReusePreconditioner(True)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x, to ``rtol`` relative to b or the user's smaller tolerance. Collective."""
+        """Solve for x, to ``rtol`` relative to b or to a smaller tolerance of the user.
+
+        Collective.
+        """
         self._ksp.setTolerances(rtol=min(rtol, self._least_rtol))
         return run(self._ksp, b, x)
 

@@ -1,7 +1,7 @@
-"""Choose how to solve the linear systems of a step with held unknowns, and when to renew set-ups.
+"""Choose how to solve the linear systems of a step, and when to renew set-ups.
 
 The methods (:class:`Factorisation`, :class:`Multigrid`, :class:`Krylov`) implement the solves. This
-module decides when a set-up has aged and which method replaces a failed one.
+module decides when a set-up is too old, and which method replaces a method that fails.
 """
 
 import logging
@@ -28,16 +28,16 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class SetUp:
-    """The state of the present set-up.
+    """The state of the current set-up (a factorisation or a preconditioner).
 
     Attributes:
-        usual: Krylov iterations per decimal digit of a full solve with the last new set-up before
-            it; 0 without one.
-        due: Whether nothing has been solved with it yet.
-        kept: Whether it belongs to an earlier matrix.
-        rate: Krylov iterations per decimal digit of its first full solve, or ``usual`` if the
-            set-up was no longer new; 0 before that.
-        excess: Additional Krylov iterations beyond that rate since.
+        usual: Krylov iterations per decimal digit in a full solve with the last set-up that was
+            new; 0 if there is none.
+        due: Whether nothing has been solved with the set-up yet.
+        kept: Whether the set-up belongs to an earlier matrix.
+        rate: Krylov iterations per decimal digit in the first full solve with the set-up, or
+            ``usual`` if the set-up was no longer new; 0 before the first full solve.
+        excess: Additional Krylov iterations, beyond this rate, since the first full solve.
     """
 
     usual: float = 0.0
@@ -47,26 +47,26 @@ class SetUp:
     excess: float = 0.0
 
     def note(self, iterations: int, rtol: float) -> None:
-        """Count a full solve."""
+        """Record the iterations of a full solve."""
         if not self.kept:
             self.usual = iterations_a_digit(iterations, rtol)
         self.rate = self.rate or self.usual or iterations_a_digit(iterations, rtol)
         self.excess += iterations + self.rate * float(np.log10(rtol))
 
     def note_correction(self, iterations: int, rtol: float) -> None:
-        """Count the solve for a part of a solution, if full solves have defined the rate."""
+        """Record the solve for a part of a solution, if full solves have defined the rate."""
         usual = self.rate or self.usual
         if usual:
             self.excess += iterations + usual * float(np.log10(rtol))
 
 
 def iterations_a_digit(iterations: int, rtol: float) -> float:
-    """Return the Krylov iterations per decimal digit."""
+    """Return the number of Krylov iterations per decimal digit of the tolerance."""
     return iterations / -float(np.log10(rtol))
 
 
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
-"""Number of unknowns, by dimension, up to which a sparse Cholesky factorisation is faster."""
+"""Number of unknowns, by space dimension, up to which a sparse Cholesky factorisation is faster."""
 
 FEW_ITERATIONS = 50
 """Multigrid solves with at most this number of Krylov iterations are not compared with a
@@ -74,16 +74,16 @@ factorisation."""
 
 
 WORTH_A_MOTION = 6.0
-"""Krylov iterations per decimal digit from which coarse spaces get the last solution as a motion;
-elastic bodies take two."""
+"""Krylov iterations per decimal digit above which coarse spaces include the last solution as a
+motion; elastic bodies need two."""
 
 
 class LinearFailure(RuntimeError):
-    """Raised for a linear system that could not be solved; the reason is the same on every rank."""
+    """Raised if a linear system could not be solved; the reason is the same on every rank."""
 
 
 class Method(Protocol):
-    """A method for solving A x = b.
+    """The interface of a method that solves A x = b.
 
     Attributes:
         name: Name of the solver in messages.
@@ -96,20 +96,20 @@ class Method(Protocol):
         """Return the number of Krylov iterations that cost as much as a set-up."""
 
     def prepare(self, operator: ContactOperator) -> bool:
-        """Prepare data of a new operator; return whether this method suits it."""
+        """Prepare the data of a new operator, and return whether this method suits it."""
 
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
+        """Set the matrix of an operator in which ``held`` is eliminated. Collective."""
 
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Renew the set-up from the present matrix, at the latest in the next solve. Collective.
+        """Renew the set-up from the current matrix, at the latest in the next solve. Collective.
 
         Args:
-            flow: A motion of the bodies that is hard to solve for; None if there is none.
+            flow: A motion of the bodies for which solves converge slowly; None if there is none.
         """
 
     def keep(self) -> None:
-        """Solve with the present set-up, although the matrix has changed."""
+        """Use the current set-up in the next solves, although the matrix has changed."""
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
         """Solve for x, to ``rtol`` relative to b. Collective."""
@@ -121,11 +121,11 @@ class Method(Protocol):
 class LinearSolver:
     """Solves A y = b in the jump basis, with any set of unknowns held at zero.
 
-    It uses CG with smoothed aggregation for large problems and MUMPS Cholesky for small ones; any
-    PETSc option can be given with the prefix ``perfplast_``. While the operator and the held
-    unknowns change, coarse grids are reused with an updated finest one, until the additional
-    iterations outweigh a set-up. If bodies flow and solves take many iterations, the coarse grids
-    also contain the last solution.
+    Large problems use CG with smoothed aggregation, and small ones use Cholesky factorisation by
+    MUMPS; the user can give any PETSc option with the prefix ``perfplast_``. While the operator and
+    the held unknowns change, the coarse grids are reused with an updated finest grid, until the
+    additional iterations cost more than a set-up. If bodies flow plastically and solves take many
+    iterations, the coarse grids also contain the last solution.
 
     Attributes:
         iterations: Number of Krylov iterations so far.
@@ -134,7 +134,7 @@ class LinearSolver:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Choose a solver by size and the user's options. Collective."""
+        """Choose a method by the size of the problem and the options of the user. Collective."""
         self.iterations = self.solves = self.setups = 0
         self._problem = problem
         self._method = _method(problem)
@@ -149,12 +149,12 @@ class LinearSolver:
 
     @property
     def name(self) -> str:
-        """Return the name of the present method."""
+        """Return the name of the current method."""
         return self._method.name
 
     @property
     def direct(self) -> bool:
-        """Return whether a factorisation is used."""
+        """Return whether the current method is a factorisation."""
         return isinstance(self._method, Factorisation)
 
     def counts(self) -> tuple[int, int, int]:
@@ -162,13 +162,13 @@ class LinearSolver:
         return self.solves, self.setups, self.iterations
 
     def set_operator(self, operator: ContactOperator) -> None:
-        """Take a new operator, or the same one with new values; no unknowns are held.
+        """Set a new operator, or the same operator with new values; no unknowns are held then.
 
         Collective.
         """
         self._operator, self._ready = operator, False
         norm = operator.stiffness.norm(PETSc.NormType.FROBENIUS) if self.direct else 0.0
-        # Stiffness matrices whose norms differ by less, relative, count as equal.
+        # Stiffness matrices count as equal if the relative difference of their norms is smaller.
         rounding = 1e-9
         self._other = not abs(norm - self._norm) <= rounding * norm
         self._norm = norm
@@ -176,10 +176,10 @@ class LinearSolver:
             self._replace(Factorisation(self._problem.comm, heed=False))
 
     def hold(self, held: Ints) -> bool:
-        """Hold the unknowns with these local (owned) indices at zero. Collective.
+        """Hold the unknowns with these local owned indices at zero. Collective.
 
         Returns:
-            Whether this needed a new matrix.
+            Whether this required a new matrix.
         """
         changed = not np.array_equal(held, self._held)
         if self._ready and not self._problem.comm.allreduce(changed):
@@ -202,8 +202,8 @@ class LinearSolver:
             b: Right-hand side; entries at held unknowns must be zero.
             x: Vector for the solution.
             rtol: Tolerance relative to b.
-            correction: Whether x is a small part of a solution, which gives no information on flow
-                and cost.
+            correction: Whether x is a small part of a solution, from which plastic flow and cost
+                cannot be estimated.
 
         Raises:
             LinearFailure: If the system is singular or the iteration fails.
@@ -217,8 +217,8 @@ class LinearSolver:
         if not outcome.solved:
             raise LinearFailure(
                 f"the linear system could not be solved ({self.name}: {outcome.failure}); it is"
-                " singular or nearly so, as where bodies lose all contact or everything flows"
-                " plastically"
+                " singular or nearly singular, perhaps because bodies lose all contact or flow"
+                " plastically everywhere"
             )
 
     @property
@@ -227,7 +227,7 @@ class LinearSolver:
         return self._operator
 
     def _attempt(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float, correction: bool) -> Outcome:
-        """Solve by the present method, and update the statistics."""
+        """Solve by the current method, and update the statistics."""
         outcome = self._method.solve(b, x, rtol)
         self.iterations += outcome.iterations
         self._setup.due = False
@@ -258,38 +258,39 @@ class LinearSolver:
     def _aged(self) -> bool:
         """Return whether a changed matrix needs a new set-up.
 
-        Factors remain useful while only the held unknowns change.
+        Factors remain useful as long as only held unknowns change.
         """
         if self._setup.due or (self.direct and self._other):
             return True
-        # Factors are reused while the number of changed held unknowns is at most this share of the
-        # iterations that they are worth: each change costs one or two iterations.
+        # Factors are reused until the number of changed held unknowns exceeds this fraction (1/4)
+        # of the iterations that cost as much as new factors: each change costs one or two
+        # iterations.
         changes = 4
         if self.direct and changes * self._changes() > self._method.worth:
             return True
         return self._setup.excess >= self._method.worth
 
     def _changes(self) -> int:
-        """Return the number of unknowns whose held state differs from that in the last set-up."""
+        """Return the number of unknowns whose held state has changed since the last set-up."""
         changed = np.setxor1d(self._held, self._factorised)
         return int(self._problem.comm.allreduce(len(changed)))
 
     def _renew(self) -> None:
-        """Renew the set-up; if bodies flow, include the last solution."""
+        """Renew the set-up; if solves converge slowly, include the last solution."""
         self._method.renew(self._flow if self._rate > WORTH_A_MOTION else None)
         self._factorised, self._other = self._held, False
         self._setup = SetUp(self._setup.usual)
         self.setups += 1
 
     def _improve(self) -> bool:
-        """Renew a reused set-up, or else factorise; return whether either was possible."""
+        """Renew an old set-up, or else switch to a factorisation; return whether either worked."""
         if self._setup.kept:
             self._renew()
             return True
         if self.direct or not self._price.fits:
             return False
         log.info(
-            "%s has become slow; a factorisation, worth %d iterations, replaces it",
+            "%s has become slow; a factorisation, which costs %d iterations, replaces it",
             *(self.name, self._price.iterations),
         )
         self._replace(Factorisation(self._problem.comm, heed=False))
@@ -304,12 +305,12 @@ class LinearSolver:
 
 
 def chosen_solver(problem: Problem) -> str:
-    """Return the name of the method with which :class:`LinearSolver` begins for a problem."""
+    """Return the name of the method with which :class:`LinearSolver` starts for a problem."""
     return solver_name(*_types(_preset(problem)))
 
 
 def _method(problem: Problem) -> Method:
-    """Return the method that the user selects, or the default for this size."""
+    """Return the method that the user selects, or the default for this problem size."""
     preset = _preset(problem)
     ksp, pc = _types(preset)
     if ksp == "preonly":
@@ -318,14 +319,14 @@ def _method(problem: Problem) -> Method:
 
 
 def _types(preset: Mapping[str, object]) -> tuple[str, str]:
-    """Return types of PETSc's KSP and PC: the preset's, unless the user gives others."""
+    """Return the types of PETSc's KSP and PC: those of the preset, unless the user gives others."""
     options = PETSc.Options()
     ksp = options.getString(LINEAR + "ksp_type", str(preset["ksp_type"]))
     return ksp, options.getString(LINEAR + "pc_type", str(preset["pc_type"]))
 
 
 def _preset(problem: Problem) -> Mapping[str, object]:
-    """Return the preset whose preconditioner the user selects, or the default for this size."""
+    """Return the preset for the preconditioner that the user selects, or the default by size."""
     asked = PETSc.Options().getString(LINEAR + "pc_type", "")
     for preset in (DIRECT, MULTIGRID):
         if preset["pc_type"] == asked:

@@ -1,6 +1,6 @@
-"""Solve systems by CG with smoothed aggregation, whose coarse spaces cross closed contact.
+"""Solve systems by CG with smoothed aggregation, whose coarse spaces extend across closed contact.
 
-The coarse grids may be reused while the operator and the held unknowns change; the finest one is
+The coarse grids may be reused while the operator and the held unknowns change; the finest grid is
 always up to date.
 """
 
@@ -33,7 +33,7 @@ MULTIGRID = {
 }
 
 WORTH = {1: 24, 2: 12}
-"""Number of iterations that cost as much as a set-up, by the degree of elements."""
+"""Number of iterations that cost as much as a set-up, by the degree of the elements."""
 
 
 class Multigrid:
@@ -57,10 +57,10 @@ class Multigrid:
 
     @phase("linear set-up")
     def prepare(self, operator: ContactOperator) -> bool:
-        """Create the aggregates, once and before other matrices, since this needs the most memory.
+        """Create the aggregates, only once and before other matrices: this needs the most memory.
 
         Returns:
-            Whether there are any; a small problem has none and does not suit multigrid.
+            Whether aggregates exist; a small problem has none, and multigrid does not suit it.
         """
         if self._spaces is None:
             nodal = operator.nodal()
@@ -71,7 +71,7 @@ class Multigrid:
         return self._spaces.levels > 1
 
     def set_matrix(self, operator: ContactOperator, held: Ints) -> None:
-        """Take the matrix of an operator in which ``held`` is eliminated. Collective."""
+        """Set the matrix of an operator in which ``held`` is eliminated. Collective."""
         self._operator, self._held = operator, held
         self._krylov.set_matrix(operator, held)
         if self._single is None:
@@ -83,15 +83,15 @@ class Multigrid:
         """Form the coarse operators. Collective.
 
         Args:
-            flow: A solution in the jump basis that becomes one more motion of every aggregate; None
-                to keep the aggregates.
+            flow: A solution in the jump basis that becomes an additional motion of every aggregate;
+                None to keep the aggregates.
         """
         assert self._spaces is not None
         assert self._operator is not None and self._single is not None
         self._krylov.renew(flow)
         pc = self._krylov.preconditioner
         if flow is not None:
-            pc.reset()  # its levels will have other sizes
+            pc.reset()  # the new levels have other sizes
             pc.setMGLevels(self._spaces.levels)
             self._krylov.attach()
             self._spaces.add(flow, self._operator.nodal)
@@ -100,11 +100,14 @@ class Multigrid:
         self._spaces.project(A, self._held, pc)
 
     def keep(self) -> None:
-        """Solve with the present coarse grids."""
+        """Use the current coarse grids in the next solves."""
         self._krylov.keep()
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float) -> Outcome:
-        """Solve for x, to ``rtol`` relative to b or the user's smaller tolerance. Collective."""
+        """Solve for x, to ``rtol`` relative to b or to a smaller tolerance of the user.
+
+        Collective.
+        """
         return self._krylov.solve(b, x, rtol)
 
     def destroy(self) -> None:

@@ -1,4 +1,4 @@
-"""Store how one linear solve ended: the report of every method to the solver above it."""
+"""Store the outcome of a linear solve, which every method returns."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from perfplast_fenicsx.profiling import phase
 
 @dataclass(frozen=True)
 class Outcome:
-    """The end of one solve, the same on every rank.
+    """The outcome of one solve, the same on every rank.
 
     Attributes:
-        iterations: Krylov iterations; 1 for a factorisation.
-        failure: Why x is not a solution, in words; None if it is.
+        iterations: Number of Krylov iterations; 1 for a factorisation.
+        failure: Reason, in words, why x is not a solution; None if x is a solution.
     """
 
     iterations: int
@@ -26,7 +26,7 @@ class Outcome:
 
 
 def run(ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> Outcome:
-    """Renew the set-up if it is due, and solve, as two phases. Collective."""
+    """Renew the set-up if it is due, and solve; both are timed as separate phases. Collective."""
     _set_up(ksp)
     _iterate(ksp, b, x)
     reason = int(ksp.getConvergedReason())

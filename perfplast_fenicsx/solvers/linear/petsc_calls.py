@@ -1,4 +1,4 @@
-"""Call functions of PETSc that petsc4py does not provide, and access its arrays without a copy."""
+"""Call PETSc functions that petsc4py does not provide, and access PETSc arrays without a copy."""
 
 import ctypes
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def call(name: str, *arguments: object) -> None:
-    """Call a function of PETSc.
+    """Call a PETSc function.
 
     Args:
         name: Name of the function.
-        arguments: Arguments in the form of ctypes.
+        arguments: Arguments as ctypes objects.
 
     Raises:
-        PETSc.Error: If it fails.
+        PETSc.Error: If the function fails.
     """
     failure = getattr(ctypes.CDLL(PETSc.__file__), name)(*arguments)
     if failure:
@@ -30,7 +30,7 @@ def expect_entries(A: PETSc.Mat, i: npt.NDArray[np.integer], j: npt.NDArray[np.i
     """Prepare a matrix for entries that are set repeatedly, in this order. Collective.
 
     Args:
-        A: Matrix with sizes and type.
+        A: Matrix whose sizes and type are set.
         i: Global row numbers, with repetitions, on any rank.
         j: Global column numbers.
     """
@@ -40,24 +40,24 @@ def expect_entries(A: PETSc.Mat, i: npt.NDArray[np.integer], j: npt.NDArray[np.i
 
 
 def give_entries(A: PETSc.Mat, values: Floats) -> None:
-    """Set A to the sums of the entries at the positions of :func:`expect_entries`. Collective."""
+    """Set A to the sums of entries at the positions of :func:`expect_entries`. Collective."""
     given = ctypes.c_void_p(np.ascontiguousarray(values).ctypes.data)
     insert = ctypes.c_int(int(PETSc.InsertMode.INSERT_VALUES))
     call("MatSetValuesCOO", ctypes.c_void_p(A.handle), given, insert)
 
 
 Indices = npt.NDArray[np.integer]
-"""Indices of PETSc's type of integers."""
+"""Indices in PETSc's integer type."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Compressed rows.
+    """Rows in compressed storage.
 
     Attributes:
-        pointer: Beginning of each row's entries, shape (num_rows + 1,).
-        columns: Columns of the entries, local numbers.
-        values: The entries in PETSc's memory: invalid after the matrix changes.
+        pointer: Start of each row's entries, shape (num_rows + 1,).
+        columns: Local column numbers of the entries.
+        values: The entries, in memory of PETSc; invalid after the matrix changes.
     """
 
     pointer: Indices
@@ -72,8 +72,8 @@ def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
         A: Matrix of type "aij".
 
     Returns:
-        The rows in columns of this rank; those in columns of other ranks, None on a single rank;
-        and the global numbers of these columns.
+        The entries of the rows in columns of this rank; the entries in columns of other ranks, None
+        on a single rank; and the global numbers of these other columns.
     """
     handle, none = ctypes.c_void_p(A.handle), np.zeros(0, dtype=PETSc.IntType)
     if A.comm.getSize() == 1:
@@ -96,7 +96,7 @@ def _rows(sequential: ctypes.c_void_p, count: int) -> Rows:
 
 
 def _array(start: ctypes.c_void_p, size: int, of: type[np.generic]) -> npt.NDArray:
-    """Return memory as an array."""
+    """Return memory of PETSc as an array."""
     if not size or not start.value:
         return np.zeros(0, dtype=of)
     memory = (ctypes.c_char * (size * np.dtype(of).itemsize)).from_address(start.value)
@@ -104,14 +104,14 @@ def _array(start: ctypes.c_void_p, size: int, of: type[np.generic]) -> npt.NDArr
 
 
 def forget_factors(ksp: PETSc.KSP) -> None:
-    """Let a solver analyse and factorise its matrix again. Collective.
+    """Make a solver analyse and factorise its matrix again. Collective.
 
-    After a zero pivot of MUMPS, PETSc treats the next factorisation as a failed analysis. PETSc
-    then does nothing, reports no failure, and solves with missing factors, which is an error
+    After a zero pivot in MUMPS, PETSc treats the next factorisation as a failed analysis. PETSc
+    then does nothing, reports no failure, and solves with missing factors. This is an error
     (INFOG(1) = −3) on all ranks (``MatFactorNumeric_MUMPS``).
 
     Args:
-        ksp: Solver with its operators, which it keeps with its options.
+        ksp: Solver with its operators; the solver keeps its operators and options.
     """
     operators = ksp.getOperators()
     ksp.reset()

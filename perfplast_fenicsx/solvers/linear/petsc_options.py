@@ -1,8 +1,8 @@
-"""Manage PETSc options: a preset, overridden by the user's options, which are tested before a run.
+"""Manage PETSc options: presets that options of the user override; test these before a run.
 
-Test the user's PETSc options on tiny solvers, to report unknown options before a run.
-PETSc itself reports unused options only at the end, and unknown types when a solver is created,
-late in a run.
+The module tests the user's PETSc options on tiny solvers, to report unknown options before a run.
+PETSc itself reports unused options only at the end of a run, and unknown types only when it creates
+a solver, late in a run.
 """
 
 import ctypes
@@ -23,17 +23,17 @@ LINEAR = "perfplast_"
 """Prefix of the user's options for every linear solver."""
 
 COARSE = "perfplast_coarse_"
-"""Prefix of the user's options for the aggregation that makes multigrid's coarse spaces."""
+"""Prefix of the user's options for the aggregation that creates multigrid's coarse spaces."""
 
 SPECTRUM = "perfplast_spectrum_"
-"""Prefix of the user's options for the iteration that estimates the spectral radius by which
-multigrid's interpolations are smoothed."""
+"""Prefix of the user's options for the iteration that estimates the spectral radius. The smoothing
+of multigrid's interpolations needs this radius."""
 
 ACTIVE_SET = "perfplast_vi_"
 """Prefix of the user's options for SNES-VI, which finds the active contact set."""
 
 BOUND = "perfplast_bound_"
-"""Prefix of the user's options for the projection for an upper bound of a limit load."""
+"""Prefix of the user's options for the projection in an upper bound of a limit load."""
 
 LIMIT = "perfplast_limit_"
 """Prefix of the user's options for the factorisations of limit analysis."""
@@ -53,19 +53,19 @@ _made: set[str] = set()
 
 
 def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: bool = True) -> str:
-    """Return a unique options prefix for a solver, after setting the options under it.
+    """Set the options of a solver, and return their unique prefix.
 
-    The preset is deleted with its owner. PETSc's time grows with the number of options, and a run
+    The preset is deleted with its owner, because PETSc takes more time with more options, and a run
     may create thousands of solvers.
 
     Args:
-        owner: Owner of the options, which exist as long as it lives.
-        prefix: One of :data:`KINDS`, the prefix of users' options for all solvers of a kind.
+        owner: Owner of the options, which exist as long as the owner does.
+        prefix: One of :data:`KINDS`: the prefix of the user's options for all solvers of this kind.
         preset: Default options without prefix.
         heed: Whether the user's options apply.
 
     Returns:
-        A unique prefix, under which preset and user's options are set.
+        The unique prefix, under which the preset and the user's options are set.
     """
     options = PETSc.Options()
     own = f"{prefix}{next(_instances)}_"
@@ -77,7 +77,7 @@ def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: b
     }
     _made.add(own)
     if given.get("pc_type", preset.get("pc_type")) != preset.get("pc_type"):
-        # options of the preset's preconditioner do not apply to another one
+        # Options of the preset's preconditioner do not apply to another preconditioner.
         preset = {k: v for k, v in preset.items() if not k.startswith(("pc_", "mg_", "mat_"))}
     for key, value in {**preset, **given}.items():
         options[own + key] = value
@@ -89,7 +89,7 @@ def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: b
 
 
 def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
-    """Delete the preset of a solver. PETSc warns of the user's unused options."""
+    """Delete the preset of a solver; PETSc warns about unused options of the user."""
     options = PETSc.Options()
     for key in presets:
         options.delValue(key)
@@ -98,7 +98,7 @@ def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
 
 
 def solver_name(ksp: str, pc: str) -> str:
-    """Return the name of a linear solver in messages, from the types of PETSc's KSP and PC."""
+    """Return the name of a linear solver for messages, from the types of PETSc's KSP and PC."""
     # Names of linear solvers by the types of PETSc's KSP and PC.
     names = {("preonly", "cholesky"): "MUMPS Cholesky", ("cg", "mg"): "CG + smoothed aggregation"}
     return names.get((ksp, pc), f"{ksp} + {pc}")
@@ -106,7 +106,7 @@ def solver_name(ksp: str, pc: str) -> str:
 
 @contextmanager
 def default(name: str, value: str) -> Iterator[None]:
-    """Set an option that PETSc reads without a prefix, unless the user set it."""
+    """Set an option that PETSc reads without a prefix, unless the user has set it."""
     options = PETSc.Options()
     given = options.hasName(name)
     if not given:
@@ -126,32 +126,32 @@ BASES: tuple[Options, ...] = (
     *({}, FACTOR, {"ksp_type": "cg", "pc_type": "mg"}, {"ksp_type": "cg", "pc_type": "gamg"}),
     {"ksp_type": "cg", "pc_type": "jacobi"},
 )
-"""Initial options of the solvers; an option is known if any of the solvers reads it."""
+"""Initial options of the test solvers; an option is known if any of these solvers reads it."""
 
 INNER = re.compile(
     r"^(mg_(levels|coarse|fine)(_\d+)?|sub|redundant|telescope|esteig|ksp_chebyshev_esteig)_"
 )
-"""Prefixes of solvers inside preconditioners, which accept the options of any solver."""
+"""Prefixes of solvers inside preconditioners; such solvers accept the options of any solver."""
 
 VIEWERS = re.compile(r"^(ksp|pc|snes|mat)_.*(view|monitor|converged_reason|converged_rate)")
-"""Options that print something; a test would print it, too."""
+"""Options that print something; a test would print it too."""
 
 
 SNES_VI = {ACTIVE_SET: "contact programs", SEEPAGE: "flows of water"}
-"""Problems that SNES-VI solves, by the prefix of the user's options for it."""
+"""Kinds of problems that SNES-VI solves, by the prefix of the user's options for SNES-VI."""
 
 
 def check_options(given: Mapping[str, str | None]) -> None:
-    """Refuse options of perfplast's solvers that are unknown, or whose value is wrong.
+    """Refuse unknown options of perfplast's solvers, and options with invalid values.
 
-    Not collective: each rank tests the options itself.
+    Not collective: each rank tests the options by itself.
 
     Args:
-        given: Values by names without the leading dash; those without perfplast's prefix belong to
+        given: Values by names without the leading dash; names without perfplast's prefix belong to
             PETSc.
 
     Raises:
-        InputError: Naming the option.
+        InputError: With the name of the option.
     """
     by_kind: dict[str, dict[str, str]] = {}
     for name, value in given.items():
@@ -159,7 +159,7 @@ def check_options(given: Mapping[str, str | None]) -> None:
             first = name.partition("_")[0]
             if difflib.SequenceMatcher(None, first, LINEAR[:-1]).ratio() > 0.8:
                 raise InputError(
-                    f"the PETSc option '-{name}' has no prefix of perfplast; did you mean"
+                    f"the PETSc option '-{name}' does not have perfplast's prefix; did you mean"
                     f" '-{LINEAR}{name.partition('_')[2]}'?"
                 )
             continue
@@ -177,8 +177,8 @@ def _check(kind: str, options: Options) -> None:
             inner = inner[match.end() :]
         if not VIEWERS.match(inner):
             groups.setdefault(name.removesuffix(inner), {})[inner] = value
-    # PETSc's error codes for values: not supported, wrong, out of range, not a number, of unknown
-    # type, and for a missing factorisation.
+    # PETSc's error codes for values: not supported, wrong, out of range, not a number, or of
+    # unknown type; and for a missing factorisation.
     petsc_errors = (56, 62, 63, 86, 92)
     for within, tried in groups.items():
         known: set[str] = set()
@@ -197,21 +197,21 @@ def _check(kind: str, options: Options) -> None:
             if name not in known:
                 raise InputError(
                     f"the PETSc option '-{kind}{within}{name}' is unknown to the solvers "
-                    "of its prefix; check its name, or remove it."
+                    "with this prefix; check its name, or remove it."
                 )
     if kind in SNES_VI:
         check_snes_vi(options, kind)
 
 
 def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
-    """Refuse options that would replace SNES-VI by another solver, or let it take no step.
+    """Refuse options that would replace SNES-VI by another solver, or prevent its steps.
 
     Args:
         options: Values by names without any prefix.
         kind: One of :data:`SNES_VI`.
 
     Raises:
-        InputError: Naming the option.
+        InputError: With the name of the option.
     """
     for name, value in options.items():
         told = f"the PETSc option '-{kind}{name} {value}' cannot be used:"
@@ -221,13 +221,13 @@ def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
             raise InputError(f"{told} at least one iteration is needed; give 1 or more.")
         if kind == ACTIVE_SET and not name.startswith("snes_"):
             raise InputError(
-                f"{told} the linear systems of SNES-VI are those of all steps; give "
-                f"'-{LINEAR}{name} {value}' for these."
+                f"{told} SNES-VI uses the linear solver of all steps; give "
+                f"'-{LINEAR}{name} {value}' for this solver."
             )
 
 
 def _culprit(kind: str, tried: Options) -> str:
-    """Return the first option that fails on its own, or otherwise the last."""
+    """Return the first option that fails alone, or the last option if none does."""
     for name, value in tried.items():
         try:
             _read(kind, {name: value})
@@ -242,10 +242,10 @@ def _reason(error: PETSc.Error) -> str:
 
 
 def _read(kind: str, options: Options) -> set[str]:
-    """Create a solver with these options, and return the names of the options that it reads.
+    """Create a solver with the given options, and return the names of the options that it reads.
 
     Raises:
-        PETSc.Error: If it cannot be created.
+        PETSc.Error: If the solver cannot be created.
     """
     database, prefix = PETSc.Options(), f"{kind}trial_"
     for name, value in options.items():
@@ -262,7 +262,7 @@ def _read(kind: str, options: Options) -> set[str]:
         ksp.setOptionsPrefix(prefix)
         ksp.setOperators(matrix)
         ksp.setFromOptions()
-        if ksp.pc.getType() in ("cholesky", "lu"):  # these read more options when they factorise
+        if ksp.pc.getType() in ("cholesky", "lu"):  # these read more options during set-up
             ksp.setUp()
         return {name for name in options if _was_read(prefix + name)}
     finally:

@@ -1,27 +1,28 @@
 """Create coarse spaces of multigrid: linear elements, then smoothed aggregation, body by body.
 
-In the jump basis an operator couples the bodies. Aggregates that mix them would need more than the
-rigid motions of one body (the in-plane slip of frictionless contact). So the aggregates are those
-of the stiffness K in nodal unknowns, in which bodies are not coupled and 6 (in 2D 3) motions
-suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K Q. In the jump
-basis y = M u the finest interpolation is M P without the rows of held unknowns. At a closed pair
-the host follows the normal displacement of its guest, and slides along it. Coarser levels use their
-own operators in the same way. A set-up forms the coarse operators PᵀAP.
+In the jump basis, the operator couples the bodies. Aggregates that mix bodies would need more than
+the rigid motions of one body (for example the in-plane slip of frictionless contact). So the
+aggregates are those of the stiffness K in nodal unknowns, in which bodies are uncoupled and 6
+motions (in 2D 3) suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K
+Q. In the jump basis y = M u, the finest interpolation is M P without the rows of held unknowns. At
+a closed pair, the host follows the normal displacement of its guest, and slides along it. Coarser
+levels use their own operators in the same way. A set-up forms the coarse operators PᵀAP.
 
-For quadratic elements the first coarse space is that of linear elements (:class:`LinearElements`),
-mapped by M in the same way, and the nodes of the linear elements are aggregated.
+For quadratic elements, the first coarse space is that of linear elements (:class:`LinearElements`),
+which M maps in the same way, and the vertices are aggregated.
 
-Plastic flow hardly changes the volume of a body. Motions of rigid pieces do, and so have a much
-larger energy. Therefore the last Newton increment can be one more motion of every aggregate.
+Plastic flow hardly changes the volume of a body. Motions of rigid pieces do change the volume, and
+so have a much larger energy. Therefore the last Newton increment can be added as a motion of every
+aggregate.
 
-Store aggregates of nodes on each level of multigrid, and the motions of each.
-The columns of a tentative interpolation Q are orthonormal motions of one aggregate each, zero
-elsewhere. PETSc's GAMG creates the aggregates for the stiffness in nodal unknowns, where bodies are
-not coupled, with the rigid motions. One more motion may be added to all of them.
+:class:`Aggregates` stores the aggregates of nodes on a multigrid level and their motions. Each
+column of a tentative interpolation Q is a motion of one aggregate, and zero elsewhere; the columns
+are orthonormal. PETSc's GAMG creates the aggregates with their rigid motions from the stiffness in
+nodal unknowns, where bodies are uncoupled. One more motion can be added to all aggregates.
 
-Use linear elements inside quadratic ones as the first coarse space of multigrid.
-The graph of quadratic elements is so dense that aggregates of its nodes become too large for one
-smoothing step. Linear functions are quadratic ones, and represent every smooth motion of a body.
+The graph of quadratic elements is so dense that aggregates of its nodes would be too large for one
+smoothing step. This is why linear elements come first: linear functions are quadratic functions
+too, and they represent every smooth motion of a body.
 """
 
 from collections.abc import Callable
@@ -50,7 +51,7 @@ AGGREGATION = {
     "pc_gamg_threshold": 0.01,
     "pc_gamg_aggressive_coarsening": 10,
     "pc_gamg_coarse_eq_limit": 1000,
-    # no system is solved with it, and bodies that only contact holds have a singular K
+    # No system is solved with this hierarchy, and K is singular if only contact holds a body.
     "mg_levels_ksp_type": "richardson",
     "mg_levels_pc_type": "none",
     "mg_coarse_ksp_type": "preonly",
@@ -60,13 +61,13 @@ AGGREGATION = {
 
 @dataclass(frozen=True)
 class Aggregates:
-    """Aggregates of the nodes of one level, which are the nodes of the next level.
+    """Aggregates of the nodes on one level; these aggregates are the nodes of the next level.
 
     Attributes:
-        members: Global number of the aggregate of each owned node, or -1.
+        members: Global number of each owned node's aggregate, or -1.
         count: Number of owned aggregates.
-        motions: Motions of a node's aggregate in its unknowns, shape (nodes, unknowns per node,
-            motions per aggregate).
+        motions: Motions of the aggregate in the unknowns of each node, shape (nodes, unknowns per
+            node, motions per aggregate).
     """
 
     members: Longs
@@ -75,7 +76,7 @@ class Aggregates:
 
     @classmethod
     def of(cls, tentative: PETSc.Mat) -> Self:
-        """Read the aggregates from a tentative interpolation of GAMG. Collective."""
+        """Return the aggregates of a tentative interpolation from GAMG. Collective."""
         rows, columns = tentative.getBlockSizes()
         pointer, column, value = tentative.getValuesCSR()
         begin = pointer[:-1:rows]
@@ -102,15 +103,16 @@ class Aggregates:
         )
 
     def with_motion(self, motion: Floats, comm: PETSc.Comm) -> tuple["Aggregates", Floats]:
-        """Add a motion to each aggregate. Collective.
+        """Return the aggregates with one more motion, and the motion on the next level. Collective.
 
         Args:
             motion: Motion of the whole body, shape (nodes, unknowns per node). A node may have one
-                unknown more than ``motions`` has: that of the motion added on the finer level.
-            comm: The problem's communicator.
+                unknown more than ``motions`` has: the unknown of the motion that was added on the
+                finer level.
+            comm: Communicator of the problem.
 
         Returns:
-            Aggregates with one more motion each, and the motion in the unknowns of the next level,
+            Aggregates with one more motion each; and the motion in the unknowns of the next level,
             shape (aggregates, motions per aggregate).
         """
         more = motion.shape[1] - self.motions.shape[1]
@@ -122,7 +124,7 @@ class Aggregates:
         ones = Aggregates(self.members, self.count, np.ones((len(motion), 1, 1)))
         sums = ones.interpolation(comm)
         whole, size = (np.sqrt(_restrict(sums, (m**2).sum(axis=1))) for m in (motion, left))
-        # Least relative difference from rigid motions at which a motion is added to an aggregate.
+        # Smallest relative difference from rigid motions at which an aggregate gets the motion.
         rigid = 1e-8
         size[size <= rigid * whole] = 0.0
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -156,15 +158,15 @@ def _prolong(Q: PETSc.Mat, coarse: Floats) -> Floats:
 
 
 def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
-    """Return aggregates of nodes, with rigid motions. Collective.
+    """Return aggregates of nodes, with their rigid motions. Collective.
 
     Args:
         nodes: Coordinates of the owned nodes, shape (num_nodes, gdim).
-        stiffness: K in nodal unknowns, in blocks; only its pattern and the strength of its entries
+        stiffness: K in nodal unknowns, in blocks; only the pattern and the strength of its entries
             matter.
 
     Returns:
-        The aggregates of each level, finest first; an empty list for a small problem.
+        The aggregates on each level, finest first; an empty list for a small problem.
     """
     modes = _rigid_motions(nodes, stiffness)
     stiffness.setNearNullSpace(modes)
@@ -189,12 +191,12 @@ def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
         for thing in (
             pc,
             ksp,
-        ):  # immediately: Python's garbage collection would wait for a collective clean-up
+        ):  # immediately: Python's garbage collection would delay this until a collective clean-up
             thing.destroy()
 
 
 def _rigid_motions(nodes: Floats, stiffness: PETSc.Mat) -> PETSc.NullSpace:
-    """Return rigid motions of all bodies together."""
+    """Return the rigid motions of all bodies together, at the given nodes."""
     x = stiffness.createVecRight()
     x.array[:] = nodes.ravel()
     modes = PETSc.NullSpace().createRigidBody(x)
@@ -203,12 +205,12 @@ def _rigid_motions(nodes: Floats, stiffness: PETSc.Mat) -> PETSc.NullSpace:
 
 
 class LinearElements:
-    """The linear elements of a problem with quadratic displacements.
+    """The linear elements for a problem with quadratic displacements.
 
     Attributes:
-        interpolation: From vertices to nodes of the quadratic elements, in nodal unknowns and in
-            blocks, without held components.
-        nodes: Coordinates of owned vertices, shape (num_vertices, gdim).
+        interpolation: Interpolation from vertices to the nodes of quadratic elements, in nodal
+            unknowns and in blocks, without held components.
+        nodes: Coordinates of the owned vertices, shape (num_vertices, gdim).
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -228,14 +230,14 @@ class LinearElements:
             thing.destroy()
 
     def stiffness(self, K: PETSc.Mat) -> PETSc.Mat:
-        """Return the stiffness of the linear elements from K in nodal unknowns.
+        """Return the stiffness of the linear elements, from K in nodal unknowns.
 
-        The caller destroys it.
+        The caller must destroy the matrix.
         """
         return K.PtAP(self.interpolation)
 
     def at_vertices(self, motion: PETSc.Vec) -> Floats:
-        """Return a motion in nodal unknowns at the owned vertices, shape (num_vertices, gdim)."""
+        """Return a nodal motion at the owned vertices, shape (num_vertices, gdim)."""
         coarse = self._at_vertices.createVecRight()
         self._at_vertices.multTranspose(motion, coarse)
         values: Floats = coarse.array.reshape(self.nodes.shape).copy()
@@ -249,10 +251,10 @@ class LinearElements:
 
 
 def _vertex_rows(interpolation: PETSc.Mat) -> PETSc.Mat:
-    """Return the rows of an interpolation at vertices. Collective."""
+    """Return the rows of an interpolation that belong to vertices. Collective."""
     pointer, column, value = interpolation.getValuesCSR()
-    # A linear shape function exceeds a half only at its own vertex; at midsides it is at most a
-    # half.
+    # A linear shape function exceeds 1/2 only at its own vertex; at midside nodes it is at most
+    # 1/2.
     at_vertex = 0.9
     kept = value > at_vertex
     row = np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))[kept]
@@ -262,21 +264,21 @@ def _vertex_rows(interpolation: PETSc.Mat) -> PETSc.Mat:
 
 
 LARGE = 500_000
-"""Number of unknowns above which memory matters more than a tenth of the time."""
+"""Number of unknowns above which memory matters more than a tenth of the run time."""
 
 SPECTRAL_RADIUS = {
     "ksp_type": "cg",
     "ksp_norm_type": "none",
-    "ksp_max_it": 10,  # enough for an estimate
+    "ksp_max_it": 10,  # sufficient for an estimate
     "pc_type": "jacobi",
 }
 
 
 class CoarseSpaces:
-    """Coarse spaces in the jump basis.
+    """Coarse spaces of multigrid in the jump basis.
 
     Attributes:
-        interpolations: The present interpolations, finest first.
+        interpolations: The current interpolations, finest first.
     """
 
     def __init__(self, problem: Problem, stiffness: PETSc.Mat) -> None:
@@ -284,7 +286,7 @@ class CoarseSpaces:
 
         Args:
             problem: Problem with the jump basis.
-            stiffness: K in nodal unknowns; only its pattern and the strength of its entries matter.
+            stiffness: K in nodal unknowns; only the pattern and the strength of its entries matter.
         """
         self._problem = problem
         self._spectrum = own_prefix(self, SPECTRUM, SPECTRAL_RADIUS)
@@ -304,7 +306,7 @@ class CoarseSpaces:
 
     @property
     def _first(self) -> int:
-        """Return the level whose nodes are aggregated, with 0 for the finest."""
+        """Return the level whose nodes are aggregated; 0 is the finest."""
         return 0 if self._linear is None else 1
 
     def _aggregate(self, stiffness: PETSc.Mat) -> list[Aggregates]:
@@ -330,11 +332,11 @@ class CoarseSpaces:
             things.clear()
 
     def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
-        """Create all levels again, with one motion in addition to the rigid ones. Collective.
+        """Create all levels again, with one motion in addition to rigid motions. Collective.
 
         Args:
             motion: Motion in the jump basis.
-            stiffness: Function that creates K in nodal unknowns, which is destroyed.
+            stiffness: Function that creates K in nodal unknowns; this method destroys K.
         """
         nodal = motion.duplicate()
         self._problem.basis.T.mult(motion, nodal)
@@ -348,12 +350,12 @@ class CoarseSpaces:
         nodal.destroy()
         if self._aggregates is self._rigid or motion.getSize() >= LARGE:
             self._clear()
-        K = stiffness()  # only now, since it needs memory
+        K = stiffness()  # only now, to save memory
         self._set(levels, K)
         K.destroy()
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
-        """Store these aggregates; a set-up creates those of coarser levels. Collective."""
+        """Store the finest aggregates; a set-up creates the coarser interpolations. Collective."""
         self._aggregates = levels
         M = self._problem.basis.M
         if self._linear is None:
@@ -365,7 +367,7 @@ class CoarseSpaces:
         self._rows = _rows(self.interpolations[0], self._problem.basis.index)
 
     def _put(self, depth: int, P: PETSc.Mat) -> None:
-        """Store an interpolation, replacing one with the same pattern if there is one."""
+        """Store an interpolation; it overwrites one with the same pattern if that exists."""
         if depth == len(self.interpolations):
             self.interpolations.append(P)
         else:
@@ -377,10 +379,11 @@ class CoarseSpaces:
         """Form the operators PᵀAP of all levels. Collective.
 
         Args:
-            A: Operator of the finest level, with rows and columns of the identity at ``held``.
-            held: Local (owned) indices of unknowns that are zero.
-            pc: Preconditioner of type "mg" with as many levels. It gets interpolations and
-                operators; the solver sets its finest operator.
+            A: Operator of the finest level; its rows and columns at ``held`` are those of a scaled
+                identity.
+            held: Local owned indices of unknowns that are zero.
+            pc: Preconditioner of type "mg" with the same number of levels. It receives
+                interpolations and coarse operators; the solver sets its finest operator.
         """
         self._hold(held)
         for depth in range(self.levels - 1):
@@ -404,7 +407,7 @@ class CoarseSpaces:
             pc.getMGSmoother(level - 1).setOperators(multiplies, A)
 
     def _hold(self, held: Ints) -> None:
-        """Remove held unknowns from the finest coarse space, and restore the others."""
+        """Remove held unknowns from the finest coarse space, and restore the other unknowns."""
         pointer, columns, values = self._rows
         index = self._problem.basis.index
         free = ~np.isin(index, held)
@@ -427,14 +430,14 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
 
     Args:
         A: Operator of the finer level.
-        aggregates: Aggregates of its nodes.
+        aggregates: Aggregates of the nodes on this level.
         prefix: Prefix of the options for the spectral radius of D^-1 A.
     """
     Q = aggregates.interpolation(A.comm)
     P = A.matMult(Q)
     diagonal = A.getDiagonal()
     diagonal.reciprocal()
-    damping = 1.4  # factor of the smoothing Jacobi step, over the spectral radius
+    damping = 1.4  # factor of the smoothing Jacobi step, divided by the spectral radius
     diagonal.scale(-damping / _spectral_radius(A, prefix))
     P.diagonalScale(diagonal)
     P.axpy(1.0, Q, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
@@ -445,7 +448,10 @@ def _smoothed(A: PETSc.Mat, aggregates: Aggregates, prefix: str) -> PETSc.Mat:
 
 
 def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
-    """Return the spectral radius of D^-1 A, from a few iterations of CG. Collective."""
+    """Return an estimate of the spectral radius of D^-1 A, by a few iterations of CG.
+
+    Collective.
+    """
     ksp = PETSc.KSP().create(A.comm)
     x, b = A.createVecs()
     try:
@@ -463,15 +469,18 @@ def _spectral_radius(A: PETSc.Mat, prefix: str) -> float:
 
 
 def _coarse(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """Return PᵀAP for the first time. Collective."""
+    """Return PᵀAP as a new matrix. Collective."""
     if A.comm.size > 1:
         return A.PtAP(P)
-    with default("matptap_via", "rap"):  # twice as fast, with more memory
+    with default("matptap_via", "rap"):  # twice as fast, but needs more memory
         return A.PtAP(P)
 
 
 def _regular(A: PETSc.Mat) -> PETSc.Mat:
-    """Return a coarse operator, with the identity where an aggregate lacks a motion. Collective."""
+    """Return a coarse operator with diagonal entries where an aggregate lacks a motion.
+
+    Collective.
+    """
     diagonal = A.getDiagonal()
     empty = diagonal.array == 0
     if A.comm.tompi4py().allreduce(bool(empty.any())):
@@ -483,7 +492,7 @@ def _regular(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def _rows(A: PETSc.Mat, local: Ints) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-    """Return rows with these local indices, as pointers, global columns and values. Collective."""
+    """Return the rows at local indices, as pointers, global columns and values. Collective."""
     first = A.getOwnershipRange()[0]
     chosen = PETSc.IS().createGeneral((local + first).astype(PETSc.IntType), comm=A.getComm())
     columns = every_column(A)

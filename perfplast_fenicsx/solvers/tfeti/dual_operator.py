@@ -1,11 +1,10 @@
-"""Multiply with F = B K⁺ Bᵀ on the active rows, and project on forces that balance every piece.
+"""Multiply by F = B K⁺ Bᵀ on the active rows, and project onto forces that balance every piece.
 
-The last row of the first rank is the border: a row with all unknowns, such as the work of the
-loads.
+The last row of the first rank is the border: a row that involves all unknowns, such as the work of
+the loads.
 
-Solve the coarse problem: which forces of the rows balance every piece, G λ = 0.
-G = RᵀBᵀ with the rigid motions R. GGᵀ couples pieces that share rows; it is small, and every rank
-stores its factors.
+The coarse problem determines which row forces balance every piece: G λ = 0. Here G = RᵀBᵀ with the
+rigid motions R. GGᵀ couples pieces that share rows; it is small, and every rank stores its factors.
 """
 
 from mpi4py import MPI
@@ -24,17 +23,17 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains, TornStiffness
 
 
 class CoarseProblem:
-    """G of the active rows, and the projector P on its kernel.
+    """G of the active rows, and the projector P onto the kernel of G.
 
     Attributes:
         size: Number of rigid motions of all pieces.
     """
 
     def __init__(self, comm: MPI.Intracomm, pieces: Subdomains, B: PETSc.Mat, free: int) -> None:
-        """Form G of all rows. Collective.
+        """Form G for all rows. Collective.
 
         Args:
-            comm: The ranks.
+            comm: Communicator of the ranks.
             pieces: Pieces of all bodies.
             B: The rows.
             free: Number of rigid motions of the bodies that no row resists.
@@ -60,10 +59,10 @@ class CoarseProblem:
             matrix.destroy()
 
     def renew(self, force: npt.NDArray[np.bool_], border: Floats, own_border: bool) -> None:
-        """Take the active rows, and the border after those of one rank. Collective.
+        """Set the active rows, followed by the border on the rank that owns it. Collective.
 
         Raises:
-            LinearFailure: If they let a piece move as a rigid body.
+            LinearFailure: If the rows let a piece move as a rigid body.
         """
         G = self._every @ diags_array(force.astype(np.float64))
         last = csr_array(self.resultants(border)[:, None])
@@ -72,14 +71,14 @@ class CoarseProblem:
         if not self.size:
             return
         values, vectors = eigh(gram)
-        # Eigenvalues of GGᵀ below this share of the largest one count as zero.
+        # Eigenvalues of GGᵀ below this fraction of the largest one count as zero.
         negligible = 1e-12
         free = vectors[:, values <= negligible * values[-1]]
         if free.shape[1] > self._free:
             raise LinearFailure(
-                "a subdomain can move as a rigid body: neither supports nor closed contact hold it"
+                "a subdomain can move as a rigid body: neither supports nor closed contacts hold it"
             )
-        # no load does work on the free motions, so that their part of all right-hand sides is zero
+        # No load does work on the free motions, so the free part of all right-hand sides is zero.
         self._factors = cho_factor(gram + values[-1] * free @ free.T)
 
     def balance(self, multipliers: Floats) -> Floats:
@@ -88,7 +87,7 @@ class CoarseProblem:
         return total
 
     def resultants(self, forces: Floats) -> Floats:
-        """Return Rᵀ f of torn forces, the same on every rank, shape (size,). Collective."""
+        """Return Rᵀ f for torn forces, the same on every rank, shape (size,). Collective."""
         own = np.zeros(self.size)
         if self._pieces.count:
             per_node = self._motions.shape[0] // len(self._pieces.node)
@@ -108,7 +107,7 @@ class CoarseProblem:
         return np.asarray(cho_solve(self._factors, values)) if self.size else values
 
     def lift(self, amplitudes: Floats) -> Floats:
-        """Return Gᵀ times a vector that is the same on every rank, on this rank's rows."""
+        """Return Gᵀ times a vector that is the same on every rank, at the rows of this rank."""
         lifted: Floats = self._G.T @ amplitudes
         return lifted
 
@@ -122,12 +121,12 @@ class CoarseProblem:
 
 
 class DualOperator:
-    """Products with B and F; all methods are collective.
+    """Products with B and F. All methods are collective.
 
     Attributes:
-        comm: The ranks.
-        size: Number of rows of this rank, including the border on the first rank.
-        contact: Indices of the rows of contact.
+        comm: Communicator of the ranks.
+        size: Number of rows on this rank, including the border on the first rank.
+        contact: Indices of the contact rows.
         coarse: Coarse problem of the active rows.
         norm: Estimate of ‖PFP‖, for the first stiffness or the last :meth:`measure`.
     """
@@ -136,7 +135,7 @@ class DualOperator:
         """Form G of the rows of ``gluing``, which leave ``free`` rigid motions free. Collective.
 
         Raises:
-            LinearFailure: If a piece can move as a rigid body, whatever the rows are.
+            LinearFailure: If a piece can move as a rigid body although all rows are active.
         """
         self.comm, self._B = comm, gluing.B
         self._own_border = comm.rank == 0
@@ -154,17 +153,17 @@ class DualOperator:
         self._renew()
 
     def set_stiffness(self, stiffness: TornStiffness) -> None:
-        """Take a new K, or the same one with new values. Collective."""
+        """Set a new K, or the same K with new values. Collective."""
         self._stiffness, self._measured = stiffness, False
         if not self.norm > 0:
             self.measure()
 
     def put_in_force(self, contact: npt.NDArray[np.bool_], border: Floats | None) -> None:
-        """Set the active rows: all rows except some of contact, and a border. Collective.
+        """Set the active rows: all rows except some contact rows, and a border. Collective.
 
         Args:
-            contact: Active rows of contact, shape (num_pairs,).
-            border: Torn forces whose work is prescribed; None for none.
+            contact: Whether each contact row is active, shape (num_pairs,).
+            border: Torn forces whose work is prescribed; None if no work is prescribed.
 
         Raises:
             LinearFailure: If the rows let a piece move as a rigid body.
@@ -184,7 +183,7 @@ class DualOperator:
         self._ready = True
 
     def rows(self, u: Floats) -> Floats:
-        """Return B u of torn unknowns."""
+        """Return B u for torn unknowns u."""
         self._u.array[:] = u
         self._B.mult(self._u, self._image)
         jumps = np.zeros(self.size)
@@ -213,13 +212,13 @@ class DualOperator:
         return self._stiffness
 
     def measure(self) -> None:
-        """Estimate ‖PFP‖ of the present stiffness by the power method. Collective."""
+        """Estimate ‖PFP‖ for the current stiffness by the power method. Collective."""
         if self._measured:
             return
         self._measured = True
         P = self.coarse.project
         x = P(np.cos(np.arange(self.size)))
-        powers = 12  # steps of the power method for ‖PFP‖
+        powers = 12  # number of steps in the power method for ‖PFP‖
         for _ in range(powers):
             size = np.sqrt(self.comm.allreduce(float(x @ x)))
             if not size > 0:

@@ -1,9 +1,9 @@
 """Create B, which glues torn nodes, and map displacements and forces between bodies and pieces.
 
-A node of the mesh has one copy in each of its pieces. At a free component, its m copies get m − 1
+A node of the mesh has one copy in each of its pieces. At a free component, the m copies have m − 1
 orthonormal rows, the k-th of which is (1, …, 1, −k, 0, …)/√(k(k + 1)). At a supported component,
-each copy is held. Ties and contact use the mean of the copies, whose rows are orthogonal to the
-others. All rows have unit length.
+each copy is held. Ties and contact use the mean of the copies; their rows are orthogonal to the
+gluing rows. All rows have unit length.
 """
 
 from collections.abc import Sequence
@@ -30,15 +30,16 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains, TornStiffness
 
 @dataclass(frozen=True)
 class Gluing:
-    """The rows, distributed as their nodes; on each rank those of contact come last.
+    """The rows, distributed like their nodes; on each rank the contact rows come last.
 
     Attributes:
         B: Matrix from torn unknowns, shape (num_rows, num_torn_unknowns).
-        copies: Matrix of ones from displacements to torn unknowns; its transpose sums over copies.
-        count: Number of copies of the node of each owned unknown.
-        num_glue: Number of this rank's rows that glue copies; they come first.
-        num_pairs: Number of rows of contact of this rank.
-        length: Length of the rows of contact before scaling, shape (num_pairs,).
+        copies: Matrix of ones from displacements to torn unknowns; its transpose sums over the
+            copies.
+        count: Number of copies of each owned unknown's node.
+        num_glue: Number of rows on this rank that glue copies; they come first.
+        num_pairs: Number of contact rows on this rank.
+        length: Length of each contact row before scaling, shape (num_pairs,).
     """
 
     B: PETSc.Mat
@@ -89,7 +90,7 @@ def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
 
 
 def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entries]]) -> PETSc.Mat:
-    """Return the rows of all parts stacked on each rank. Collective."""
+    """Return a matrix with the rows of all parts, stacked on each rank. Collective."""
     entries: list[Entries] = []
     begun = 0
     for count, (row, column, value) in parts:
@@ -99,7 +100,7 @@ def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entrie
 
 
 def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
-    """Return all copies of owned nodes on any rank, sorted, as local and as torn nodes.
+    """Return all copies, on any rank, of owned nodes: as local nodes and torn nodes, sorted.
 
     Collective.
     """
@@ -114,15 +115,15 @@ def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
 
 
 def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entries, int]:
-    """Return orthonormal rows of copies, which are sorted by node.
+    """Return the orthonormal rows that glue copies, which are sorted by node.
 
     Args:
-        place: Index of each copy among those of its node.
+        place: Index of each copy among the copies of its node.
         copy: Number of the copy.
         free: Components that are glued, shape (num_copies, gdim).
 
     Returns:
-        Entries, and the number of rows.
+        The entries, and the number of rows.
     """
     which, axis = np.nonzero(free & (place > 0)[:, None])
     k = place[which]
@@ -137,7 +138,7 @@ def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entri
 def _of_mean(
     rows: Constraints, mean: PETSc.Mat, fixed: npt.NDArray[np.bool_]
 ) -> tuple[Entries, Floats]:
-    """Return unit rows of free components in torn unknowns, and their lengths before scaling.
+    """Return unit rows of free components in torn unknowns, and the lengths before scaling.
 
     Collective.
     """
@@ -153,7 +154,7 @@ def _of_mean(
 
 
 class TornBodies:
-    """Maps between nodal vectors and torn ones. All methods are collective."""
+    """Maps between nodal vectors and torn vectors. All methods are collective."""
 
     def __init__(self, problem: Problem, gluing: Gluing) -> None:
         self._basis, self._copies, self._count = problem.basis, gluing.copies, gluing.count
@@ -163,20 +164,20 @@ class TornBodies:
         self._torn = gluing.copies.createVecLeft()
 
     def forces(self, r: PETSc.Vec) -> Floats:
-        """Return −r for a gradient r in the jump basis, in equal shares on copies of free nodes."""
+        """Return −r for a gradient r in the jump basis, divided equally among free copies."""
         self._basis.M.multTranspose(r, self._nodal)
         self._nodal.scale(-1)
         return self.shares(self._nodal)
 
     def shares(self, nodal: PETSc.Vec) -> Floats:
-        """Return nodal forces in equal shares on the copies of free nodes."""
+        """Return nodal forces, divided equally among the copies of free nodes."""
         self._image.array[:] = np.where(self._fixed, 0.0, nodal.array_r / self._count)
         self._copies.mult(self._image, self._torn)
         shares: Floats = self._torn.array_r.copy()
         return shares
 
     def glue(self, u: Floats, delta: PETSc.Vec) -> None:
-        """Set δ, in the jump basis, to the mean over copies."""
+        """Set δ, in the jump basis, to the mean of u over the copies."""
         self._torn.array[:] = u
         self._copies.multTranspose(self._torn, self._nodal)
         self._nodal.array[:] = np.where(self._fixed, 0.0, self._nodal.array_r / self._count)

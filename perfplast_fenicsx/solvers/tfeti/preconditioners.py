@@ -1,9 +1,9 @@
-"""Precondition F by B_D S B_Dᵀ, with the stiffness S of pieces at their faces.
+"""Precondition F by B_D S B_Dᵀ, with the stiffness S of pieces at their interfaces.
 
-S is the Schur complement, in which the interior of each piece follows its faces ("Dirichlet"): each
-application takes one solve with the interior's factors. B_D distributes a jump among the copies of
-a node by their stiffness, stiffer ones getting less, so that plastic pieces do not spoil the others
-(D. Rixen, C. Farhat, Int. J. Numer. Meth. Engng 44 (1999), 489).
+S is the Schur complement, in which the interior of each piece follows its interfaces ("Dirichlet");
+each application takes one solve with the factors of the interiors. B_D distributes a jump among the
+copies of a node by their stiffness: stiffer copies get a smaller part, so that plastic pieces do
+not affect the convergence (D. Rixen, C. Farhat, Int. J. Numer. Meth. Engng 44 (1999), 489).
 """
 
 from petsc4py import PETSc
@@ -19,7 +19,7 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Factors, TornStiffness
 
 
 class DirichletPreconditioner:
-    """The preconditioner B_D S B_Dᵀ by Schur complements. All methods are collective."""
+    """The preconditioner B_D S B_Dᵀ with Schur complements. All methods are collective."""
 
     def __init__(self, dual: DualOperator, gluing: Gluing, gdim: int) -> None:
         self._dual, self._copies = dual, gluing.copies
@@ -37,7 +37,7 @@ class DirichletPreconditioner:
         self._sums: Floats = np.ones(self._nodal.getLocalSize())
 
     def set_stiffness(self, K: TornStiffness) -> None:
-        """Take a new K, or the same one with new values.
+        """Set a new K, or the same K with new values.
 
         Raises:
             LinearFailure: If the interior of a piece cannot be factorised.
@@ -47,7 +47,7 @@ class DirichletPreconditioner:
         failures = [text for text in self._dual.comm.allgather(failure) if text is not None]
         if failures:
             raise LinearFailure(
-                f"the inside of a subdomain could not be factorised ({failures[0]})"
+                f"the interior of a subdomain could not be factorised ({failures[0]})"
             )
         diagonal = K.matrix.getDiagonal()
         self._stiff = diagonal.array_r.copy()
@@ -66,7 +66,7 @@ class DirichletPreconditioner:
         return found
 
     def _schur(self, u: Floats) -> Floats:
-        """Return S u for u that is zero in interiors; the result there has no meaning."""
+        """Return S u for u that is zero in interiors; the result in interiors has no meaning."""
         K = self._dual.stiffness
         forces = K.multiply(u)
         following = np.zeros_like(u)
@@ -74,14 +74,14 @@ class DirichletPreconditioner:
         return forces - K.multiply(following)
 
     def _summed(self, torn: Floats) -> Floats:
-        """Return sums over the copies of each node."""
+        """Return the sums over the copies of each node."""
         self._torn.array[:] = torn
         self._copies.multTranspose(self._torn, self._nodal)
         sums: Floats = self._nodal.array_r.copy()
         return sums
 
     def _spread(self, torn: Floats) -> Floats:
-        """Return sums over copies weighted by stiffness, on each copy."""
+        """Return the sums over copies, weighted by stiffness, at each copy."""
         self._nodal.array[:] = self._summed(torn) / self._sums
         self._copies.mult(self._nodal, self._torn)
         spread: Floats = self._torn.array_r.copy()

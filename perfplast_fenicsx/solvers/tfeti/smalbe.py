@@ -1,26 +1,27 @@
-"""Solve quadratic programs with bounds and equalities: SMALBE-M, with MPRGP for the bounds.
+"""Solve quadratic programs with bounds and equalities, by SMALBE-M and MPRGP.
 
-Semimonotonic augmented Lagrangians (Z. Dostál, Optimal Quadratic Programming Algorithms, Springer
-2009, chapter 6), for
+SMALBE-M is the method of semimonotonic augmented Lagrangians (Z. Dostál, Optimal Quadratic
+Programming Algorithms, Springer 2009, chapter 6). It solves
 
     minimise ½ xᵀAx − bᵀx  where  x ≥ lower  and  x is in the kernel of Q,
 
-with an orthogonal projector Q; A must be PAP with P = I − Q. The bound-constrained programs of
+with an orthogonal projector Q; A must be PAP with P = I − Q. MPRGP solves the bound-constrained
+programs of
 
     ½ xᵀ(A + ρQ)x − (b − Qμ)ᵀx
 
-are solved by MPRGP until the projected gradient is at most M‖Qx‖; then μ grows by ρQx. ρ is
-constant; if the Lagrangian has not grown enough, M decreases.
+until the norm of the projected gradient is at most M‖Qx‖; then μ increases by ρQx. The penalty ρ is
+constant; if the Lagrangian has not increased enough, M decreases.
 
-Solve quadratic programs with bounds by MPRGP: CG on faces, expansion and proportioning.
-Modified proportioning with reduced gradient projections (Z. Dostál, Optimal Quadratic Programming
-Algorithms, Springer 2009, chapter 5), for
+MPRGP (modified proportioning with reduced gradient projections; Z. Dostál, Optimal Quadratic
+Programming Algorithms, Springer 2009, chapter 5) solves quadratic programs with bounds by CG on
+faces, expansion and proportioning:
 
     minimise ½ xᵀHx − bᵀx  where  x ≥ lower
 
 The gradient g is split into its free part φ (zero at bounds) and the chopped part β (which leaves
-bounds). CG steps on the free unknowns continue while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ limited to a step
-of length ᾱ. A step that hits a bound stops there and continues with a projected step along −φ.
+bounds). CG steps in the free unknowns continue while ‖β‖² ≤ φ̃ᵀφ, where φ̃ is φ limited to a step
+of length ᾱ. A step that reaches a bound stops at the bound, and a projected step along −φ follows.
 """
 
 from collections.abc import Callable
@@ -37,7 +38,7 @@ Operator = Callable[[Floats], Floats]
 
 @dataclass(frozen=True)
 class Split:
-    """A gradient at a point of the feasible set.
+    """The parts of a gradient at a feasible point.
 
     Attributes:
         free: The free gradient φ.
@@ -51,17 +52,17 @@ class Split:
 
     @property
     def projected(self) -> Floats:
-        """Return φ + β, zero at the solution."""
+        """Return φ + β, which is zero at the solution."""
         return self.free + self.chopped
 
 
 def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
-    """Return the split of a gradient.
+    """Return the parts of a gradient.
 
     Args:
         gradient: Gradient at x.
         x: Feasible point.
-        lower: Bounds, −∞ for none.
+        lower: Bounds; −∞ if there is no bound.
         longest: Step length ᾱ.
     """
     at_bound = x <= lower
@@ -73,14 +74,15 @@ def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
 
 @dataclass
 class BoundProgram:
-    """The program to be minimised, and the present iterate.
+    """The program to be minimised, and the current iterate.
 
     Attributes:
         hessian: Function x ↦ Hx.
-        precondition: Function that approximates H⁻¹ on all unknowns; symmetric positive definite.
-        comm: Ranks that share the unknowns.
+        precondition: Function that approximates H⁻¹ on all unknowns; it must be symmetric positive
+            definite.
+        comm: Communicator of the ranks that share the unknowns.
         lower: Bounds.
-        norm: ‖H‖, or an upper or near estimate.
+        norm: ‖H‖, an upper bound of it, or a close estimate.
         x: Feasible iterate.
         gradient: Gradient Hx − b.
         products: Number of products with H so far.
@@ -101,17 +103,20 @@ class BoundProgram:
 
 
 def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], most: int) -> bool:
-    """Iterate, and return whether the accuracy was reached; ``x`` and ``gradient`` change.
+    """Iterate, and return whether the required accuracy is reached.
+
+    The function changes ``x`` and ``gradient`` of the program.
 
     Collective.
 
     Args:
-        program: The program to be minimised; x may be any feasible point.
-        enough: Function of x and the norm of the projected gradient; the same on every rank.
+        program: The program to be minimised; its x may be any feasible point.
+        enough: Function of x and the norm of the projected gradient that ends the iteration; the
+            result must be the same on every rank.
         most: Largest total number of products with H.
 
     Returns:
-        Whether it was reached.
+        Whether the accuracy is reached.
     """
     longest_step = 1.9  # ᾱ relative to 1/‖H‖; less than 2
     p, dot, longest = program, program.dot, longest_step / program.norm
@@ -163,14 +168,14 @@ def minimise(program: BoundProgram, enough: Callable[[Floats, float], bool], mos
 
 
 def _reach(program: BoundProgram, direction: Floats) -> float:
-    """Return the largest s for which x − s d is feasible. Collective."""
+    """Return the largest s for which x − s·direction is feasible. Collective."""
     towards = direction > 0
     room = (program.x - program.lower)[towards] / direction[towards]
     return program.comm.allreduce(float(room.min(initial=np.inf)), MPI.MIN)
 
 
 FIRST_BALANCE, SHRINK = 10.0, 0.1
-"""Initial M relative to ‖A‖, and its factor if the Lagrangian has not grown enough."""
+"""Initial M relative to ‖A‖, and the factor of M if the Lagrangian has not increased enough."""
 
 
 @dataclass(frozen=True)
@@ -178,13 +183,14 @@ class DualProgram:
     """The program to be minimised.
 
     Attributes:
-        comm: Ranks that share the unknowns.
-        multiply: Function x ↦ Ax for x in the kernel of Q, with a result in the kernel.
+        comm: Communicator of the ranks that share the unknowns.
+        multiply: Function x ↦ Ax for x in the kernel of Q; its result is in the kernel too.
         project: The projector P.
-        precondition: Function that approximates A⁻¹; symmetric positive definite on the kernel.
+        precondition: Function that approximates A⁻¹; it must be symmetric positive definite on the
+            kernel.
         norm: ‖A‖, or an estimate.
         b: Vector in the kernel of Q, shape (n,).
-        lower: Bounds, −∞ for none, shape (n,).
+        lower: Bounds, −∞ if there is no bound, shape (n,).
     """
 
     comm: MPI.Intracomm
@@ -201,12 +207,12 @@ class DualProgram:
 
 
 class Smalbe:
-    """The iteration for one program, which may continue to smaller tolerances.
+    """The iteration for one program; later runs may continue to smaller tolerances.
 
     Attributes:
         multiplier: Multiplier μ, in the range of Q.
-        projected: Norm of the present projected gradient.
-        off: The present ‖Qx‖.
+        projected: Norm of the current projected gradient.
+        off: Current ‖Qx‖.
         rounds: Number of augmented Lagrangian iterations.
     """
 
@@ -239,7 +245,7 @@ class Smalbe:
 
     @property
     def x(self) -> Floats:
-        """Return x, exactly within the bounds."""
+        """Return x, which lies exactly within the bounds."""
         return self._inner.x
 
     @property
@@ -251,18 +257,19 @@ class Smalbe:
         """Iterate, and return whether both tolerances are met. Collective.
 
         Args:
-            jumps: Tolerance of the projected gradient.
-            forces: Tolerance of ‖Qx‖.
+            jumps: Tolerance for the norm of the projected gradient.
+            forces: Tolerance for ‖Qx‖.
             most: Largest total number of products with A.
 
         Returns:
-            Whether both are met; False if nothing is feasible.
+            Whether both tolerances are met; False if no point is feasible.
         """
         program, inner = self._program, self._inner
 
-        # η: largest projected gradient that ends an inner iteration, relative to the first one.
+        # η: norm of the projected gradient that ends an inner iteration, relative to the first
+        # gradient.
         loose = 0.1
-        under = 0.5  # least share of the tolerance for inner iterations
+        under = 0.5  # smallest fraction of the tolerance for inner iterations
 
         def enough(x: Floats, projected: float) -> bool:
             self.projected, self.off = projected, program.length(x - program.project(x))
@@ -271,8 +278,8 @@ class Smalbe:
             wanted = min(self._balance * self.off, loose * self._first)
             return projected <= max(wanted, under * jumps)
 
-        # If Qx does not vanish after this number of iterations, no point within the bounds lies in
-        # the kernel of Q.
+        # If Qx is not small after this number of iterations, no point within the bounds lies in the
+        # kernel of Q.
         most_rounds = 200
         while True:
             self.rounds += 1

@@ -1,14 +1,14 @@
 """Divide the cells of each rank into subdomains, with their stiffness and its generalised inverse.
 
-A piece is connected through facets, so that its only motion without strain is that of one rigid
-body. Its nodes are copies of the mesh's nodes, torn from those of other pieces.
+A piece is connected through facets, so its only strain-free motions are those of one rigid body.
+Its nodes are copies of the mesh nodes, torn from the nodes of other pieces.
 
-Store K of all pieces of a rank, torn from each other, and its generalised inverse K⁺. The pieces
-are not coupled. One sparse matrix on this rank contains the stiffness of all pieces, and one
-factorisation factorises all. Its kernel are the rigid motions R. With as many springs as there are
-motions, and M with invertible MᵀR, the matrix K⁺ = (K + k M Mᵀ)⁻¹ is a generalised inverse of K
-itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T. Kozubek, P. Kovář and A.
-Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
+:class:`TornStiffness` stores K of all pieces on a rank, torn from each other, and its generalised
+inverse K⁺. The pieces are uncoupled. One sparse matrix on this rank contains the stiffness of all
+pieces, and one factorisation factorises them all. The kernel of K consists of the rigid motions R.
+Take as many springs as there are motions, and M with invertible MᵀR. Then K⁺ = (K + k M Mᵀ)⁻¹ is a
+generalised inverse of K itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T. Kozubek, P.
+Kovář and A. Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
 """
 
 from dataclasses import dataclass
@@ -38,17 +38,18 @@ from perfplast_fenicsx.solvers.linear.petsc_options import SUBDOMAINS, own_prefi
 
 @dataclass(frozen=True)
 class Subdomains:
-    """The pieces of this rank; torn nodes are numbered piece by piece.
+    """The pieces on this rank; torn nodes are numbered piece by piece.
 
     Attributes:
-        first: Global number of this rank's first piece.
-        count: Number of pieces of this rank.
+        first: Global number of the first piece on this rank.
+        count: Number of pieces on this rank.
         total: Number of pieces on all ranks.
-        torn: Torn node of each owned cell's nodes, shape (num_cells, nodes of a cell).
-        node: The local block dof of each torn node, shape (num_torn,).
-        ends: First torn node of each piece, and the number of torn nodes, shape (count + 1,).
+        torn: Torn node for each node of each owned cell, shape (num_cells, nodes of a cell).
+        node: Local block dof of each torn node, shape (num_torn,).
+        ends: First torn node of each piece, followed by the number of torn nodes, shape (count +
+            1,).
         motions: Orthonormal rigid motions R of each piece, shape (num_torn, gdim, num_modes).
-        fixing: Torn unknowns that fix each piece, as many as it has rigid motions.
+        fixing: Torn unknowns that fix the pieces; for each piece as many as it has rigid motions.
     """
 
     first: int
@@ -62,7 +63,7 @@ class Subdomains:
 
     @property
     def of_node(self) -> Longs:
-        """Return the piece of each torn node, with global numbers."""
+        """Return the global number of each torn node's piece."""
         return self.first + np.repeat(np.arange(self.count), np.diff(self.ends))
 
 
@@ -71,12 +72,12 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
 
     Args:
         problem: The bodies.
-        wanted: Number of pieces on all ranks; there is at least one for each part of a body on a
-            rank that is connected by facets.
-        exactly: Whether to refuse a smaller number than that.
+        wanted: Number of pieces on all ranks. Each part of a body that is connected by facets on a
+            rank gets at least one piece.
+        exactly: Whether to refuse a number that is smaller than the number of these parts.
 
     Raises:
-        InputError: If the number is refused.
+        InputError: If ``exactly`` is set and the number is too small.
     """
     V, comm = problem.V, problem.comm
     topology = V.mesh.topology
@@ -89,8 +90,8 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
     least = comm.allreduce(int(label.max(initial=-1)) + 1)
     if exactly and wanted < least:
         raise InputError(
-            f"subdomains = {wanted} is less than the {least} parts of bodies on "
-            f"{comm.size} ranks; give {least} or more, use fewer ranks, or remove it."
+            f"subdomains = {wanted} is less than the number of parts of bodies, {least}, on "
+            f"{comm.size} ranks; give {least} or more, use fewer ranks, or remove subdomains."
         )
     pieces = np.empty(owned, dtype=np.int32)
     begun = 0
@@ -113,14 +114,14 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
 
 
 def bisected(x: Floats, count: int) -> Ints:
-    """Return sets of points of similar size, by bisection of the longest side of their box.
+    """Divide points into sets of similar size, by bisection of the longest side of their box.
 
     Args:
         x: Points, shape (n, gdim).
         count: Number of sets, at most n.
 
     Returns:
-        The set of each point, shape (n,).
+        The number of each point's set, shape (n,).
     """
     label = np.zeros(len(x), dtype=np.int32)
     if count < 2:
@@ -152,7 +153,7 @@ def _connected(problem: Problem, label: Ints) -> Ints:
 
 
 def _rigid(problem: Problem, x: Floats, ends: Longs) -> tuple[Floats, Ints]:
-    """Return orthonormal motions of each piece, and the unknowns that fix them best."""
+    """Return orthonormal motions of each piece, and the unknowns that best fix the pieces."""
     bodies = problem.bodies
     gdim, modes = bodies.gdim, bodies.num_modes
     motions, fixing = np.zeros((len(x), gdim, modes)), []
@@ -168,7 +169,7 @@ def _rigid(problem: Problem, x: Floats, ends: Longs) -> tuple[Floats, Ints]:
 
 
 class Factors:
-    """Factors of one pattern, updated for new values."""
+    """Factors of matrices with one pattern, updated for new values."""
 
     def __init__(self) -> None:
         self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
@@ -182,10 +183,10 @@ class Factors:
         self._b, self._x = PETSc.Vec(), PETSc.Vec()
 
     def make(self, A: PETSc.Mat) -> str | None:
-        """Factorise, and return why this fails, or None.
+        """Factorise a matrix, and return the reason if this fails.
 
         Returns:
-            Why there are no factors; None if there are.
+            The reason why no factors exist; None if they exist.
         """
         if not A.getSize()[0]:
             return None
@@ -195,7 +196,7 @@ class Factors:
         pc.setReusePreconditioner(False)
         self._ksp.setOperators(A)
         self._ksp.setUp()
-        pc.setReusePreconditioner(True)  # independent of later changes of A
+        pc.setReusePreconditioner(True)  # keeps the factors if A changes later
         if pc.getFailedReason():
             forget_factors(self._ksp)
             return "a pivot is zero"
@@ -212,14 +213,14 @@ class Factors:
 
 
 class TornStiffness:
-    """K without gluing and supports, on only this rank unless stated otherwise.
+    """K without gluing and supports, only on this rank unless stated otherwise.
 
     Attributes:
-        size: Number of torn unknowns of this rank.
+        size: Number of torn unknowns on this rank.
     """
 
     def __init__(self, fields: QuadratureFields, pieces: Subdomains) -> None:
-        """Compile the form, and create the pattern. Collective."""
+        """Compile the form, and create the sparsity pattern. Collective."""
         problem = fields.problem
         V, gdim = problem.V, problem.bodies.gdim
         self._comm: MPI.Intracomm = problem.comm
@@ -243,7 +244,7 @@ class TornStiffness:
 
     @phase("assembly")
     def at(self, rho: float) -> "TornStiffness":
-        """Return the object after updating K to the present strains, with this ρ. Collective."""
+        """Update K to the current strains and ``rho``, and return this object. Collective."""
         self._tangent.update(rho)
         self.matrix.zeroEntries()
         fem_petsc.assemble_matrix(self.matrix, self._tangent.form)
@@ -255,13 +256,14 @@ class TornStiffness:
 
     @phase("linear set-up")
     def factorise(self) -> None:
-        """Compute K⁺ of the present K. Collective.
+        """Compute K⁺ for the current K. Collective.
 
         Raises:
             LinearFailure: If the rigid motions are not the kernel of K.
         """
         moved = self.multiply(self._motions.sum(axis=1))
-        # Force of a unit rigid motion, relative to the stiffness, above the level of rounding.
+        # Force of a unit rigid motion, relative to the stiffness, above the level of rounding
+        # errors.
         not_rigid = 1e-7
         stiff = float(np.abs(moved).max(initial=0)) > not_rigid * self._scale
         self._add_springs(1.0)
@@ -270,19 +272,20 @@ class TornStiffness:
         if failure is None and not stiff and self.size:
             failure = self._proved()
         if stiff:
-            failure = "rigid motions strain it, as on curved cells with linear displacements"
+            failure = "rigid motions strain it, as on curved cells with linear elements"
         failures = [text for text in self._comm.allgather(failure) if text is not None]
         if failures:
             raise LinearFailure(
-                f"the stiffness of a subdomain could not be factorised ({failures[0]}); its tangent"
-                " is singular or nearly so, as where everything flows plastically"
+                f"the stiffness of a subdomain could not be factorised ({failures[0]}); its"
+                " tangent is singular or nearly singular, perhaps because the whole subdomain"
+                " flows plastically"
             )
 
     def _proved(self) -> str | None:
-        """Return the fault of the factors, tested on balanced forces; None if they are good."""
+        """Return the fault of the factors in a test with balanced forces; None if they are good."""
         forces = self.multiply(np.cos(np.arange(self.size)))
         left = self.multiply(self.solve(forces)) - forces
-        # Largest relative residual of a solution with good factors.
+        # Largest relative residual of a solution for which factors count as good.
         unsolved = 1e-6
         if np.linalg.norm(left) <= unsolved * np.linalg.norm(forces):
             return None
@@ -312,7 +315,7 @@ class TornStiffness:
 
 
 def _blocks(pieces: Subdomains, gdim: int) -> PETSc.Mat:
-    """Return a symmetric blocked matrix of zeros with the pattern of K."""
+    """Return a symmetric blocked zero matrix with the pattern of K."""
     cells, nodes = pieces.torn.shape
     ones = np.ones(cells * nodes, dtype=np.int8)
     place = (np.repeat(np.arange(cells), nodes), pieces.torn.ravel())

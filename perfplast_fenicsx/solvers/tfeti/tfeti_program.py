@@ -1,22 +1,22 @@
-"""Solve the contact QP of one Newton step by Total FETI: its dual, on torn bodies.
+"""Solve the contact QP of one Newton step by Total FETI, in its dual form on torn bodies.
 
-minimise ½ δᵀKδ + rᵀδ  subject to  B_E δ = 0,  B_I δ ≤ room  and, where asked,  ℓᵀδ = work
+minimise ½ δᵀKδ + rᵀδ subject to B_E δ = 0, B_I δ ≤ room and, if requested, ℓᵀδ = work
 
-Supports are rows too, so that the kernel of each piece's stiffness consists of its rigid motions
-(Z. Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155). Contact is λ_I ≥ 0 on
-the multipliers: the same factors serve for any closed pairs.
+Supports are rows too, so the kernel of each piece's stiffness consists of its rigid motions (Z.
+Dostál, D. Horák, R. Kučera, Commun. Numer. Meth. Engng 22 (2006), 1155). Contact is the bound λ_I ≥
+0 on the multipliers, so the same factors serve for any closed pairs.
 
-First the dual is solved on the face of the previous step: closed pairs are equalities, open ones
-are omitted. Pairs whose error exceeds the residual of jumps are opened or closed, and so on. If
-this cycles or frees a body, SMALBE-M and MPRGP find the face.
+First the dual is solved on the face of the previous step: closed pairs are equalities, and open
+pairs are omitted. Pairs whose error exceeds the residual of the jumps are then opened or closed,
+and the dual is solved again. If this cycles or frees a body, SMALBE-M and MPRGP find the face.
 
-Solve one dual program of Total FETI: active rows, bounds, and δ from its multipliers.
-With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf,
+:class:`TornProgram` solves one dual program: it holds the active rows and bounds, and computes δ
+from the multipliers. With F = B K⁺Bᵀ, d = B K⁺f − c, G = RᵀBᵀ and e = Rᵀf, the program
 
     minimise ½ λᵀFλ − dᵀλ  where  Gλ = e,  λ ≥ lower
 
-is solved for the difference x of λ from forces that balance every piece, so that Gx = 0. The
-gradient Fλ − d is the jump of the rows apart from rigid motions Rα of the pieces, and α are the
+is solved for the difference x between λ and forces that balance every piece, so Gx = 0. The
+gradient Fλ − d is the jump of the rows, apart from rigid motions Rα of the pieces; α are the
 multipliers of Gλ = e.
 """
 
@@ -40,12 +40,12 @@ from perfplast_fenicsx.solvers.tfeti.subdomains import Subdomains, TornStiffness
 
 
 class TornProgram:
-    """The dual of one contact QP during its solution. All methods are collective.
+    """The dual of one contact QP while it is solved. All methods are collective.
 
     Attributes:
         smalbe: The iteration.
-        jumps: Scale of the jumps, to which tolerances refer.
-        forces: Scale of the multipliers that close them.
+        jumps: Scale of the jumps, to which the tolerance of jumps refers.
+        forces: Scale of the multipliers that close these jumps.
     """
 
     def __init__(
@@ -57,11 +57,11 @@ class TornProgram:
         lower: Floats,
         start: Floats,
     ) -> None:
-        """Start at given multipliers.
+        """Start from given multipliers.
 
         Args:
-            dual: F of the active rows.
-            precondition: Function that approximates its inverse.
+            dual: F for the active rows.
+            precondition: Function that approximates the inverse of F.
             f: Forces on torn unknowns.
             c: Required values of the rows, or their upper bounds.
             lower: Bounds of λ.
@@ -86,28 +86,28 @@ class TornProgram:
         length = program.length
         self.jumps = length(program.b)
         self.forces = max(length(missing), self.jumps / dual.norm if dual.norm > 0 else 0.0)
-        # Relative residual of forces and jumps that counts as rounding.
+        # Relative residual of forces and jumps that counts as a rounding error.
         rounding = 1e-14
         self._least_jumps = rounding * (length(self._d) + length(moved))
         self._least_forces = rounding * length(self._shift)
         self.smalbe = Smalbe(program, np.zeros(dual.size))
 
     def run(self, rtol: float, most: int) -> bool:
-        """Iterate until jumps and unbalanced forces are small, and return whether they are.
+        """Iterate until jumps and unbalanced forces are small.
 
         Args:
-            rtol: Tolerance relative to ``jumps`` and ``forces``; rounding is accepted.
+            rtol: Tolerance relative to ``jumps`` and ``forces``; rounding errors are accepted.
             most: Largest number of products with F.
 
         Returns:
-            Whether they are small.
+            Whether both are small.
         """
         jumps = max(rtol * self.jumps, self._least_jumps)
         forces = max(rtol * self.forces, self._least_forces)
         return self.smalbe.run(jumps, forces, most)
 
     def at_rounding(self, rtol: float) -> bool:
-        """Return whether a smaller tolerance makes no sense."""
+        """Return whether a smaller tolerance would be below rounding errors."""
         return rtol * self.jumps <= self._least_jumps and rtol * self.forces <= self._least_forces
 
     def multipliers(self) -> Floats:
@@ -125,14 +125,14 @@ class TornProgram:
 
 @dataclass(frozen=True)
 class Asked:
-    """A contact QP.
+    """The data of a contact QP.
 
     Attributes:
         r: Gradient at δ = 0, in the jump basis.
         f: The forces −r on torn unknowns.
-        room: Room of each pair, shape (num_pairs,).
-        work: ℓᵀδ in units of the border; None if it is not prescribed.
-        accuracy: Allowed norm of unbalanced nodal forces.
+        room: Current gap of each pair, shape (num_pairs,).
+        work: Required ℓᵀδ, scaled like the border; None if it is not prescribed.
+        accuracy: Largest allowed norm of unbalanced nodal forces.
         noise: Contact forces up to this size do not affect the active set.
         rtol: Relative tolerance.
     """
@@ -147,20 +147,21 @@ class Asked:
 
 
 MOST_EXCHANGES, MOST_SEARCHES = 20, 8
-"""Largest numbers of faces found by opening and closing wrong pairs, and by SMALBE-M after them."""
+"""Largest number of faces that opening and closing wrong pairs may try, and that SMALBE-M may then
+find."""
 
 FIRST, SHARPER = 1e-3, 1e-2
-"""Initial relative tolerance for finding faces; its factor for further ones."""
+"""Initial relative tolerance for finding faces, and its factor for each further face."""
 
 
-MOVES = "a body can move as a rigid body, as where bodies lose all contact: no closed pair holds it"
+MOVES = "a body can move as a rigid body because no closed pair holds it; it may lose all contact"
 
 
 class TfetiProgram:
     """A solver of the contact QPs of a problem; see :class:`contact_solver.ContactSolver`.
 
     Attributes:
-        multipliers: λ of the last solution, for contact in units of force; shape (num_rows,).
+        multipliers: λ of the last solution, in units of force for contact; shape (num_rows,).
     """
 
     def __init__(self, problem: Problem, pieces: Subdomains, linear: LinearSolver) -> None:
@@ -169,7 +170,7 @@ class TfetiProgram:
         Args:
             problem: The bodies.
             pieces: The pieces of the bodies.
-            linear: Linear solver, which counts the solves.
+            linear: Linear solver, which counts the linear solves.
         """
         self._problem, self._linear, self._comm = problem, linear, problem.comm
         gluing = make_gluing(problem, pieces)
@@ -186,10 +187,10 @@ class TfetiProgram:
         self._programs = 0
 
     def set_operator(self, A: TornStiffness) -> None:
-        """Take a new stiffness, or the same one with new values. Collective.
+        """Set a new stiffness, or the same stiffness with new values. Collective.
 
         Raises:
-            LinearFailure: If it is singular beyond rigid motions.
+            LinearFailure: If the stiffness is singular beyond rigid motions.
         """
         A.factorise()
         self._linear.setups += 1
@@ -211,13 +212,13 @@ class TfetiProgram:
 
         Args:
             r: Gradient at δ = 0, in the jump basis.
-            room: How far each pair hosted by this rank may still close, shape (num_pairs,).
+            room: Current gap of each pair hosted by this rank, shape (num_pairs,).
             active: Initial closed pairs.
             rtol: Relative tolerance.
             most_sets: Not used: the closed pairs are always exact.
-            work: ℓᵀδ with the loads ℓ, if it is prescribed.
+            work: Required ℓᵀδ with the loads ℓ; None if it is not prescribed.
             given: Not used, because there is no friction.
-            first: Largest force at the beginning of the level.
+            first: Largest force at the start of the level.
 
         Raises:
             LinearFailure: If the dual cannot be solved.
@@ -248,7 +249,7 @@ class TfetiProgram:
         return self._step(asked, closed, settled, len(seen))
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the number of contact QPs so far; SNES-VI solves none of them."""
+        """Return the number of contact QPs so far, and zeros: SNES-VI solves none of them."""
         return self._programs, 0, 0
 
     def _new(self, closed: PairFlags, seen: list[PairFlags]) -> bool:
@@ -260,7 +261,7 @@ class TfetiProgram:
     def response(
         self, load: PETSc.Vec, held: PairFlags, rtol: float, given: Held = NOTHING_HELD
     ) -> PETSc.Vec:
-        """Return δ with Kδ = load, where these pairs keep their jumps and all others are free.
+        """Return δ with Kδ = load, where the held pairs keep their jumps and all others are free.
 
         Collective.
 
@@ -294,7 +295,7 @@ class TfetiProgram:
         work: float | None,
         first: float,
     ) -> Asked:
-        """Return a QP with its scales. Collective."""
+        """Return the data of a QP with its scales. Collective."""
         if work is not None:
             row = self._bodies.shares(self._problem.loads.live)
             self._unit = float(np.sqrt(self._comm.allreduce(float(row @ row))))
@@ -311,7 +312,7 @@ class TfetiProgram:
         return Asked(r, self._bodies.forces(r), room, work, accuracy, noise, rtol)
 
     def _forget(self, contact: Floats | None = None) -> None:
-        """Keep only contact forces, or set others: gluing forces depend on the last step."""
+        """Keep only contact forces, or set them; gluing forces would depend on the last step."""
         kept = self.multipliers[self._dual.contact] if contact is None else contact
         self.multipliers = np.zeros(self._dual.size)
         self.multipliers[self._dual.contact] = kept
@@ -320,7 +321,7 @@ class TfetiProgram:
         self._dual.put_in_force(pairs, None if asked.work is None else self._border)
 
     def _program(self, asked: Asked, pairs: PairFlags, lower: Floats, start: Floats) -> TornProgram:
-        """Return the dual with the rows of these active pairs. Collective."""
+        """Return the dual with the rows of the given active pairs. Collective."""
         c = np.zeros(self._dual.size)
         c[self._dual.contact] = np.where(pairs, asked.room / self._length, 0.0)
         if self._comm.rank == 0:
@@ -340,7 +341,7 @@ class TfetiProgram:
         """Solve a dual. Collective.
 
         Raises:
-            LinearFailure: If that is not possible.
+            LinearFailure: If the dual cannot be solved.
         """
         before = program.smalbe.products
         # Number of products with F after which a dual counts as unsolvable.
@@ -349,19 +350,19 @@ class TfetiProgram:
         self._linear.iterations += program.smalbe.products - before
         if not solved:
             raise LinearFailure(
-                f"the contact program could not be solved (T-FETI: {program.smalbe.products}"
-                " products with the dual operator leave"
-                f" {program.smalbe.off:.2g} of the balance of subdomains), as where loads pull"
-                " bodies off each other or everything flows plastically"
+                f"the contact program could not be solved (T-FETI: after"
+                f" {program.smalbe.products} products with the dual operator,"
+                f" {program.smalbe.off:.2g} of the balance of subdomains is missing); perhaps"
+                " loads pull bodies apart, or bodies flow plastically everywhere"
             )
 
     def _on_face(self, asked: Asked, closed: PairFlags, given: bool = False) -> PairFlags | None:
-        """Solve for δ with these pairs closed and the others without force. Collective.
+        """Solve for δ with the given pairs closed and the other pairs without force. Collective.
 
         Args:
             asked: The contact QP.
             closed: Closed pairs.
-            given: Whether the pairs are fixed; otherwise δ is inaccurate if some are wrong.
+            given: Whether the closed pairs are fixed; if not, δ is inaccurate when some are wrong.
 
         Returns:
             Pairs in the wrong state; None if a body moves freely.
@@ -375,7 +376,8 @@ class TfetiProgram:
         start[self._dual.contact] *= closed
         program = self._program(asked, closed, np.full(self._dual.size, -np.inf), start)
         rtol = asked.rtol if given else max(asked.rtol, FIRST)
-        # Share of the nodal force accuracy to which jumps are solved again, and its largest factor.
+        # Fraction of the allowed unbalanced force to which jumps are solved again, and lower limit
+        # of the factor by which the tolerance changes.
         better, best = 0.3, 1e-3
         while True:
             self._run(program, rtol)
@@ -391,7 +393,7 @@ class TfetiProgram:
             rtol *= max(better * asked.accuracy / left, best)
 
     def _wrong(self, asked: Asked, closed: PairFlags, margin: float) -> PairFlags:
-        """Return pairs that are wrong by more than a share of the largest force or jump.
+        """Return pairs that are wrong by more than ``margin`` of the largest force or jump.
 
         Collective.
         """
@@ -403,7 +405,7 @@ class TfetiProgram:
         return np.asarray(np.where(closed, forces < -noise, excess > least))
 
     def _left(self, asked: Asked, closed: PairFlags) -> float:
-        """Return the norm of the nodal forces that δ leaves unbalanced. Collective."""
+        """Return the norm of the nodal forces that remain unbalanced at δ. Collective."""
         self._delta.array[self._index[closed]] = asked.room[closed]
         self._bodies.gradient(self._dual.stiffness, self._delta, asked.r, self._rest)
         if asked.work is not None:
@@ -412,12 +414,15 @@ class TfetiProgram:
         return float(self._rest.norm())
 
     def _share(self) -> float:
-        """Return the multiplier of the work equality, a change of ζ. Collective."""
+        """Return the multiplier of the work equality, which is a change of ζ. Collective."""
         last = float(self.multipliers[-1]) if self._comm.rank == 0 else 0.0
         return -self._comm.bcast(last) / self._unit
 
     def _step(self, asked: Asked, closed: PairFlags, settled: bool, faces: int) -> ContactStep:
-        """Return the step of the last face, after opening pairs that penetrate. Collective."""
+        """Return the step on the last face; penetrating pairs are set to their bounds.
+
+        Collective.
+        """
         contact = self._dual.contact
         self.multipliers[contact] = np.maximum(self.multipliers[contact], 0.0)
         jumps = np.where(closed, asked.room, self._delta.array_r[self._index])
