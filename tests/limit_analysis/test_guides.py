@@ -142,7 +142,7 @@ def test_planes_may_have_coordinates_of_few_digits_and_several_names() -> None:
     assert_solved(Newton(problem).solve(0.5))
     mesh.mesh.geometry.x[:] = np.round(mesh.mesh.geometry.x, 2)
     given = (mesh, {"body": WEAK}, supports, [Pressure("inner", 1.0)])
-    assert_refused(lambda: Problem(*given), ["facets turn by up to 0."])
+    assert_refused(lambda: Problem(*given), ["facets deviate by up to 0."])
 
 
 def rubbing_cube(octant: bool, turned: float = 0.0) -> Problem:

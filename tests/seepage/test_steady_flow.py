@@ -272,7 +272,7 @@ def test_options_of_the_user_are_heeded(options: PETSc.Options) -> None:
     check_options({name: options[name]})  # beside options of solvers that wait for their deletion
     assert dam(5.0, 10.0, 2.0, 10, 20).iterations < full.iterations
     options["perfplast_seepage_snes_max_it"] = 2
-    with pytest.raises(InputError, match="SNES-VI did not .* in 2 steps"):
+    with pytest.raises(InputError, match=r"SNES-VI did not .* in 2 steps"):
         dam(5.0, 10.0, 2.0, 10, 20)
     for name, value, words in (
         ("snes_type", "newtonls", "flows of water need vinewtonrsls"),

@@ -211,7 +211,7 @@ def test_no_work_is_no_displacement() -> None:
 
 @pytest.mark.parametrize(
     ("alpha", "words"),
-    [(-1.0, "negative; give zero or more"), (math.nan, "not finite"), (math.inf, "not finite")],
+    [(-1.0, "is negative; give a value >= 0"), (math.nan, "not finite"), (math.inf, "not finite")],
 )
 @pytest.mark.parametrize("method", [WorkNewton, BorderedNewton])
 def test_impossible_work_is_refused(method: type[WorkNewton], alpha: float, words: str) -> None:

@@ -10,7 +10,7 @@ from perfplast_fenicsx.problem.declared.loads import Formula
 
 @dataclass(frozen=True)
 class Bolt:
-    """A bolt that is tightened to a preload before loads act; its shank then stays as short.
+    """A bolt that is tightened to a preload before loads act; its shortening then stays constant.
 
     The preload changes forces and stiffness below the limit load, but not the limit load.
 
