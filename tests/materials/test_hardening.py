@@ -337,5 +337,5 @@ def test_alg2_refuses_it() -> None:
 
 
 def test_what_is_no_material_is_refused() -> None:
-    with pytest.raises(InputError, match="'lower' is 'steel', which has neither a law nor"):
+    with pytest.raises(InputError, match="'lower' is 'steel', which has neither a law"):
         stack("steel", METAL)  # type: ignore[arg-type]

@@ -358,13 +358,11 @@ class Bearing(Load):
     """The force of a pin in a bore: a pressure with a cosine distribution that only pushes.
 
     Args:
-        on: Physical name of the surface.
-        value: The total force (force; in plane meshes per unit of depth), one number for each
-            direction. It is distributed linearly, or acts on a rigid surface that is free to move.
-        moment: Moment in addition to the force or without a force (moment; in plane meshes per unit
-            of depth): a number in plane meshes, one for each axis in space.
-        point: Point where the force acts and about which the moment is taken (length). By default
-            the origin for rigid surfaces, and the centroid for other surfaces.
+        on: Physical name of the surface, such as a whole bore or half of it.
+        value: The total force of a pin or shaft on its bore (force; in plane meshes per unit of
+            depth), one number for each direction. The pressure has a cosine distribution and acts
+            only where the surface faces the force. It is scaled so that its resultant on the mesh
+            is exact.
         name: Name in messages.
         constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """
