@@ -189,7 +189,7 @@ class FrictionSplitting:
         """Perform steps 2 and 3, and return the squared residuals. Collective.
 
         Returns:
-            Squares of the primal and the dual residual: Σ k‖s − q‖² and Σ k‖Δq‖².
+            Squares of the primal and the dual residual, Σ k‖s − q‖² and Σ k‖Δq‖².
         """
         stiffness, before = r * self._k[:, None], self._q
         trial = self._mu + stiffness * jumps
