@@ -1,4 +1,4 @@
-"""Implement the commands: each function executes one and returns the exit status."""
+"""Execute the commands of the command line and return their exit status."""
 
 import argparse
 import json
@@ -48,7 +48,7 @@ from perfplast_fenicsx.io.case.load_table import meaning
 from perfplast_fenicsx.report.report_file import Reporting
 
 Fields = dict[str, Any]
-"""Values of the answer as JSON, by their keys."""
+"""Values of the JSON answer by key."""
 
 
 def execute(comm: MPI.Intracomm, chosen: argparse.Namespace, answer: Answer) -> int:
@@ -57,12 +57,12 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace, answer: Answer) -> 
     Args:
         comm: The ranks of the run.
         chosen: The command and its arguments, from :func:`~.parser.read_arguments`.
-        answer: The answer as JSON, which gets values and warnings.
+        answer: The JSON answer, to which this function adds values and warnings.
 
     Raises:
         InputError: If the input cannot be used.
     """
-    leave_pipes_to_python()  # the imports above have started PETSc
+    leave_pipes_to_python()  # the imports above have started PETSc, which handles SIGPIPE
     set_petsc_options(chosen.petsc)
     on_all_ranks(comm, load_extensions)
     with coded_warnings(comm, answer.warnings):
@@ -74,7 +74,7 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace, answer: Answer) -> 
 
 def _solve(comm: MPI.Intracomm, chosen: argparse.Namespace, fields: Fields) -> int:
     """Execute ``run`` or ``sweep``. Collective."""
-    steps_shown = chosen.log_level in ("debug", "info")  # without a live line between them
+    steps_shown = chosen.log_level in ("debug", "info")  # a live line would mix with them
     live = False if steps_shown else None
     terminal = Terminal(comm, live=live, quiet=chosen.quiet)
     with logged_to_console(comm, chosen.log_level, terminal.clear):
@@ -106,7 +106,7 @@ def _solve(comm: MPI.Intracomm, chosen: argparse.Namespace, fields: Fields) -> i
 
 
 def _look(comm: MPI.Intracomm, chosen: argparse.Namespace, fields: Fields) -> int:
-    """Execute a command that solves nothing. Collective."""
+    """Execute a command other than ``run`` and ``sweep``. Collective."""
     command, terminal = chosen.command, Terminal(comm)
     if command == "check":
         return check(comm, chosen.case, chosen.trust, chosen.output, fields)
@@ -144,21 +144,21 @@ def _look(comm: MPI.Intracomm, chosen: argparse.Namespace, fields: Fields) -> in
 
 
 def _mesh(comm: MPI.Intracomm, chosen: argparse.Namespace) -> Survey | None:
-    """Execute ``mesh`` for a drawing; return the survey on rank 0. Collective."""
+    """Execute ``mesh`` for a geometry file; return the survey on rank 0. Collective."""
     glued = Glued.ALL if chosen.tied else Glued.BOLTS if chosen.bolted else Glued.SHARED
     where = (chosen.geometry, chosen.output, meshing_options(chosen))
     return mesh(comm, *where, chosen.material, glued, chosen.force, chosen.trust)
 
 
 def check(comm: MPI.Intracomm, path: str, trust: bool, picture: str | None, fields: Fields) -> int:
-    """Check a case with its mesh, names and contact, without solving it. Collective.
+    """Check a case with its mesh, names and contacts, but do not solve it. Collective.
 
     Args:
         comm: The ranks of the run.
         path: Path of the case file.
         trust: Whether to run a script that makes the mesh.
-        picture: PNG file for the picture of the program's reading; None for ``case.png`` next to
-            the case, unless the case switches pictures off.
+        picture: PNG file for the picture of the program's reading. None draws ``case.png`` next to
+            the case file, unless the case has ``pictures = false``.
         fields: Values for JSON, which this function adds.
 
     Raises:

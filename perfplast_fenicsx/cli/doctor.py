@@ -1,6 +1,6 @@
-"""Implement ``perfplast doctor``: test all requirements of a run, and print a line for each test.
+"""Implement ``perfplast doctor``: test everything that a run needs, and print a line for each test.
 
-Each test is a separate process, since a broken component may end the process or never return.
+Each test runs in a separate process, because a broken component may crash or hang.
 """
 
 import json
@@ -28,16 +28,17 @@ PATIENCE = 180.0
 """Longest time for a test (s)."""
 
 SLOW = 2e9
-"""A BLAS with fewer operations per second on one core is the reference BLAS (1/s)."""
+"""Floating-point operations per second on one core. A BLAS below this speed is the slow reference
+BLAS (1/s)."""
 
 SCARCE = 1e9
-"""With less memory no useful case can be solved (bytes)."""
+"""Memory without which no useful case can be solved (bytes)."""
 
 ORDERINGS = {0: "AMD", 2: "AMF", 3: "Scotch", 4: "PORD", 5: "METIS", 6: "QAMD"}
-"""Names of orderings by MUMPS's numbers, INFOG(7) in its users' guide."""
+"""Names of the orderings by MUMPS's number, which is INFOG(7) in its users' guide."""
 
 LINKED = "libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1"
-"""Debian packages of the libraries to which PyPI's gmsh is linked."""
+"""Debian packages with the libraries to which gmsh from PyPI is linked."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Finding:
 
     Attributes:
         verdict: "ok", "none" for an optional component that is not installed, or "FAULT".
-        text: The finding, or the fault with its remedy.
+        text: The result in words, or the fault with its remedy.
     """
 
     verdict: str
@@ -57,10 +58,10 @@ def doctor(answer: Answer) -> int:
     """Print a line for each test. Not collective.
 
     Args:
-        answer: The answer as JSON, which gets the tests.
+        answer: The JSON answer, to which this function adds the tests.
 
     Returns:
-        0 if all that is installed works; otherwise 2.
+        0 if everything that is installed works; otherwise 2.
     """
     print(
         f"perfplast {__version__}, Python {sys.version.split()[0]} ({sys.executable})", flush=True
@@ -80,7 +81,7 @@ def doctor(answer: Answer) -> int:
 
 
 def compiler() -> Finding:
-    """Return whether C code can be compiled to a Python module."""
+    """Return the result of the test for a C compiler that can compile a Python module."""
     fault = environment.compiler_fault()
     if fault is not None:
         return Finding("FAULT", fault)
@@ -101,14 +102,14 @@ def compiler() -> Finding:
 
 
 def cache() -> Finding:
-    """Return whether compiled forms can be cached."""
+    """Return the result of the test for a folder that can store compiled forms."""
     fault = environment.forms_fault()
     ours = fault is not None and fault != environment.compiler_fault()
     return Finding("FAULT", str(fault)) if ours else Finding("ok", str(environment.forms_folder()))
 
 
 def libraries() -> Finding:
-    """Return the versions of the solver's libraries, or why loading them fails."""
+    """Return the versions of the solver's libraries, or the reason why they cannot be loaded."""
     fault = environment.surroundings().fault()
     if fault is not None:
         return Finding("FAULT", fault)
@@ -119,59 +120,59 @@ def libraries() -> Finding:
 
 
 def launcher() -> Finding:
-    """Return whether two ranks can be started."""
+    """Return the result of a start of two MPI ranks."""
     try:
         found = find_launcher()
     except (LookupError, subprocess.TimeoutExpired) as error:
         return Finding("FAULT", str(error))
-    # Only rank 0 answers, since launchers may mix the lines of two ranks. Ranks without connection
-    # are each rank 0 and answer "1" twice.
+    # Only rank 0 prints the number of ranks, because launchers may mix the output of two ranks.
+    # Processes that are not connected are both rank 0, so that "1" is printed twice.
     question = (
         "from mpi4py import MPI; world = MPI.COMM_WORLD; ranks = world.allreduce(1); "
         "world.rank or print(ranks)"
     )
-    own = dict(os.environ)  # includes variables for launchers
+    own = dict(os.environ)  # with the variables that launchers need
     done = _run([found.program, "-n", "2", sys.executable, "-c", question], own)
     if done is None:
         return Finding("FAULT", f"{found} did not start two ranks within {PATIENCE:g} s.")
     if done.stdout.split() != ["2"]:
         lines = [line for line in done.stderr.splitlines() if line.strip("-= ")]
-        reason = lines[0].strip() if lines else f"they said {done.stdout.split()}"
+        reason = lines[0].strip() if lines else f"the ranks printed {done.stdout.split()}"
         if found.family == "Open MPI" and os.getuid() == 0:
             allow = "OMPI_ALLOW_RUN_AS_ROOT"
             reason += f"; as root set {allow}=1 and {allow}_CONFIRM=1"
         return Finding("FAULT", f"{found} does not start two ranks: {reason}.")
-    return Finding("ok", f"started two ranks by {found}")
+    return Finding("ok", f"started two ranks with {found}")
 
 
 def memory() -> Finding:
-    """Return the amount of free memory."""
+    """Return the amount of free memory, which is a fault if it is too small."""
     lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
     kilobytes = {line.split(":")[0]: float(line.split()[1]) for line in lines}
     free, whole = (1024 * kilobytes[name] for name in ("MemAvailable", "MemTotal"))
     text = f"{free / 1e9:.1f} of {whole / 1e9:.1f} GB are free"
     if free < SCARCE:
-        return Finding("FAULT", f"{text}, but {SCARCE / 1e9:g} GB is needed; end other programs.")
+        return Finding("FAULT", f"{text}, but a run needs {SCARCE / 1e9:g} GB; end other programs.")
     return Finding("ok", text)
 
 
 def factors() -> Finding:
-    """Return MUMPS's ordering and the speed of a factorisation."""
+    """Return the ordering that MUMPS chooses, and the speed of a factorisation."""
     return _apart("factorising")
 
 
 def meshes() -> Finding:
-    """Return whether gmsh can mesh a box."""
+    """Return the result of meshing a box with gmsh."""
     return _apart("meshing")
 
 
 def pictures() -> Finding:
-    """Return whether a picture can be drawn."""
+    """Return the result of drawing a picture."""
     return _apart("drawing")
 
 
 def _solving() -> Finding:
-    """Compile a form and assemble it."""
+    """Compile and assemble a form, and return the versions or the fault."""
     from mpi4py import MPI
     from petsc4py import PETSc
 
@@ -195,7 +196,7 @@ def _solving() -> Finding:
 
 
 def _factorising() -> Finding:
-    """Factorise the mass matrix of a cube of 29³ hexahedra with MUMPS on one core."""
+    """Return the speed of factorising the mass matrix of 29³ hexahedra with MUMPS on one core."""
     from mpi4py import MPI
     from petsc4py import PETSc
 
@@ -229,7 +230,7 @@ def _factorising() -> Finding:
 
 
 def _meshing() -> Finding:
-    """Mesh a box with gmsh."""
+    """Mesh a box with gmsh, and return the version or the fault."""
     try:
         import gmsh
     except ModuleNotFoundError:
@@ -246,7 +247,7 @@ def _meshing() -> Finding:
 
 
 def _drawing() -> Finding:
-    """Draw a box as the drawing program does, with its own X server if Xvfb is installed."""
+    """Draw a box like the drawing process: with its own X server if Xvfb is installed."""
     versions = {name: environment.version_of(name) for name in ("pyvista", "matplotlib")}
     missing = [name for name, version in versions.items() if version is None]
     if missing:
@@ -284,7 +285,8 @@ TRIALS: dict[str, Callable[[], Finding]] = {
     "gmsh": meshes,
     "pictures": pictures,
 }
-"""The tests by the names of their lines. The C compiler comes first, since forms need it."""
+"""The tests by the names that their lines show. The C compiler comes first, because forms need
+it."""
 
 APART: dict[str, Callable[[], Finding]] = {
     "solving": _solving,
@@ -292,11 +294,11 @@ APART: dict[str, Callable[[], Finding]] = {
     "meshing": _meshing,
     "drawing": _drawing,
 }
-"""Tests that may end their process."""
+"""Tests that may crash, by the argument that runs them in a separate process."""
 
 
 def _apart(trial: str) -> Finding:
-    """Return the result of a test of :data:`APART` in a separate process."""
+    """Return the result of a test from :data:`APART`, which runs in a separate process."""
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.cli.doctor", trial]
     done = _run(program)
     if done is None:

@@ -1,4 +1,4 @@
-"""Implement ``perfplast plot --follow DIR``: show and draw a run while it writes results.
+"""Implement ``perfplast plot --follow DIR``: print and draw the results of a run in progress.
 
 One process reads the files. The run does not depend on it and may be on another machine.
 """
@@ -17,7 +17,7 @@ from perfplast_fenicsx.io.results.result_files import ENDED, INTERRUPTED, is_hel
 from perfplast_fenicsx.outcome_words import MeshEstimate, PathBracket
 
 PERIOD = 0.5
-"""Time between two readings (s)."""
+"""Time between two reads of the files (s)."""
 
 COLUMNS = (
     *(("step", 4), ("zeta", 11), ("alpha", 12), ("plastic", 8), ("contacts", 11)),
@@ -28,19 +28,19 @@ SHOWN = (
     *("zeta", "alpha", "plastic_fraction", "active_contacts", "contact_pairs", "duality_gap"),
     *("seconds", "converged"),
 )
-"""Columns that are read for each level."""
+"""Keys of ``summary.json`` that are read for each level."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
 class Follower:
-    """Follows a run in its folder. Single-process.
+    """Follows a run by the files in its result folder, in one process.
 
     Attributes:
-        folder: Folder of the run; it may not exist yet.
+        folder: Result folder of the run, which need not exist yet.
         terminal: The terminal that shows the run.
-        draw: Function that draws the results; called after new levels.
+        draw: Function that draws the results; it is called when new levels are on file.
         wait: Longest time without results in the folder (s).
     """
 
@@ -51,17 +51,17 @@ class Follower:
     _shown: int = field(default=0, init=False)
 
     def follow(self) -> None:
-        """Show levels until the run ends, and print how it ended.
+        """Print each new level until the run ends, then print how it ended.
 
         Raises:
-            InputError: If there are no results in time, or if they cannot be read.
+            InputError: If there are no results within ``wait``, or if they cannot be read.
         """
         self._await()
         self.terminal.say("  ".join(f"{name:>{width}}" for name, width in COLUMNS))
         while True:
             alive = is_held(
                 self.folder / "run.log"
-            )  # before the levels, so that no level is missed
+            )  # tested before the levels are read, so that no level is missed
             summary = self._summary()
             self._show(summary)
             if not alive:
@@ -71,7 +71,7 @@ class Follower:
         self.terminal.say(self._end(summary))
 
     def _await(self) -> None:
-        """Wait for the first results."""
+        """Wait until the first results are on file."""
         until = time.monotonic() + self.wait
         while not all((self.folder / name).exists() for name in ("summary.json", "run.log")):
             if time.monotonic() > until:
@@ -90,15 +90,15 @@ class Follower:
             steps = [{key: step[key] for key in SHOWN} for step in summary["steps"]]
         except (KeyError, TypeError) as error:
             raise InputError(
-                f"'{path}' lacks {error} and is from another version of perfplast; run the "
-                "case again."
+                f"'{path}' lacks {error}, so another version of perfplast wrote it; run the case "
+                "again."
             ) from error
         except (OSError, ValueError) as error:
             raise InputError(f"'{path}' cannot be read ({error}); run the case again.") from error
         return keys | {"steps": steps}
 
     def _show(self, summary: dict[str, Any]) -> None:
-        """Show the new levels, and draw."""
+        """Print the new levels and draw the results."""
         steps = summary["steps"]
         for count, step in enumerate(steps[self._shown :], start=self._shown + 1):
             seconds = [one["seconds"] for one in steps[:count]]
@@ -120,7 +120,7 @@ class Follower:
                 log.warning("%s", error)
 
     def _waiting(self, summary: dict[str, Any]) -> str:
-        """Return the present state of the run, from its results and the last line of its log."""
+        """Return the current activity of the run, from its results and the last line of its log."""
         level = next_level(summary["planned"], [one["seconds"] for one in summary["steps"]])
         return f"{level}: {self._log()[-1].partition('INFO')[2].strip()}"
 
@@ -151,5 +151,5 @@ class Follower:
 
 
 def _told(value: float | None, digits: str) -> str:
-    """Return a number in words; a number that is not finite is null in the file."""
+    """Return a number as text; "none" for null, with which the file replaces infinity and NaN."""
     return "none" if value is None else f"{value:{digits}}"

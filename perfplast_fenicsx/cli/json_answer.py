@@ -1,6 +1,7 @@
-"""Answer a command with one JSON object on standard output (``--json``).
+"""Print the answer of a command as one JSON object on standard output (``--json``).
 
-The lines for readers go to standard error, and are in the object as well. Nothing here starts MPI.
+The lines for human readers go to standard error; the object contains them too. This module does not
+start MPI.
 """
 
 import io
@@ -21,11 +22,11 @@ COMMON = {
     "program": "name and version of the program",
     "command": "the command; empty for `--version`",
     "exit_status": "the exit status",
-    "text": "lines that the command prints without this option",
+    "text": "the lines that the command prints without this option",
     "warnings": "warnings, each with `code` and `message`",
-    "error": "null, or `code`, `message`, `where` and `remedy` of a refusal",
+    "error": "null, or `code`, `message`, `where` and `remedy` of the error",
 }
-"""Keys of every answer."""
+"""Keys of every answer, with their meaning."""
 
 FILES = "names of the files in the folder"
 
@@ -33,16 +34,23 @@ FIELDS = {
     "run": {
         "folder": "result folder",
         "files": FILES,
-        "summary": "content of `summary.json`; null if the folder has none, as of combinations",
+        "summary": "content of `summary.json`; null if the folder has no such file, as after a "
+        "run of combinations",
     },
-    "sweep": {"folder": "result folder", "files": FILES, "rows": "rows of `sweep.csv`, as texts"},
-    "mesh": {
-        "folder": "folder of mesh and case",
+    "sweep": {
+        "folder": "result folder",
         "files": FILES,
-        "bodies": "bodies with name, number of elements, volume and corners of their box",
+        "rows": "rows of `sweep.csv`, all values as strings",
+    },
+    "mesh": {
+        "folder": "folder with the mesh and the case",
+        "files": FILES,
+        "bodies": (
+            "bodies with name, number of elements, volume, and two corners of the bounding box"
+        ),
         "faces": "free faces with number, name, body, shape, area and centre",
-        "sets": "names of several faces, with the numbers of these",
-        "joints": "pairs of surfaces that touch, with their area",
+        "sets": "names that cover several faces, with the numbers of these faces",
+        "joints": "pairs of surfaces that touch, with the area of contact",
         "remarks": "remarks on the drawing",
     },
     "setup": {"page": "address of the page"},
@@ -50,60 +58,71 @@ FIELDS = {
         "title": "title of the case",
         "bodies": "names of the bodies",
         "cells": "number of cells",
-        "dofs": "number of unknowns",
+        "dofs": "number of degrees of freedom",
         "contact_pairs": "number of contact pairs",
-        "method": "method that would solve the case",
+        "method": "method that `perfplast run` would use",
         "picture": "path of the picture; null if none was drawn",
     },
     "plot": {"files": "paths of the pictures"},
     "animate": {"files": "paths of the animation"},
     "report": {"files": "path of the page"},
     "claim": {
-        "quantity": "load factor, multiple of the loads that stay, or factor of safety",
+        "quantity": "the bounded quantity: load factor, multiple of the permanent loads, or "
+        "factor of safety",
         "sentence": "the bounds in words",
-        "meaning": "the loads that the quantity multiplies, or the strengths that it divides",
-        "lower": "proven lower bound; null if none is proven",
-        "upper": "proven upper bound; null if none is proven",
-        "proofs": "`half`, `file`, `sha256` and `check` (a command) of each proof",
-        "taken_as_written": "data for which the proof holds",
+        "meaning": (
+            "the loads that the quantity multiplies, or the strengths that the quantity divides"
+        ),
+        "lower": "proven lower bound; null without a proof",
+        "upper": "proven upper bound; null without a proof",
+        "proofs": "for each proof `half` (the bound that it proves), `file`, `sha256` and `check` "
+        "(a command)",
+        "taken_as_written": "data that the checker takes as given",
         "assumptions": "assumptions of the results",
-        "not_proven": "reasons why a bound is missing",
+        "not_proven": "reasons why bounds are not proven",
         "units": "units of the numbers",
         "version": "version of the program",
     },
     "export": {"files": "paths of the files"},
     "materials": {
         "system": "system of units",
-        "materials": "materials with `name`, `what`, `source` and `keys` of a case file as TOML",
+        "materials": "materials with `name`, `what` (description), `source` and `keys` (keys of a "
+        "case file with values in TOML)",
     },
     "template": {
         "names": "names of all templates",
-        "tables": "tables of the named template; null without a name",
+        "tables": "tables of the template that was named; null without a name",
     },
     "info": {
-        "versions": "versions and data of the machine; null for a case",
+        "versions": "versions, and data of the machine; null if a case is given",
         "title": "title of the case; null without a case",
         "bodies": "names of the bodies; null without a case",
-        "meaning": "sentences on the load factor and the units; null without a case",
+        "meaning": "sentences that explain the load factor and the units; null without a case",
     },
-    "doctor": {"tests": "`name`, `verdict` (ok, none or FAULT) and `text` of each test"},
+    "doctor": {
+        "tests": (
+            "`name`, `verdict` (ok, none or FAULT) and `text` of each test; none means not "
+            "installed"
+        )
+    },
     "schema": {
         "schema": "the JSON Schema of case files",
-        "file": "the file; null if none was named",
+        "file": "the file that was written; null without an output file",
     },
 }
-"""Keys of the answer of each command, besides :data:`COMMON`; null after a refusal."""
+"""Keys of each command's answer besides :data:`COMMON`; their values are null after an error."""
 
 
 @dataclass
 class Answer:
-    """The answer of a command, which the command fills.
+    """The answer of a command. The command fills it.
 
     Attributes:
-        command: The command; empty as long as the arguments have not been read.
-        fields: Values by the keys in :data:`FIELDS`.
+        command: Name of the command; empty until the arguments are read.
+        fields: Values of the keys in :data:`FIELDS`.
         warnings: Code and message of each warning.
-        error: Code, message, place and remedy of a refusal.
+        error: Code, message, place and remedy of the error that ended the command; None without
+            one.
     """
 
     command: str = ""
@@ -112,15 +131,15 @@ class Answer:
     error: dict[str, str] | None = None
 
     def refuse(self, error: InputError) -> None:
-        """Store a refusal."""
+        """Store an error in the input."""
         self.error = error.table()
 
     def fail(self, code: str, message: str) -> None:
-        """Store another end than a result or a refusal, such as a fault of the program."""
+        """Store a failure that is not an input error, such as a fault of the program."""
         self.error = {"message": message, "code": code, "where": "", "remedy": ""}
 
     def table(self, status: int, text: str) -> dict[str, Any]:
-        """Return the object for an exit status and the printed lines."""
+        """Return the JSON object as a dictionary, for an exit status and the printed text."""
         known = dict.fromkeys(FIELDS.get(self.command, {}))
         return {
             "program": f"perfplast {__version__}",
@@ -135,13 +154,13 @@ class Answer:
 
 
 class _Heard(io.TextIOBase):
-    """A stream that writes to standard error, and keeps the text."""
+    """A stream that writes to standard error and stores the text."""
 
     def __init__(self) -> None:
         self.text = ""
 
     def write(self, text: str) -> int:
-        """Write and keep a text."""
+        """Write and store a text."""
         self.text += text
         return sys.stderr.write(text)
 
@@ -155,13 +174,13 @@ class _Heard(io.TextIOBase):
 
 
 def wants_json(arguments: Sequence[str]) -> bool:
-    """Return whether the arguments of the command line have ``--json``."""
+    """Return whether the command-line arguments contain ``--json``."""
     ours = arguments[: arguments.index("--")] if "--" in arguments else arguments
     return OPTION in ours
 
 
 def answer_by(run: Callable[[Answer], int], first: Callable[[], bool]) -> int:
-    """Run a command, and print its answer.
+    """Run a command, print its answer as JSON, and return its exit status.
 
     Args:
         run: Function that runs the command, fills the answer, and returns the exit status.
@@ -182,7 +201,7 @@ def answer_by(run: Callable[[Answer], int], first: Callable[[], bool]) -> int:
 
 @contextmanager
 def libraries_on_stderr() -> Iterator[None]:
-    """Send what libraries in C print to standard error instead of standard output."""
+    """Redirect output that C libraries print on standard output to standard error."""
     kept = os.dup(1)
     os.dup2(2, 1)
     try:

@@ -1,6 +1,6 @@
-"""Check the environment and start the ranks before a command.
+"""Check the environment and start the MPI ranks before a command is executed.
 
-No import starts MPI before the environment is checked.
+No import in this module starts MPI before the environment is checked.
 """
 
 import argparse
@@ -21,16 +21,16 @@ COMPILING = ("run", "sweep", "check")
 """Commands that compile forms."""
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-"""Each is set to one thread by default, since the ranks provide the parallelism."""
+"""Environment variables that are set to one thread by default, because ranks run in parallel."""
 
 OVERSUBSCRIBE = "PRTE_MCA_rmaps_default_mapping_policy"
-"""With ":oversubscribe", Open MPI 5 starts more ranks than there are cores."""
+"""Environment variable; ":oversubscribe" lets Open MPI 5 start more ranks than cores."""
 
 
 def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
-    """Return in one sentence why a command cannot be executed; None if it can.
+    """Return a sentence that explains why a command cannot be executed; None if it can.
 
-    If the command asks for ranks, the launcher replaces this process.
+    If the user gives a number of ranks above 1, the launcher replaces this process.
 
     Args:
         chosen: The command and its arguments, from :func:`~.parser.read_arguments`.
@@ -38,7 +38,7 @@ def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
     """
     fault = environment.surroundings().fault()
     if fault is None and chosen.command in COMPILING:
-        # existing compiled forms may suffice
+        # without a compiler, the existing compiled forms may suffice
         compiled = any(environment.forms_folder().glob("*.so"))
         fault = None if compiled else environment.forms_fault()
     if fault is not None:
@@ -48,7 +48,7 @@ def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
     launched = launched_ranks(os.environ)
     wanted = getattr(chosen, "ranks", None)
     if wanted is not None and wanted < 1:
-        return f"-n {wanted} is less than 1; give the number of ranks, as in -n 2."
+        return f"-n {wanted} is less than 1; give a number of ranks, for example -n 2."
     if launched is not None:
         return _launcher_fault(wanted, *launched)
     if wanted is None or wanted == 1:
@@ -61,7 +61,7 @@ def prepare(chosen: argparse.Namespace, arguments: Sequence[str]) -> str | None:
 
 
 def launched_first() -> bool:
-    """Return whether this process is the first one of a launcher, or runs without a launcher."""
+    """Return whether this process has rank 0, or was started without a launcher."""
     launched = launched_ranks(os.environ)
     return launched is None or launched[1] == 0
 
@@ -71,9 +71,9 @@ class Launcher:
     """A program that starts the ranks of a run.
 
     Attributes:
-        program: Its path.
+        program: Path of the program.
         family: "MPICH" or "Open MPI".
-        version: Its version.
+        version: Version of the MPI.
     """
 
     program: str
@@ -89,7 +89,7 @@ def find_launcher() -> Launcher:
     """Return the ``mpirun`` of the MPI that mpi4py uses.
 
     Raises:
-        LookupError: If it is not installed; the message is one sentence with the remedy.
+        LookupError: If the program is not installed; the message is one sentence with a remedy.
     """
     family = mpi_family()
     beside = Path(sys.executable).parent
@@ -111,7 +111,7 @@ def find_launcher() -> Launcher:
 
 
 def mpi_family() -> str:
-    """Return the name of the MPI that mpi4py uses: "MPICH", "Open MPI" or another."""
+    """Return the name of the MPI that mpi4py uses, such as "MPICH" or "Open MPI"."""
     if version_of(WHEEL):
         return "MPICH"
     question = "from mpi4py import MPI; print(MPI.get_vendor()[0])"
@@ -130,10 +130,10 @@ def mpi_family() -> str:
 
 
 def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
-    """Return the launcher of this process, its rank and the number of ranks; None without one.
+    """Return the MPI family, rank and number of ranks of this process; None without a launcher.
 
     Args:
-        environ: The variables of the process.
+        environ: The environment variables of the process.
     """
     for family, rank, size in (
         ("Open MPI", "OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
@@ -145,7 +145,7 @@ def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
 
 
 def _launcher(program: str) -> Launcher | None:
-    """Return the kind and version of a launcher; None if it is unknown."""
+    """Return a launcher with its MPI family and version; None for other programs."""
     try:
         done = subprocess.run(
             [program, "--version"],
@@ -166,7 +166,7 @@ def _launcher(program: str) -> Launcher | None:
 
 
 def _start(launcher: Launcher, ranks: int, arguments: Sequence[str]) -> NoReturn:
-    """Replace this process by the launcher of the ranks."""
+    """Replace this process by the launcher, which starts the ranks."""
     print(f"perfplast: {ranks} ranks started by {launcher}", file=sys.stderr, flush=True)
     os.environ.setdefault(OVERSUBSCRIBE, ":oversubscribe")
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx", *arguments]
@@ -174,12 +174,13 @@ def _start(launcher: Launcher, ranks: int, arguments: Sequence[str]) -> NoReturn
 
 
 def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> str | None:
-    """Return a sentence if ranks are not connected, or if their number is wrong."""
+    """Return a sentence if the ranks are not connected or if their number is wrong; else None."""
     if wanted is not None and wanted != number:
         return f"-n {wanted} is given inside mpirun -n {number}; remove one of them."
     if number == 1:
         return None
-    with warnings.catch_warnings():  # otherwise mpi4py prints three lines on it on each process
+    # otherwise mpi4py prints a warning of three lines in each process
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         from mpi4py import MPI
 

@@ -1,4 +1,4 @@
-"""Implement ``perfplast mesh``: turn a geometry or another program's model into a first case."""
+"""Implement ``perfplast mesh``: make a first case from a geometry or another program's model."""
 
 import argparse
 import json
@@ -43,34 +43,35 @@ log = logging.getLogger(__name__)
 
 
 CASE, MESH, PICTURE, PAGE = "case.toml", "case.msh", "bodies.png", "setup.html"
-"""Files of the folder."""
+"""Files that the command writes into the output folder."""
 
 SCHEMA = "case.schema.json"
-"""Schema file next to the case, with which editors complete its keys and mark faults."""
+"""Schema file next to the case; editors use it to complete keys and to mark faults."""
 
 SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
-"""First line of the case, for editors."""
+"""First line of the case file, which names the schema for editors."""
 
 
 def check_free(output: Path, force: bool) -> None:
     """Refuse a folder that already has a mesh or a case.
 
     Raises:
-        InputError: If it has one and ``force`` is False.
+        InputError: If the folder has one of these files and ``force`` is False.
     """
     existing = [name for name in (CASE, MESH) if (output / name).exists()]
     if existing and not force:
         raise InputError(
-            f"'{output}' already has a {existing[0]}; give --force to replace it, or another -o."
+            f"'{output}' already has a {existing[0]}; give --force to replace it, or another "
+            "folder with -o."
         )
 
 
 def fill(output: Path, made: Path, case: str) -> None:
-    """Write the folder.
+    """Write the output folder.
 
     Args:
         output: The folder.
-        made: Folder with the files made: mesh, picture and page, as far as they exist.
+        made: Folder with the new files: the mesh, and the picture and the page if they exist.
         case: The text of the case.
 
     Raises:
@@ -89,7 +90,7 @@ def fill(output: Path, made: Path, case: str) -> None:
 
 
 def written(output: Path) -> str:
-    """Return the files of the folder in words."""
+    """Return the names of the command's files in a folder, as text."""
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
 
 
@@ -99,15 +100,15 @@ def files_in(folder: Path) -> list[str]:
 
 
 def address_of(folder: str) -> str:
-    """Return the address of the page that sets up a case."""
+    """Return the address of the page on which the user sets up a case."""
     return (Path(folder) / PAGE).resolve().as_uri()
 
 
 def open_page(folder: str) -> str:
-    """Open the page that sets up a case in a browser, where there is a screen.
+    """Open the page on which the user sets up a case in a browser, if there is a screen.
 
     Args:
-        folder: The folder that ``perfplast mesh`` has written.
+        folder: The output folder of ``perfplast mesh``.
 
     Returns:
         The outcome in a sentence, with the address of the page.
@@ -118,7 +119,8 @@ def open_page(folder: str) -> str:
     page = Path(folder) / PAGE
     if not page.is_file():
         raise InputError(
-            f"the folder '{folder}' has no {PAGE}; perfplast mesh DRAWING -o {folder} writes it."
+            f"the folder '{folder}' has no {PAGE}; write it with perfplast mesh DRAWING -o "
+            f"{folder}."
         )
     address = address_of(folder)
     screen = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
@@ -177,7 +179,7 @@ def mesh(
 
 
 def surveyed(survey: Survey, folder: str) -> dict[str, Any]:
-    """Return a survey, with the files that were written, for JSON."""
+    """Return a survey and the names of the written files, for the JSON answer."""
     return {
         "folder": folder,
         "files": files_in(Path(folder)),
@@ -204,22 +206,20 @@ def surveyed(survey: Survey, folder: str) -> dict[str, Any]:
 
 
 def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
-    """Return the meshing options from the arguments of ``perfplast mesh``.
+    """Return the meshing options that the arguments of ``perfplast mesh`` give.
 
     Raises:
         InputError: If a value cannot be used.
     """
     return MeshingOptions(
         size=chosen.size,
-        sizes=_pairs(
-            "--size-of", chosen.size_of, "a body with a size; write for instance bolt=2.5"
-        ),
+        sizes=_pairs("--size-of", chosen.size_of, "a body with a size; write for example bolt=2.5"),
         curvature=chosen.curvature,
         without=chosen.without,
         order=chosen.order,
         meshed="apart" if chosen.apart else "together",
         shared="apart" if chosen.apart else "glued",
-        symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for instance x=0"),
+        symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for example x=0"),
         overlap=chosen.overlap,
         close_gaps=chosen.close_gaps,
         patience=chosen.patience,
@@ -227,7 +227,7 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
 
 
 def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
-    """Return a dict of names with numbers."""
+    """Return the numbers by name that a repeated option ``NAME=NUMBER`` gives."""
     found = {}
     for text in given:
         name, equals, number = text.rpartition("=")
@@ -241,7 +241,7 @@ def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
 
 
 def common_materials(system: Name) -> str:
-    """Return the tables of common materials and of soils in a system of units."""
+    """Return two tables as text, of common materials and of soils, in a system of units."""
     units = SYSTEMS[system]
     rows: list[tuple[str, ...]] = [("material", "young", "poisson", "yield_stress", "", "source")]
     for one in (material.in_system(system) for material in MATERIALS):
@@ -262,10 +262,10 @@ def common_materials(system: Name) -> str:
 
 
 def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
-    """Return the contents of a geometry as tables.
+    """Return tables of the bodies, joints and faces of a geometry as text.
 
     Args:
-        survey: Survey of bodies, joints and faces.
+        survey: The survey of bodies, joints and faces.
         glued: Which joints are glued.
     """
     area = "area" if survey.dim == 3 else "length"
@@ -290,7 +290,7 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
 
 
 def _bodies(survey: Survey) -> list[tuple[str, ...]]:
-    """Return a table of the bodies, with its headings."""
+    """Return a table of the bodies; the first row contains the headings."""
     volume = "volume" if survey.dim == 3 else "area"
     rows: list[tuple[str, ...]] = [("body", "elements", volume, "of CAD", "from", "to")]
     for body in survey.bodies:
@@ -300,7 +300,7 @@ def _bodies(survey: Survey) -> list[tuple[str, ...]]:
 
 
 def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
-    """Return a table of touching faces with its headings: names, area, shape and use."""
+    """Return a table of touching faces with headings: names, area, shape, tie or contact."""
     rows: list[tuple[str, ...]]
     rows = [("touching", "", "area" if survey.dim == 3 else "length", "shape", "in the case")]
     for joint in survey.joints:
@@ -311,7 +311,7 @@ def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
 
 
 def _sets(survey: Survey) -> list[tuple[str, ...]]:
-    """Return a table of the names that cover several faces, with its headings."""
+    """Return a table of the names that cover several faces; the first row contains the headings."""
     area = "area" if survey.dim == 3 else "length"
     rows: list[tuple[str, ...]] = [("no.", "also called", "faces", area, "of CAD", "in common")]
     for one in survey.sets:
@@ -344,7 +344,7 @@ def _mesh(
         (made / PAGE).write_text(_page(source.stem, skin, survey, case, glued), encoding="utf-8")
         try:
             draw_parts(skin, made / PICTURE)
-        except InputError as error:  # without a graphics system the mesh is written all the same
+        except InputError as error:  # without a graphics system the mesh is written nevertheless
             log.warning("%s", error)
         fill(output, made, case)
         refused = refused_contact(case, output / MESH)
@@ -352,7 +352,7 @@ def _mesh(
 
 
 def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> str:
-    """Return the page on which users set up the case."""
+    """Return the HTML page on which the user sets up the case."""
     tables = {"Bodies": _bodies(survey)}
     if survey.sets:
         tables["Names of several faces"] = _sets(survey)
@@ -381,7 +381,7 @@ def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> st
 
 
 def library(system: Name) -> list[dict[str, object]]:
-    """Return common materials and soils in a system of units, with their keys as TOML."""
+    """Return common materials and soils in a system of units; the values of ``keys`` are TOML."""
     found: list[dict[str, object]] = []
     for one in (material.in_system(system) for material in MATERIALS):
         numbers = {key: repr(getattr(one, key)) for key in ("young", "poisson", "yield_stress")}
@@ -395,7 +395,7 @@ def library(system: Name) -> list[dict[str, object]]:
 
 
 def _face_row(face: Face, survey: Survey) -> FaceRow:
-    """Return a face's row on the page, with its shares of names that cover several faces."""
+    """Return a face's row on the page, with its area as a share of each set that contains it."""
     names = [
         f"{one.name} ({one.why}), {100 * face.area / one.area:.3g} % of it"
         for one in survey.sets
@@ -407,7 +407,7 @@ def _face_row(face: Face, survey: Survey) -> FaceRow:
 
 
 def _known(measure: float | None) -> str:
-    """Return a volume or area of the CAD file as text."""
+    """Return a volume or area in the CAD file as text; "-" if it is unknown."""
     return "-" if measure is None else f"{measure:.5g}"
 
 
@@ -429,11 +429,11 @@ MODELS = {
     **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
     **dict.fromkeys((".vtu", ".vtk"), read_vtu),
 }
-"""The reader of a model, by the suffix of its file."""
+"""Functions that read models, by the suffix of the file."""
 
 
 def is_model(path: str) -> bool:
-    """Return whether a file name is that of a model with its own mesh."""
+    """Return whether the file name has the suffix of a model, which already has a mesh."""
     return Path(path).suffix.lower() in MODELS
 
 
@@ -448,8 +448,8 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> Survey | None
         The survey, on rank 0.
 
     Raises:
-        InputError: If the file cannot be used, if the folder already has a case, or for options
-            that do not apply to a model with a mesh.
+        InputError: If the file cannot be used, if the folder already has a case, or if options do
+            not apply to a model with a mesh.
     """
     if meshing_options(chosen) != MeshingOptions() or chosen.tied or chosen.bolted:
         raise InputError(
@@ -479,7 +479,7 @@ def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> Survey | None
 
 
 def _made(source: Path, output: Path, material: str | None, force: bool) -> tuple[Survey, bool]:
-    """Write the folder; return the survey and whether the case is complete."""
+    """Write the output folder; return the survey, and whether the case needs no more entries."""
     check_free(output, force)
     model = MODELS[source.suffix.lower()](source)
     model.remarks.extend(told_of_shared_nodes(model))
@@ -502,7 +502,7 @@ def _made(source: Path, output: Path, material: str | None, force: bool) -> tupl
 
 
 def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
-    """Draw the bodies; without a graphics system the mesh is written all the same."""
+    """Draw the bodies; without a graphics system log a warning."""
     shown, body, face = model.cells, model.body, np.zeros(len(model.cells), dtype=np.int64)
     if model.dim == 3:
         outer = OuterFacets(model.cells, len(model.points))

@@ -1,7 +1,7 @@
-"""Parse the arguments of the command line, and the PETSc options after them.
+"""Parse the command-line arguments and the PETSc options that follow them.
 
-Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input, 3 a load level without
-a solution (the levels before it are valid).
+Exit status: 0 if all load levels are solved, 1 after a fault of the program, 2 for bad input, 3 if
+a load level has no solution (earlier levels are valid).
 
 This module imports MPI, PETSc and DOLFINx only where they are needed. Importing them takes a
 second, but help, version and shell completion must be fast.
@@ -30,13 +30,13 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
     mesh = commands.add_parser(
         "mesh",
         parents=[scripts],
-        help="turn a geometry, or a model of another program, into a mesh and a first case file",
-        description="Read the bodies of a geometry file, find where they touch, and write "
-        "DIR/case.msh and DIR/case.toml, in which you fill in materials, supports and "
-        "loads. Lengths are in mm for STEP files. A model of another program (Abaqus, "
-        "CalculiX: .inp; Salome: .med; I-DEAS: .unv; Nastran: .bdf; VTK: .vtu) already "
-        "has a mesh: the command takes the mesh with its groups, and from an .inp file "
-        "also materials, supports, loads, contacts and ties.",
+        help="make a mesh and a first case file from a geometry or from another program's model",
+        description="Read the bodies of a geometry file, find the faces that touch, and write "
+        "DIR/case.msh and DIR/case.toml. Then fill in materials, supports and loads in "
+        "DIR/case.toml. Lengths are in mm for STEP files. A model of another program (Abaqus, "
+        "CalculiX: .inp; Salome: .med; I-DEAS: .unv; Nastran: .bdf; VTK: .vtu) already has a "
+        "mesh: the command reads the mesh with its groups. From an .inp file it also reads "
+        "materials, supports, loads, contacts and ties.",
     )
     mesh.add_argument(
         "geometry",
@@ -45,13 +45,15 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         " .vtk",
     )
     mesh.add_argument("-o", "--output", metavar="DIR", required=True, help="output folder")
-    mesh.add_argument("--force", action="store_true", help="replace mesh and case file in DIR")
+    mesh.add_argument(
+        "--force", action="store_true", help="replace the mesh and the case file in DIR"
+    )
     _add_sizes(mesh)
     _add_bodies(mesh)
 
 
 def _add_sizes(mesh: argparse.ArgumentParser) -> None:
-    """Add the options of the cells."""
+    """Add the options for element sizes and element order."""
     mesh.add_argument("--size", metavar="H", type=float, help="largest edge length")
     mesh.add_argument(
         "--size-of",
@@ -64,8 +66,8 @@ def _add_sizes(mesh: argparse.ArgumentParser) -> None:
         "--curvature",
         metavar="N",
         type=float,
-        help="number of elements around a circle (default: 10, or as many as make areas "
-        "accurate to 1 %%)",
+        help="number of elements around a circle (default: 10, or more if areas would otherwise be "
+        "off by more than 1 %%)",
     )
     mesh.add_argument(
         "--order", type=int, choices=(1, 2), default=1, help="2 for curved elements (default: 1)"
@@ -75,18 +77,18 @@ def _add_sizes(mesh: argparse.ArgumentParser) -> None:
         metavar="S",
         type=float,
         default=600.0,
-        help="largest time for meshing, in seconds (default: 600)",
+        help="time limit for meshing, in seconds (default: 600)",
     )
 
 
 def _add_bodies(mesh: argparse.ArgumentParser) -> None:
-    """Add the options of the bodies, and of their joints."""
+    """Add the options for the bodies and their joints."""
     mesh.add_argument(
         "--without",
         metavar="BODY",
         action="append",
         default=[],
-        help="body to leave out, by its name (may be repeated)",
+        help="name of a body to leave out (may be repeated)",
     )
     mesh.add_argument(
         "--symmetry",
@@ -99,31 +101,32 @@ def _add_bodies(mesh: argparse.ArgumentParser) -> None:
     mesh.add_argument(
         "--apart",
         action="store_true",
-        help="mesh each body separately; contact is then mortar, even where bodies share a "
-        "face in the drawing",
+        help="mesh each body separately; contact then uses the mortar method, even where bodies "
+        "share a face in the drawing",
     )
     mesh.add_argument(
         "--overlap",
         metavar="SHARE",
         type=float,
         default=1e-3,
-        help="largest share of a body's volume that another body may overlap (default: 0.001)",
+        help="largest fraction of a body's volume that may overlap another body (default: 0.001)",
     )
     mesh.add_argument(
         "--close-gaps",
         metavar="GAP",
         type=float,
         default=0.0,
-        help="largest distance at which faces of bodies still touch (default: 0)",
+        help="largest gap that is closed: faces of bodies at most this far apart touch (default: "
+        "0)",
     )
     mesh.add_argument(
         "--material",
         metavar="NAME",
-        help="material of all bodies (perfplast materials lists the names)",
+        help="material for all bodies ('perfplast materials' lists the names)",
     )
     glued = mesh.add_mutually_exclusive_group()
     glued.add_argument(
-        "--glued", "--tied", dest="tied", action="store_true", help="glue bodies that touch"
+        "--glued", "--tied", dest="tied", action="store_true", help="glue all bodies that touch"
     )
     glued.add_argument("--bolted", action="store_true", help="glue only bolts to their nuts")
 
@@ -138,14 +141,14 @@ ENDINGS = {
     "PAGE": ("html",),
     "SCHEMA": ("json",),
 }
-"""Suffixes of the files that arguments name, by metavar."""
+"""Suffixes of the files that an argument may name, by the metavar of the argument."""
 
 
 def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
-    """Answer a completion request of the shell and end the process; otherwise do nothing.
+    """Answer a completion request from the shell and end the process, or do nothing.
 
     Args:
-        parser: Parser of all commands.
+        parser: The parser with all commands.
         settings: Arguments of ``argcomplete.autocomplete``, for tests.
     """
     if "_ARGCOMPLETE" not in os.environ:
@@ -155,7 +158,7 @@ def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
         from argcomplete.completers import DirectoriesCompleter, FilesCompleter
     except ImportError:
         return
-    folders = ("DIR", "FOLDER")  # metavars of arguments that name folders
+    folders = ("DIR", "FOLDER")  # metavars of arguments that are folders
     for action in _actions(parser):
         if action.metavar in folders:
             vars(action)["completer"] = DirectoriesCompleter()
@@ -165,7 +168,7 @@ def complete(parser: argparse.ArgumentParser, **settings: Any) -> None:
 
 
 def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Return the actions of the parser and of its commands."""
+    """Return the argparse actions of a parser and of its commands."""
     found = list(parser._actions)
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
@@ -174,27 +177,27 @@ def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 SOLVED, FAULT, BAD_INPUT, NO_SOLUTION = range(4)
-"""Exit statuses of the command line; for an interrupted run 128 plus the signal's number."""
+"""Exit statuses of the command line; an interrupted run ends with 128 plus the signal's number."""
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")
-"""Environment variables in which launchers give a process its rank."""
+"""Environment variables in which MPI launchers store the rank of a process."""
 
 
 def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the command and its arguments. Not collective.
+    """Return the command and its arguments as a namespace. Not collective.
 
     Args:
-        arguments: The arguments without the name of the program.
+        arguments: The command-line arguments without the program name.
 
     Returns:
-        The values by name; ``petsc`` are the arguments after two dashes, for
-        :func:`set_petsc_options`.
+        The values by name; ``petsc`` contains the arguments after ``--``, which
+        :func:`set_petsc_options` reads.
 
     Raises:
         InputError: If the arguments are not valid.
-        SystemExit: After help or version.
+        SystemExit: After the help or the version is printed.
     """
     for argument in arguments:
         if not argument.isprintable() and any("\udc80" <= c <= "\udcff" for c in argument):
@@ -212,21 +215,27 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
         raise InputError(f"perfplast {chosen.command} has no argument '{first}'; {remedy}")
     solving = ("run", "sweep", "check")  # commands that accept PETSc options
     if petsc and chosen.command not in solving:
-        raise InputError(f"perfplast {chosen.command} takes no PETSc options; remove '--'.")
+        raise InputError(
+            f"perfplast {chosen.command} takes no PETSc options; remove '--' and the "
+            "arguments after it."
+        )
     if chosen.command in ("run", "sweep") and chosen.restart and chosen.force:
         raise InputError(
-            "--restart continues from results, but --force replaces them; give one of them."
+            "--restart continues from existing results, but --force replaces them; give only one "
+            "of these options."
         )
     if chosen.command == "run" and chosen.restart and chosen.refine:
-        raise InputError("--restart continues one run, but --refine starts two; give one of them.")
-    if chosen.command == "plot" and not chosen.wait >= 0:  # NaN is not a valid time either
-        raise InputError(f"--wait must be a time of 0 s or more, not {chosen.wait:g}.")
+        raise InputError(
+            "--restart continues one run, but --refine starts two; give only one of these options."
+        )
+    if chosen.command == "plot" and not chosen.wait >= 0:  # true also for NaN
+        raise InputError(f"--wait = {chosen.wait:g} is not a valid time; give 0 s or more.")
     chosen.petsc = petsc
     return chosen
 
 
 def set_petsc_options(arguments: Sequence[str]) -> None:
-    """Put options such as ``-perfplast_ksp_rtol 1e-10`` into PETSc's database.
+    """Add options such as ``-perfplast_ksp_rtol 1e-10`` to PETSc's options database.
 
     Raises:
         InputError: If an argument is neither an option nor its value, or if an option is unknown or
@@ -249,15 +258,15 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
             name = None
         else:
             raise InputError(
-                f"after '--' there is '{argument}', which is neither a PETSc option nor "
-                "its value; write for instance -- -perfplast_ksp_rtol 1e-10."
+                f"'{argument}' after '--' is neither a PETSc option nor the value of one; write "
+                "for example -- -perfplast_ksp_rtol 1e-10."
             )
     check_options(given)
     for name, value in given.items():
         options[name] = value
     for (
         name
-    ) in given:  # the solvers copy the options with their prefix; PETSc would warn of unused copies
+    ) in given:  # PETSc would warn of unused options, because the solvers read copies of these
         if name.startswith("perfplast_"):
             options.hasName(name)
 
@@ -268,7 +277,7 @@ class _Parser(argparse.ArgumentParser):
     commands: Mapping[str, argparse.ArgumentParser]
 
     def options(self, command: str) -> list[str]:
-        """Return the names of the options of a command."""
+        """Return the option names of a command."""
         return list(self.commands[command]._option_string_actions)
 
     def error(self, message: str) -> NoReturn:
@@ -281,35 +290,37 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _add_results(command: argparse.ArgumentParser) -> None:
-    """Add the arguments for the case and the folder of its results."""
+    """Add the arguments that ``run`` and ``sweep`` share."""
     command.add_argument("case", metavar="CASE.toml", help="the case to solve")
     where = command.add_mutually_exclusive_group(required=True)
     where.add_argument("-o", "--output", metavar="DIR", help="result folder")
     where.add_argument(
-        "--restart", metavar="DIR", help="continue from the last solved level in this folder"
+        "--restart",
+        metavar="DIR",
+        help="continue the run in this folder from its last solved level",
     )
     command.add_argument(
         "-n",
         "--ranks",
         metavar="N",
         type=int,
-        help="number of ranks to start, with the mpirun of the MPI in use",
+        help="number of MPI ranks to start; the program finds the matching mpirun",
     )
-    command.add_argument("--force", action="store_true", help="replace results in DIR")
+    command.add_argument("--force", action="store_true", help="replace existing results in DIR")
     pages = command.add_mutually_exclusive_group()
     pages.add_argument("--report", action="store_true", help="write DIR/report.html at the end")
     pages.add_argument(
         "--watch",
         action="store_true",
-        help="write DIR/report.html at the end, and keep it current until then; a browser shows the"
-        " progress at each reload",
+        help="update DIR/report.html during the run and write it at the end; reload the page in a "
+        "browser to see the progress",
     )
     command.add_argument(
         "--log-level",
         choices=LOG_LEVELS,
         default="warning",
-        help="show messages of at least this level on standard error; info shows every Newton "
-        "step (DIR/run.log always has them; default: warning)",
+        help="lowest level of the messages on standard error; info shows every Newton step, and "
+        "DIR/run.log always contains these steps (default: warning)",
     )
     command.add_argument(
         "--quiet",
@@ -319,14 +330,14 @@ def _add_results(command: argparse.ArgumentParser) -> None:
 
 
 def make_parser() -> _Parser:
-    """Return the parser of all commands."""
+    """Return the parser with all commands."""
     parser = _Parser(
         prog="perfplast",
-        description="Compute elastic-plastic bodies in contact, and the loads at "
-        "which they collapse.",
-        epilog="Exit status: 0 all load levels solved, 1 a fault of the program, 2 bad input, 3 "
-        "a load level without a solution (the levels before it are valid), 130 or 143 "
-        "interrupted (--restart continues).",
+        description="Analyse elastic-plastic bodies in contact, and compute the loads at which "
+        "they collapse.",
+        epilog="Exit status: 0 all load levels are solved, 1 fault of the program, 2 bad input, 3 "
+        "a load level has no solution (earlier levels are valid), 130 or 143 interrupted "
+        "(--restart continues the run).",
     )
     parser.add_argument("--version", action="version", version=f"perfplast {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -334,8 +345,8 @@ def make_parser() -> _Parser:
     scripts.add_argument(
         "--trust",
         action="store_true",
-        help="run a .geo script, which may run any command: use it only for scripts whose "
-        "contents you know",
+        help="allow gmsh to run a .geo script. Such a script may execute any command: use this "
+        "option only if you know what the script contains",
     )
     parser.commands = commands.choices
     _add_solving(commands, scripts)
@@ -350,40 +361,43 @@ def make_parser() -> _Parser:
             command.add_argument(
                 OPTION,
                 action="store_true",
-                help="print one JSON object on standard output, and the lines on standard error",
+                help="print one JSON object on standard output, and the usual lines on standard "
+                "error",
             )
     return parser
 
 
 def _add_solving(commands: Any, scripts: argparse.ArgumentParser) -> None:
-    """Add the commands that solve.
+    """Add the commands ``run`` and ``sweep``, which solve.
 
     Args:
         commands: Sub-parsers.
-        scripts: Options of all commands that may run a script.
+        scripts: Parser with the options of all commands that may run a script.
     """
     run = commands.add_parser(
         "run",
         parents=[scripts],
         help="solve a case",
         description="Solve a case on any number of ranks, e.g. perfplast run -n 2 ...",
-        epilog="PETSc options follow two dashes: -- -perfplast_ksp_rtol 1e-10 for the linear "
-        "solver, -perfplast_vi_... for the contact set.",
+        epilog="Give PETSc options after two dashes, for example -- -perfplast_ksp_rtol 1e-10. "
+        "Options -perfplast_ksp_... apply to the linear solver, and -perfplast_vi_... to the "
+        "search for the active contact set.",
     )
     _add_results(run)
     run.add_argument(
         "--refine",
         action="store_true",
-        help="solve the case again with elements of half the size, in DIR/half, and compare "
-        "both in a table",
+        help="also solve the case with elements of half the size, in DIR/half, and compare both "
+        "runs in a table",
     )
 
     sweep = commands.add_parser(
         "sweep",
         parents=[scripts],
-        help="solve a case with other values, and collect all results in one table",
-        description="Solve a case once for each value, or each combination of values, in separate "
-        "folders DIR/0001 and so on; DIR/sweep.csv and DIR/sweep.png contain all results.",
+        help="solve a case for several values of its keys, and collect all results in one table",
+        description="Solve a case for each value, or for each combination of values. Each "
+        "solution has its own folder: DIR/0001, DIR/0002 and so on. DIR/sweep.csv and "
+        "DIR/sweep.png contain all results.",
     )
     _add_results(sweep)
     sweep.add_argument(
@@ -391,8 +405,8 @@ def _add_solving(commands: Any, scripts: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUES",
         action="append",
         required=True,
-        help="a key of the case with values FROM:TO:NUMBER or A,B,C, as in "
-        "material.block.yield_stress=200:300:5 or load.top.pressure=1,2; may be repeated",
+        help="a key of the case, with values as FROM:TO:NUMBER or A,B,C; for example "
+        "material.block.yield_stress=200:300:5 or load.top.pressure=1,2 (may be repeated)",
     )
 
 
@@ -400,11 +414,11 @@ def _add_setup(commands: Any) -> None:
     """Add ``setup``; see :func:`_add_solving` for the arguments."""
     setup = commands.add_parser(
         "setup",
-        help="open the page on which a case is set up by clicks",
-        description="Open DIR/setup.html, which perfplast mesh has written, in a browser. Without a"
-        " screen, print its address.",
+        help="open the page on which you set up a case in a browser",
+        description="Open the page DIR/setup.html, which 'perfplast mesh' writes, in a browser. "
+        "If there is no screen, print the address of the page.",
     )
-    setup.add_argument("folder", metavar="DIR", help="folder that perfplast mesh has written")
+    setup.add_argument("folder", metavar="DIR", help="output folder of 'perfplast mesh'")
 
 
 def _add_check(commands: Any, scripts: argparse.ArgumentParser) -> None:
@@ -412,19 +426,18 @@ def _add_check(commands: Any, scripts: argparse.ArgumentParser) -> None:
     check = commands.add_parser(
         "check",
         parents=[scripts],
-        help="print and draw how the program reads a case, and refuse it where run would, "
-        "without solving it",
-        description="Make every test that run makes before its first solve, except for memory. "
-        "Print what each load and each support covers, which faces touch and which are free, "
-        "and draw them.",
+        help="check a case without solving it: print and draw how the program reads it",
+        description="Make all tests that 'perfplast run' makes before its first solve, except the "
+        "test for memory. Print which faces each load and each support covers, which faces "
+        "touch and which are free, and draw these faces.",
     )
     check.add_argument("case", metavar="CASE.toml", help="the case to check")
     check.add_argument(
         "-o",
         "--output",
         metavar="PICTURE",
-        help="PNG file for the picture (default: case.png next to CASE.toml; none with "
-        "pictures = false under [output])",
+        help="PNG file for the picture (default: case.png in the folder of CASE.toml; no picture "
+        "if the case has pictures = false under [output])",
     )
 
 
@@ -432,9 +445,9 @@ def _add_pictures(commands: Any) -> None:
     """Add the commands that draw results."""
     plot = commands.add_parser(
         "plot",
-        help="draw loading curve, plastic zone, mechanism and contact pressure",
-        description="Draw path.png, fields.png and mechanism.png of a run, which may still be in "
-        "progress. One process draws, whatever the number of ranks.",
+        help="draw the loading curve, plastic zone, mechanism and contact pressure",
+        description="Draw path.png, fields.png and mechanism.png from the results of a run, which "
+        "may still be in progress. The pictures are drawn on one rank.",
     )
     plot.add_argument("results", metavar="DIR", help="result folder of perfplast run")
     plot.add_argument(
@@ -443,41 +456,42 @@ def _add_pictures(commands: Any) -> None:
     plot.add_argument(
         "--follow",
         action="store_true",
-        help="show and draw levels as they are solved, with the remaining ones, until the run ends",
+        help="print and draw each level when it is solved, with the number of levels left, until "
+        "the run ends",
     )
     plot.add_argument(
         "--wait",
         metavar="SECONDS",
         type=float,
         default=60.0,
-        help="time to wait for the first results of a followed run (default: 60)",
+        help="with --follow: time to wait for the first results (default: 60)",
     )
 
     animate = commands.add_parser(
         "animate",
         help="show the loading as an animation",
-        description="Show plastic zone, contact pressure and loading curve of a run level by level."
-        " One process draws, whatever the number of ranks.",
+        description="Show the plastic zone, the contact pressure and the loading curve of a run, "
+        "level by level. The frames are drawn on one rank.",
     )
     animate.add_argument("results", metavar="DIR", help="result folder of perfplast run")
     animate.add_argument(
         "-o",
         "--output",
         metavar="FILE",
-        help="file ending in .gif or .webp (default: DIR/loading.gif)",
+        help="output file, *.gif or *.webp (default: DIR/loading.gif)",
     )
 
 
 def _add_pages(commands: Any) -> None:
-    """Add the commands that write results for others."""
+    """Add the commands ``report``, ``claim``, ``mcp`` and ``export``."""
     report = commands.add_parser(
         "report",
-        help="write a report as one HTML page for any browser",
-        description="Write DIR/report.html: the outcome in a sentence, the bodies in 3D, levels, "
-        "forces, the case, and the command that repeats the run. The page needs no "
-        "network and can be mailed. For two folders, write DIR/beside_NAME.html in the "
-        "first one: numbers and pictures of both side by side, and the differences of "
-        "their cases.",
+        help="write a report as one HTML page",
+        description="Write DIR/report.html with the outcome in one sentence, the bodies in 3D, "
+        "load levels, forces, the case, and the command that repeats the run. The page is one "
+        "file and needs no network. For two folders, write beside_NAME.html in the first "
+        "folder: it shows numbers and pictures of both runs side by side, and how their cases "
+        "differ.",
     )
     report.add_argument(
         "results",
@@ -489,88 +503,97 @@ def _add_pages(commands: Any) -> None:
         "-o",
         "--output",
         metavar="PAGE",
-        help="the page (default: DIR/report.html, or DIR/beside_NAME.html for two)",
+        help="output file (default: DIR/report.html; for two folders DIR/beside_NAME.html)",
     )
 
     claim = commands.add_parser(
         "claim",
-        help="prove bounds again, and print them with the SHA-256 of their proofs",
-        description="Check the proof files in DIR again. Print the bounds that they prove, with the"
-        " file and SHA-256 of each, and what was taken as written. Where nothing is proven, say"
-        " why, with exit status 2.",
+        help="check proofs again, and print the proven bounds with the SHA-256 of each proof",
+        description="Check the proof files in DIR again. Print the bounds that they prove, the "
+        "name and SHA-256 of each proof file, and the data that the checker takes as given. "
+        "If nothing is proven, print the reason and end with exit status 2.",
     )
-    claim.add_argument("results", metavar="DIR", help="folder with results of perfplast run")
+    claim.add_argument("results", metavar="DIR", help="result folder of perfplast run")
 
     tools = commands.add_parser(
         "mcp",
-        help="serve tools for programs by the Model Context Protocol",
-        description="Serve the tools describe, template, mesh, check, run, status, claim and prove"
-        " on standard input and output. They take paths in the given folders only; a case file may"
-        " name files elsewhere. This needs the package mcp of PyPI.",
+        help="serve tools to other programs by the Model Context Protocol",
+        description="Serve the tools describe, template, mesh, check, run, status, claim and "
+        "prove on standard input and output. The tools accept only paths inside the given "
+        "folders, but a case file may name files outside them. The command needs the package "
+        "mcp from PyPI.",
     )
     tools.add_argument(
-        "folders", metavar="FOLDER", nargs="+", help="folder with files of the tools"
+        "folders", metavar="FOLDER", nargs="+", help="folder whose files the tools may use"
     )
 
     exported = commands.add_parser(
         "export",
         help="write fields and tables for other programs",
-        description="Write DIR/export. With --vtu it contains fields.pvd, level_0001.vtu and so on "
-        "for each level, and mechanism.vtu, for ParaView and other readers of VTK's XML "
-        "files. With --csv it contains levels.csv, resultants.csv and bounds.csv. Without "
-        "either option it contains both.",
+        description="Write a folder DIR/export. With --vtu it contains fields.pvd, mechanism.vtu "
+        "and one file for each level (level_0001.vtu and so on), for ParaView and other "
+        "readers of VTK's XML files. With --csv it contains levels.csv, resultants.csv and "
+        "bounds.csv. Without these options it contains all of these files.",
     )
     exported.add_argument("results", metavar="DIR", help="result folder of perfplast run")
     exported.add_argument(
         "-o", "--output", metavar="FOLDER", help="folder for the files (default: DIR/export)"
     )
     exported.add_argument("--vtu", action="store_true", help="write the stored fields")
-    exported.add_argument("--csv", action="store_true", help="write levels, forces and bounds")
+    exported.add_argument(
+        "--csv", action="store_true", help="write tables of levels, forces and bounds"
+    )
 
 
 def _add_references(commands: Any, scripts: argparse.ArgumentParser) -> None:
-    """Add the commands that show results and lists; see :func:`_add_solving` for the arguments."""
+    """Add commands that show lists and versions; see :func:`_add_solving` for the arguments."""
     materials = commands.add_parser(
         "materials",
-        help="show numbers of common materials, with their sources",
-        description="Show numbers of common steels, aluminium, concrete, clay and ground as "
-        "starting values, with their sources. For a design, take the numbers from its standard.",
+        help="show parameters of common materials, with their sources",
+        description="Show parameters of common steels, aluminium, concrete, clay and ground, with "
+        "their sources. Use them as starting values. For a design, take the parameters from "
+        "the standard that applies.",
     )
     materials.add_argument(
         "--units",
         choices=SYSTEMS,
         default=TABLE,
-        help=f"as system under [units] in a case file (default: {TABLE})",
+        help=f"system of units, as under [units] in a case file (default: {TABLE})",
     )
     template = commands.add_parser(
         "template",
-        help="show the entries of [design] and [[combination]] that a code requires, with clauses",
-        description="Show tables for a case: the factors that a check of a code requires, and "
-        "their clauses in the code. Without a name, list the names.",
+        help="show the tables [design] and [[combination]] that a design code requires, with its "
+        "clauses",
+        description="Show the tables of a case file with the factors that a design code requires "
+        "for a check, and the clauses of the code. Without a name, list the names of all "
+        "checks.",
     )
     template.add_argument("name", choices=TEMPLATES, nargs="?", help="name of the check")
     info = commands.add_parser(
         "info",
         parents=[scripts],
-        help="show the meaning of the numbers of a case; or show versions, for bug reports",
-        description="Print what the load factor of a case multiplies and the units of its numbers. "
-        "Without a case, show versions, PETSc's packages, BLAS, ranks and threads, for "
-        "bug reports.",
+        help="explain the numbers of a case; without a case, show versions for a bug report",
+        description="Print the loads that the load factor of a case multiplies, and the units of "
+        "its numbers. Without a case, print versions, PETSc's packages, BLAS, ranks and "
+        "threads for a bug report.",
     )
     info.add_argument("case", metavar="CASE.toml", nargs="?", help="the case to describe")
 
     commands.add_parser(
         "doctor",
         help="test all requirements of a run, and report faults",
-        description="Test the C compiler, DOLFINx, two ranks, one factorisation, gmsh and "
-        "pictures, each in a separate process, and print a line for each, with the remedy. Exit "
-        "status: 0 if all that is installed works, 2 otherwise.",
+        description="Test the C compiler, DOLFINx, a start of two ranks, one factorisation, gmsh "
+        "and pictures, each in a separate process. Print one line for each test, with a "
+        "remedy if it fails. Exit status: 0 if everything that is installed works, 2 "
+        "otherwise.",
     )
 
     schema = commands.add_parser(
         "schema",
-        help="show the JSON Schema of case files, with which editors complete and check them",
-        description="Show the JSON Schema of case files, or write it to a file. An editor uses the "
-        "file if a case begins with the line  #:schema ./case.schema.json  next to it.",
+        help="show the JSON Schema of case files, which editors use to complete and check the "
+        "files",
+        description="Print the JSON Schema of case files, or write it to a file. An editor uses "
+        "the file if the first line of a case in the same folder is  #:schema "
+        "./case.schema.json",
     )
     schema.add_argument("-o", "--output", metavar="SCHEMA", help="file to write or replace")

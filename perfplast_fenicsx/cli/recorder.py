@@ -1,4 +1,4 @@
-"""Write and show a run level by level, print its forces, and continue an interrupted run."""
+"""Write and show the results of a run level by level, and continue an interrupted run."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -44,15 +44,15 @@ def force_lines(
     axes: str,
     units: Mapping[str, str],
 ) -> list[str]:
-    """Return the lines of the table; an empty list without loads.
+    """Return the lines of the table of forces at the bounds; an empty list without loads.
 
     Args:
         loads: See :func:`outcome_words.force_rows`.
-        lower: Load factor that the bodies carry for certain.
-        upper: Load factor at which the bodies collapse for certain.
-        at_limit: The forces in balance with the stress of the lower bound or of the mesh.
-        axes: Letters of the components of forces.
-        units: Units as in :meth:`units.Units.table`.
+        lower: Proven lower bound of the load factor; None without one.
+        upper: Proven upper bound of the load factor; None without one.
+        at_limit: The forces that are in balance with the stress of the lower bound or of the mesh.
+        axes: Letters of the force components, such as "xyz".
+        units: Units by quantity, from :meth:`units.Units.table`.
     """
     forces = force_rows(loads, lower, upper, at_limit)
     moments = force_rows(loads, lower, upper, at_limit, moments=True)
@@ -66,11 +66,11 @@ def force_lines(
 
 
 def bolt_lines(reports: Sequence[LevelReport], unit: str) -> list[str]:
-    """Return lines with the forces of bolts at each solved level; an empty list without bolts.
+    """Return lines with the bolt forces at each solved level; an empty list without bolts.
 
     Args:
         reports: Reports of all levels.
-        unit: Unit of forces, if known.
+        unit: Unit of force; empty if it is unknown.
     """
     solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
     if not solved or not solved[0][1].bolts:
@@ -102,12 +102,12 @@ def _bracket(unit: str) -> str:
 
 @dataclass(frozen=True)
 class RunContext:
-    """The objects that a run works with.
+    """The objects that belong to one run.
 
     Attributes:
         case: The case that is solved.
         problem: The discrete problem of the case.
-        method: Name of the method in results.
+        method: Name of the method in the results.
         folder: Result folder.
         checkpoints: Checkpoints of the folder.
         saved: State from which the run continues; empty for a new run.
@@ -115,11 +115,11 @@ class RunContext:
         journal: The log of the run.
         interrupts: Handler of signals.
         began: Start of the run, by ``time.perf_counter``.
-        date: Date and time of the start, with the time zone.
-        command: Shell command that started the run, or a restart of it, without PETSc options.
+        date: Date, time and time zone of the start.
+        command: Shell command that repeats the run, without PETSc options.
         remarks: Remarks on the problem.
-        warnings: Warnings so far; grows during the run.
-        live: The report that is kept current; None without one.
+        warnings: Warnings so far; the list grows during the run.
+        live: The report that is updated during the run; None without one.
     """
 
     case: Case
@@ -140,15 +140,15 @@ class RunContext:
 
 
 class Recorder:
-    """Keeps the results of a run up to date, and ends the run after a signal.
+    """Writes and shows the results of a run as they arise, and ends the run after a signal.
 
     Attributes:
-        results: Summary and path.
+        results: The summary and the path of the results.
         last: The last solved level; None before the first.
     """
 
     def __init__(self, run: RunContext) -> None:
-        """Write and show the data of the run before the first level. Collective."""
+        """Write and show the data that are known before the first level. Collective."""
         self._run, case, saved = run, run.case, run.saved
         self._began = run.began - saved.timings.get("total", 0.0)
         self.last, self._before = saved.level, saved.before
@@ -187,7 +187,7 @@ class Recorder:
         self._solving = time.perf_counter()
 
     def plan(self, levels: int) -> None:
-        """Announce how many levels the whole run has. Collective.
+        """Store and show the number of levels in the whole run. Collective.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -197,7 +197,7 @@ class Recorder:
         self.results.write()
 
     def iteration(self, record: Iteration) -> None:
-        """Show and log an iteration; used as a monitor of the algorithms. Collective.
+        """Show and log an iteration; the algorithms call it. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -207,7 +207,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def interior(self, step: InteriorStep) -> None:
-        """Show and log a step of the interior point method; used as its monitor. Collective.
+        """Show and log a step of the interior point method, which calls it. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -217,7 +217,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def mesh(self, round_: Round) -> None:
-        """Show and log the bounds on one of several meshes; used as a monitor. Collective.
+        """Show and log the bounds from one of several meshes; called after each mesh. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -231,7 +231,7 @@ class Recorder:
 
         Args:
             level: The level.
-            search: State of the search for a limit load, if there is one.
+            search: State of the search for a limit load; None without a search.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -256,14 +256,14 @@ class Recorder:
         self._run.interrupts.check()
 
     def so_far(self, adaptive: AdaptiveBounds) -> None:
-        """Write the bounds on the meshes so far, if somebody watches. Collective.
+        """Write the bounds from the meshes so far, if a live report is requested. Collective.
 
         Args:
             adaptive: The bounds.
 
         Raises:
-            InputError: On every rank, if the system refuses.
-            Interrupted: On every rank, if a signal has come.
+            InputError: On every rank, if the files cannot be written.
+            Interrupted: On every rank, after a signal.
         """
         if self._run.live is not None:
             body, adaptive_ = self._writer.judged(adaptive.body, adaptive)
@@ -277,12 +277,12 @@ class Recorder:
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
     ) -> None:
-        """Write and show the limit load and the proven bounds of the body. Collective.
+        """Write and show the limit load of the mesh and the proven bounds for the body. Collective.
 
         Args:
-            limit: Limit load of the mesh; of several meshes, of the one with the best bounds.
+            limit: Limit load of the mesh; with several meshes, of the mesh with the best bounds.
             body: Proven bounds of the body.
-            adaptive: The sequence of meshes, if there are several.
+            adaptive: The bounds from a sequence of meshes; None for one mesh.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -308,7 +308,7 @@ class Recorder:
         follows = body is not None and body.friction is not None
         self._run.terminal.limit(limit, last=adaptive is not None, associated=follows)
         self._run.journal.limit(limit, body)
-        if not self.results.reports:  # without levels this is the only count
+        if not self.results.reports:  # without levels, no other function stores these times
             self.results.summary.timings |= {"solve": solve, "total": self.elapsed()}
         self._writer.write_limit(limit, body, adaptive, steps, design, answer)
         summary = self.results.summary
@@ -318,7 +318,7 @@ class Recorder:
             self._run.terminal.say(line)
 
     def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
-        """Show and log bounds with reduced strengths; used as a monitor. Collective.
+        """Show and log the bounds for reduced strengths; called for each factor. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -329,7 +329,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def safety(self, found: FactorOfSafety) -> None:
-        """Write and show a factor of safety and its proof. Collective.
+        """Write and show a factor of safety with its proof. Collective.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -344,13 +344,13 @@ class Recorder:
     def direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
     ) -> Proven:
-        """Prove, show and log the bounds in a direction of an envelope. Collective.
+        """Prove, show and log the bounds in one direction of an envelope. Collective.
 
         Args:
-            angles: The direction (degrees).
-            low: Result with the lower bound.
-            high: Result with the upper bound.
-            prove: Function that makes the proof from both results.
+            angles: The angles of the direction (degrees).
+            low: Bounds whose lower bound is used.
+            high: Bounds whose upper bound is used.
+            prove: Function that makes the proof from both.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -371,7 +371,7 @@ class Recorder:
         return proven
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
-        """Write and show which multiples of loads are carried. Collective.
+        """Write and show the envelope of the load multiples that the bodies carry. Collective.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -383,7 +383,7 @@ class Recorder:
         self._writer.write_envelope(found, names)
 
     def shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
-        """Write and show a shakedown load, and the diagram of two varying loads. Collective.
+        """Write and show a shakedown load, and the diagram for two varying loads. Collective.
 
         Raises:
             InputError: On every rank, if the files cannot be written.
@@ -398,7 +398,7 @@ class Recorder:
         self._writer.write_shakedown(found, diagram)
 
     def elapsed(self) -> float:
-        """Return the wall time of the run, including earlier runs that it continues (s)."""
+        """Return the wall time of the run, including the earlier runs that it continues (s)."""
         return time.perf_counter() - self._began
 
     def _announce(self) -> None:

@@ -1,4 +1,4 @@
-"""Implement commands that read results: pictures, animations, reports, files for other programs."""
+"""Implement commands that read results: pictures, animations, reports, claims, exports."""
 
 import csv
 import json
@@ -20,16 +20,16 @@ from perfplast_fenicsx.report.report_file import write_report
 
 
 def follow(comm: MPI.Intracomm, results: str, output: str | None, wait: float) -> None:
-    """Show and draw the results of a run until it ends, on rank 0. Collective.
+    """Show and draw the results of a run on rank 0 until the run ends. Collective.
 
     Args:
         comm: The ranks; all but rank 0 wait.
         results: Folder of the run.
         output: Folder for the pictures; by default the result folder.
-        wait: Longest time to wait for first results (s).
+        wait: Longest time to wait for the first results (s).
 
     Raises:
-        InputError: If there are no results in that time.
+        InputError: If there are no results within this time.
     """
     terminal = Terminal(comm)
 
@@ -49,7 +49,7 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
         comm: The ranks; all but rank 0 wait.
         command: "plot" or "animate".
         results: Result folder.
-        output: Folder for the pictures, or file for the animation; by default in the result folder.
+        output: Folder for the pictures, or file for the animation; None uses the result folder.
 
     Raises:
         InputError: If there are no results, or if nothing can be drawn.
@@ -69,7 +69,7 @@ def draw(comm: MPI.Intracomm, command: str, results: str, output: str | None) ->
 
 
 def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> list[str]:
-    """Write a page about a run, or about two side by side, on rank 0. Collective.
+    """Write a page about one run, or about two runs side by side, on rank 0. Collective.
 
     Returns:
         The path of the page, on rank 0.
@@ -77,10 +77,10 @@ def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> l
     Args:
         comm: The ranks; all but rank 0 wait.
         folders: One or two result folders.
-        output: The page; by default in the first folder.
+        output: Path of the page; None for a page in the first folder.
 
     Raises:
-        InputError: If there are no results, or not one or two folders.
+        InputError: If there are no results, or if there are more than two folders.
     """
     terminal = Terminal(comm)
     told: list[str] = []
@@ -102,14 +102,14 @@ def claim(comm: MPI.Intracomm, folder: str) -> dict[str, Any]:
     """Print what the proof files of a run prove, on rank 0. Collective.
 
     Args:
-        comm: The ranks; the others wait.
+        comm: The ranks; all but rank 0 wait.
         folder: Folder of the results.
 
     Returns:
-        The claim for JSON, on rank 0.
+        On rank 0 the claim for the JSON answer, otherwise an empty dictionary.
 
     Raises:
-        InputError: If there are no results, or nothing is proven.
+        InputError: If there are no results, or if nothing is proven.
     """
     found = on_rank0(comm, lambda: claim_of(folder))
     if found is None:
@@ -126,7 +126,7 @@ def export_results(
     Args:
         comm: The ranks; all but rank 0 wait.
         results: Result folder.
-        output: Folder for the files; by default in the result folder.
+        output: Folder for the files; None for a folder in the result folder.
         kinds: The kinds to write, "vtu" and "csv"; both if empty.
 
     Raises:
@@ -141,7 +141,7 @@ def export_results(
 
 
 def results_in(folder: str, command: str) -> dict[str, Any]:
-    """Return what a run or a sweep has written, for JSON.
+    """Return the files and the results of a run or a sweep, for the JSON answer.
 
     Args:
         folder: Result folder.
@@ -164,7 +164,7 @@ def pictures_in(folder: str) -> list[str]:
 
 
 def _heard(terminal: Terminal, told: list[str]) -> Callable[[str], None]:
-    """Return a function that prints a line and keeps it."""
+    """Return a function that prints a line and appends it to a list."""
 
     def say(line: str) -> None:
         told.append(line)

@@ -1,4 +1,4 @@
-"""Run a case: solve it level by level, and write and show the results."""
+"""Run a case: set up the problem, solve it, and write and show the results."""
 
 import logging
 import shlex
@@ -55,11 +55,11 @@ class Flags:
     """Options that ``run`` and ``sweep`` share.
 
     Attributes:
-        force: Replace results in the folder.
-        restart: Continue from the last solved level in the folder.
-        report: When to write ``report.html``; a run that a signal ends also writes it.
-        trust: Run the script that makes the mesh.
-        log_level: Level of the additional lines in ``run.log`` (:class:`run_log.RunLog`).
+        force: Whether to replace existing results in the folder.
+        restart: Whether to continue from the last solved level in the folder.
+        report: When to write ``report.html``; it is also written if a signal ends the run.
+        trust: Whether to run a script that makes the mesh.
+        log_level: Lowest level of the additional lines in ``run.log``; see :class:`run_log.RunLog`.
     """
 
     force: bool = False
@@ -71,12 +71,12 @@ class Flags:
 
 @dataclass(frozen=True, eq=False)
 class OneOfSeveral:
-    """One of several cases that are made from one file.
+    """One of several cases that the program makes from one case file.
 
     Attributes:
         case: The case.
-        command: The command that repeats all of them.
-        bodies: Another problem whose mesh and contact it shares; None if it has its own.
+        command: The command that repeats the runs of all these cases.
+        bodies: Problem whose mesh and contacts this case shares; None if the case has its own.
     """
 
     case: Case
@@ -101,7 +101,7 @@ def run(
         output: Result folder.
         terminal: The terminal that shows the run.
         flags: Options of the command.
-        one: The case, if it is one of several from the file.
+        one: The case, if it is one of several from the same file.
         finer: Whether to halve the size of the elements.
 
     Returns:
@@ -115,8 +115,8 @@ def run(
         case = one.case if one else read_case(path, comm, flags.trust)
         if case.combinations:
             raise InputError(
-                f"{case.path.name}: the case has combinations, but --refine solves only "
-                "one case; remove one of them."
+                f"{case.path.name}: the case has combinations, but --refine solves only one case; "
+                "remove --refine or the combinations."
             )
         folder = ResultFolder(comm, output, flags.force, flags.restart)
         content = with_contents(case.table, case.materials)
@@ -160,14 +160,14 @@ def run(
                 _log_interrupt(interrupted, solver or folder.file(KNOWN).exists(), again)
                 status = interrupted.status
             finally:
-                terminal.heard = None  # the page of the results comes last
+                terminal.heard = None  # the report is written once more below
             if flags.report and (page := report_on(folder)) is not None:
                 terminal.say(f"Report: {page}")
             return status
 
 
 def _log_interrupt(interrupted: Interrupted, kept: Any, again: str) -> None:
-    """Log an interrupt, with the command that continues or restarts the run."""
+    """Log an interruption, with the command that continues the run or starts it again."""
     words = "solved levels are saved; continue" if kept else "no results are lost; start again"
     log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, words, again)
 
@@ -175,9 +175,9 @@ def _log_interrupt(interrupted: Interrupted, kept: Any, again: str) -> None:
 def _introduce(
     case: Case, problem: Problem, method: str, terminal: Terminal, journal: RunLog
 ) -> list[str]:
-    """Say how a case was understood, and return the remarks on it. Collective."""
+    """Print the program's reading of a case, and return the remarks on the case. Collective."""
     said = [*case.remarks]
-    if not case.loading.of_body:  # the bounds print their own sentence on it
+    if not case.loading.of_body:  # bounds print their own sentence on the flow rule
         said += flow_words(case.materials)
     if method == LimitMethod.INTERIOR_POINT:
         said += case.loading.remarks(problem)
@@ -185,7 +185,7 @@ def _introduce(
         said += _on_friction(problem, case.loading.limit_tolerance is not None)
         said += problem.shanks.in_words()
     meant = understood(case, problem)
-    lines = meant.lines if meant else []  # only rank 0 has them, and prints them
+    lines = meant.lines if meant else []  # only rank 0 has and prints these lines
     terminal.say("\n".join(lines))
     for remark in said:
         terminal.say(f"{remark}.")
@@ -201,8 +201,8 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
 
     Collective.
 
-    Both ``check`` and ``run`` call this function, so that ``run`` refuses nothing later that could
-    be known before.
+    Both ``check`` and ``run`` call this function. So ``check`` finds every error that ``run`` would
+    report before its first solve.
 
     Args:
         case: The case.
@@ -213,7 +213,7 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
         The algorithm of ``[solve]``; None for the interior point method.
 
     Raises:
-        InputError: If the control does not support the problem.
+        InputError: If the control or the solver of conic programs cannot be used for the problem.
     """
     direct = method == LimitMethod.INTERIOR_POINT
     with at(case.path.name):
@@ -226,15 +226,15 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
 
 
 def check_conic(case: Case, problem: Problem, direct: bool) -> None:
-    """Refuse a solver of conic programs that cannot run or is not needed.
+    """Raise an error if the given solver of conic programs cannot run or is not needed.
 
     Args:
         case: Case of the problem.
         problem: The bodies and their loads.
-        direct: Whether the interior point method computes the answer.
+        direct: Whether the interior point method solves the problem.
 
     Raises:
-        InputError: If the solver is not the default one and cannot be used.
+        InputError: If the solver is not the default solver and cannot run or is not needed.
     """
     if case.conic == USUAL:
         return
@@ -248,7 +248,7 @@ def check_conic(case: Case, problem: Problem, direct: bool) -> None:
 
 
 def _problem(comm: MPI.Intracomm, case: Case, bodies: Problem | None, finer: bool) -> Problem:
-    """Return the problem of a case, on existing bodies or on its own. Collective."""
+    """Return the problem of a case, on the given bodies or on a new mesh. Collective."""
     problem = case.problem(comm) if bodies is None else on_bodies(bodies, case)
     if not finer:
         return problem
@@ -257,19 +257,19 @@ def _problem(comm: MPI.Intracomm, case: Case, bodies: Problem | None, finer: boo
 
 
 def on_bodies(bodies: Problem, case: Case) -> Problem:
-    """Return the problem of a case on existing bodies. Collective."""
+    """Return the problem of a case on the mesh and contacts of another problem. Collective."""
     with at(f"{case.path.name}, {case.remarks[-1]}"):
         return variant(bodies, materials=case.materials, loads=case.loads_on(bodies))
 
 
 def run_command(path: str, output: str, report: Reporting, trust: bool) -> str:
-    """Return the command that repeats the run."""
+    """Return the shell command that repeats the run."""
     flags = [flag for flag in ("--trust" if trust else "", report) if flag]
     return shlex.join(["perfplast", "run", path, "-o", output, *flags])
 
 
 def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
-    """Log warnings on suspicious data in a case that can nevertheless be run. Collective."""
+    """Log warnings about suspicious data in a valid case. Collective."""
     points = problem.tagged_mesh.mesh.geometry.x
     odd = odd_magnitudes(case.units, case.materials, comm, np.asarray(points, dtype=np.float64))
     for remark in (*problem.tagged_mesh.remarks, *odd):
@@ -278,9 +278,10 @@ def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
 
 
 def _on_friction(problem: Problem, searched: bool) -> list[str]:
-    """Return sentences on Coulomb's friction, with its bounds if they are known. Collective.
+    """Return sentences on Coulomb's friction, with Drucker's bounds if they apply. Collective.
 
-    If a limit load is sought, the bounds are printed with it.
+    If the run searches for a limit load, these bounds are not included: they are printed with the
+    limit load.
     """
     if not problem.friction.follows_pressure:
         return []
@@ -295,7 +296,7 @@ def _on_friction(problem: Problem, searched: bool) -> list[str]:
 def _asked(
     context: RunContext, solver: Any, stages: LoadingHistory | None, recorder: Recorder
 ) -> Run:
-    """Return the objects that the control of a case uses."""
+    """Return the objects that the control of a case needs for its run."""
     saved, directions = context.saved, read_proven(context.folder, again=True)
     if directions:
         context.terminal.say(f"Directions on file: {len(directions)}; the last is computed again.")

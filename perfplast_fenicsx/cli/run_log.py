@@ -1,7 +1,7 @@
-"""Log messages on standard error and in ``run.log``, and describe the environment of a run.
+"""Send log messages to standard error and ``run.log``, and describe the environment of a run.
 
-The library logs under its own name and configures nothing. All handlers are in this module, which
-only the command line uses. Only rank 0 logs.
+The library logs under the name of the package and configures no logging. All handlers are in this
+module, which only the command line uses. Only rank 0 logs.
 """
 
 import dataclasses
@@ -51,14 +51,14 @@ LIBRARIES = {
     "matplotlib": "matplotlib",
     "pyvista": "pyvista",
 }
-"""Common names of libraries, and those of their Python distributions."""
+"""Distribution names of Python libraries, by the common names of the libraries."""
 
 PETSC_PACKAGES = ("mumps", "hypre", "superlu_dist", "ptscotch", "parmetis", "ml", "cuda", "hip")
 """Solvers, partitioners and devices that PETSc may have been built with."""
 
 
 def versions() -> dict[str, str]:
-    """Return versions by name, in order of interest; "none" for missing libraries."""
+    """Return the versions by library name, important ones first; "none" for missing libraries."""
     found = {
         "perfplast": __version__,
         "DOLFINx": dolfinx.__version__,
@@ -76,18 +76,18 @@ def versions() -> dict[str, str]:
 
 
 def petsc_packages() -> list[str]:
-    """Return the entries of :data:`PETSC_PACKAGES` that PETSc has."""
+    """Return those :data:`PETSC_PACKAGES` with which PETSc was built."""
     return [name for name in PETSC_PACKAGES if PETSc.Sys.hasExternalPackage(name)]
 
 
 def petsc_options() -> str:
-    """Return the options in PETSc's database, in the form of a command line."""
+    """Return the options in PETSc's database as they would be given on a command line."""
     options = PETSc.Options().getAll()
     return " ".join(f"-{key} {options[key]}" for key in options)
 
 
 def blas() -> str:
-    """Return the loaded BLAS libraries, each with version and threads."""
+    """Return the loaded BLAS libraries in words, each with its version and number of threads."""
     found = (
         f"{library['filepath']} ({library['internal_api']} {library['version']},"
         f" {library['num_threads']} threads)"
@@ -98,9 +98,9 @@ def blas() -> str:
 
 
 def threads() -> str:
-    """Return the number of cores that this process may use, and its thread limit."""
+    """Return in words the number of cores that this process may use, and its thread limits."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    # Variables that set the number of threads.
+    # Environment variables that set the number of threads.
     variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
     limits = [f"{name}={os.environ[name]}" for name in variables if name in os.environ]
     return (
@@ -109,7 +109,7 @@ def threads() -> str:
 
 
 def ranks(comm: MPI.Intracomm) -> str:
-    """Return the number of ranks and their hosts. Collective."""
+    """Return in words the number of ranks on each host. Collective."""
     hosts = comm.allgather(MPI.Get_processor_name())
     counts: Longs
     names, counts = np.unique(hosts, return_counts=True)
@@ -117,7 +117,7 @@ def ranks(comm: MPI.Intracomm) -> str:
 
 
 def surroundings(comm: MPI.Intracomm) -> dict[str, str]:
-    """Return all data except the versions, in words by name. Collective."""
+    """Return the data of the machine and of PETSc, in words by name. Collective."""
     return {
         "PETSc packages": ", ".join(petsc_packages()) or "none",
         "PETSc scalars": f"{np.dtype(PETSc.ScalarType)}, indices {np.dtype(PETSc.IntType)}",
@@ -132,12 +132,12 @@ def surroundings(comm: MPI.Intracomm) -> dict[str, str]:
 def logged_to_console(
     comm: MPI.Intracomm, level: str = "warning", before: Callable[[], None] | None = None
 ) -> Iterator[None]:
-    """Show the library's records on standard error, from rank 0.
+    """Show the package's log records on standard error; only rank 0 does.
 
     Args:
         comm: The ranks of the run.
-        level: The least severe level that is shown, one of :data:`~.parser.LOG_LEVELS`.
-        before: Function that is called before each record, to clear the live line.
+        level: The lowest level that is shown, from :data:`~.parser.LOG_LEVELS`.
+        before: Function that is called before each record; it clears the live line.
     """
 
     class Handler(logging.StreamHandler):
@@ -155,17 +155,17 @@ def logged_to_console(
 class RunLog:
     """The file ``run.log``: time stamps, versions, options, Newton steps, warnings, and the end.
 
-    It is a context manager, which logs an exception that ends the block, with its traceback. The
-    log of a continued run is appended to the existing file.
+    The class is a context manager: it logs an exception that ends the block, with its traceback. A
+    continued run appends its log to the existing file.
     """
 
     def __init__(self, folder: ResultFolder, level: str = "info", first: int = 1) -> None:
         """Open the file. Collective.
 
         Args:
-            folder: Its folder.
-            level: Also log records of this level, if it is less severe than "info".
-            first: Number of the first load level, if the run continues from others.
+            folder: Result folder that contains the file.
+            level: Lowest level that is logged, if it is lower than "info".
+            first: Number of the first load level of this run; larger than 1 in a continued run.
 
         Raises:
             InputError: If the file cannot be written.
@@ -197,7 +197,7 @@ class RunLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if isinstance(error, InputError):  # the command line prints it
+        if isinstance(error, InputError):  # the command line prints the message
             log.info("ended: %s", error)
         elif isinstance(error, KeyboardInterrupt):
             log.info("ended immediately by a signal")
@@ -212,7 +212,7 @@ class RunLog:
 
         Args:
             case: The case that is solved.
-            descriptions: Lines on the discrete problem and on how its contacts were formed.
+            descriptions: Lines that describe the discrete problem and how its contacts were formed.
         """
         log.info("%s", ", ".join(f"{name} {version}" for name, version in versions().items()))
         for name, text in surroundings(self._comm).items():
@@ -224,7 +224,7 @@ class RunLog:
             log.info("%s", description)
 
     def iteration(self, record: Iteration) -> None:
-        """Log a Newton step; used as a monitor of the algorithms."""
+        """Log a Newton step; the algorithms call it."""
         log.info(
             "level %d, step %d: zeta %.10g, alpha %.10g, increment %.2e, beta %.3g, rho "
             "%.1e, %.2f%% plastic, %d contacts, %d solves for them, %d linear iterations, "
@@ -235,7 +235,7 @@ class RunLog:
         )
 
     def interior(self, step: InteriorStep) -> None:
-        """Log a step of the interior point method; used as its monitor."""
+        """Log a step of the interior point method; the method calls it."""
         log.info(
             "step %d: load %.10g, gap %.2e, unbalanced forces %.2e, inadmissible flow "
             "%.2e, length %.3g, %.2f s",
@@ -244,7 +244,7 @@ class RunLog:
         )
 
     def mesh(self, round_: Round) -> None:
-        """Log the bounds on one of several meshes; used as a monitor."""
+        """Log the bounds from one of several meshes; called as a monitor after each mesh."""
         log.info("%s", round_)
 
     def say(self, words: str) -> None:
@@ -276,18 +276,18 @@ class RunLog:
 
 
 class _Visible(logging.Formatter):
-    """A formatter that writes control characters as escapes, since users read logs on terminals."""
+    """A formatter that escapes control characters, because users read logs on terminals."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return a record as one or several lines."""
+        """Return the text of a record, in one or several lines."""
         return visible(super().format(record), lines=True)
 
 
 class _LogFile(logging.FileHandler):
-    """A handler that ignores write errors, such as a full disk, which the results report."""
+    """A handler that ignores write errors, which the writer of the results reports."""
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Drop the record."""
+        """Ignore the record that could not be written."""
 
     def close(self) -> None:
         """Close the file and ignore errors."""
@@ -297,7 +297,7 @@ class _LogFile(logging.FileHandler):
 
 @contextmanager
 def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
-    """Collect the library's warnings on rank 0 for results; the list grows within the block."""
+    """Collect the package's warnings on rank 0 in a list, which grows within the block."""
     kept: list[str] = []
 
     class Handler(logging.Handler):
@@ -311,7 +311,7 @@ def kept_warnings(comm: MPI.Intracomm) -> Iterator[list[str]]:
 
 @contextmanager
 def coded_warnings(comm: MPI.Intracomm, kept: list[dict[str, str]]) -> Iterator[None]:
-    """Append code and message of the library's warnings to a list on rank 0."""
+    """Append the code and message of each warning of the package to a list on rank 0."""
 
     class Handler(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
@@ -322,14 +322,14 @@ def coded_warnings(comm: MPI.Intracomm, kept: list[dict[str, str]]) -> Iterator[
 
 
 class _Once(logging.Filter):
-    """A filter that passes each warning once: a finer mesh of the same bodies repeats it."""
+    """A filter that passes each warning once, because every finer mesh repeats the warnings."""
 
     def __init__(self) -> None:
         super().__init__()
         self._seen = set[str]()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record is new, or is not a warning."""
+        """Return whether a record is no warning, or a warning with a new text."""
         if record.levelno != logging.WARNING:
             return True
         text = record.getMessage()
@@ -340,7 +340,7 @@ class _Once(logging.Filter):
 
 @contextmanager
 def _handled(comm: MPI.Intracomm, handler: logging.Handler, level: str) -> Iterator[None]:
-    """Send the package's log records of a level or higher from rank 0 to a handler."""
+    """Send the package's log records from rank 0 to a handler, from a level upwards."""
     handler.setLevel(level.upper())
     handler.addFilter(lambda record: comm.rank == 0)
     handler.addFilter(_Once())

@@ -1,4 +1,4 @@
-"""Run a case several times: combinations of loads, half the element size, values in turn."""
+"""Run a case several times: for load combinations, with smaller elements, or in a sweep."""
 
 import json
 import logging
@@ -34,21 +34,22 @@ log = logging.getLogger(__name__)
 def run_combined(
     comm: MPI.Intracomm, case: Case, output: str, terminal: Terminal, flags: Flags
 ) -> int:
-    """Solve each combination in its own folder, with the same mesh and contact. Collective.
+    """Solve all combinations on the same mesh and contacts, each in its own folder. Collective.
 
     Args:
         comm: The ranks of the run.
         case: A case with combinations.
         output: Folder for the combinations' folders and ``combinations.csv``.
         terminal: The terminal that shows the run.
-        flags: Options of the command. ``restart`` skips those that are already solved. Pages of
-            ``report`` are written at the end, with the table of all combinations.
+        flags: Options of the command. ``restart`` skips combinations that are already solved. With
+            ``report``, the reports are written at the end, because each contains the table of all
+            combinations.
 
     Returns:
-        The largest exit status, or that of an interrupt, which ends the run.
+        The largest exit status. After an interruption, which ends the run, its exit status.
 
     Raises:
-        InputError: As :func:`run.run`, if possible before the first combination is solved.
+        InputError: As for :func:`run.run`, if possible before the first combination is solved.
     """
     path, statuses = str(case.path), [SOLVED]
     folders = {one.name: str(Path(output) / one.name) for one in case.combinations}
@@ -71,7 +72,8 @@ def run_combined(
             terminal.say(f"'{one.name}' is already solved.")
             continue
         live = flags.report if flags.report is Reporting.LIVE else Reporting.NEVER
-        each = with_(flags, restart=False, report=live)  # pages come last, with all of them
+        # reports are written below, with the table of all combinations
+        each = with_(flags, restart=False, report=live)
         prepared = OneOfSeveral(case.combined(one), command, bodies)
         statuses.append(run(comm, path, folders[one.name], terminal, each, prepared))
         terminal.say()
@@ -100,7 +102,7 @@ def run_combined(
 
 
 def _forget(folder: Path) -> None:
-    """Remove the table of an earlier run, which does not belong to this one."""
+    """Remove the table of combinations that an earlier run has written."""
     try:
         (folder / TABLE).unlink(missing_ok=True)
     except OSError as error:
@@ -115,7 +117,7 @@ def _pages(folders: Sequence[ResultFolder], terminal: Terminal) -> None:
 
 
 def combination_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the table as lines, with combinations, bounds and verdicts."""
+    """Return the lines of the table of combinations, with bounds and verdicts."""
     cells = as_cells(rows)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
@@ -128,14 +130,14 @@ def combination_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _limit(folder: str) -> dict[str, Any] | None:
-    """Return the table of the limit load in ``summary.json``."""
+    """Return the table ``limit`` from ``summary.json``."""
     text = (Path(folder) / "summary.json").read_text(encoding="utf-8")
     found: dict[str, Any] | None = json.loads(text).get("limit")
     return found
 
 
 def _is_done(folder: str, case: Case) -> bool:
-    """Return whether a combination of the same case is solved in a folder."""
+    """Return whether a folder has the solution of a combination of the same case."""
     try:
         found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -151,15 +153,16 @@ def run_refined(
 ) -> int:
     """Solve a case twice, the second time with elements of half the size. Collective.
 
-    The arguments are those of :func:`run.run`; the finer results are in a separate folder.
+    The arguments are those of :func:`run.run`. The results of the finer mesh are in the subfolder
+    ``half``.
 
     Returns:
         The larger of both exit statuses.
 
     Raises:
-        InputError: As :func:`run.run`, and for curved cells.
+        InputError: As for :func:`run.run`, and for curved cells.
     """
-    half = "half"  # subfolder for the results with half the size
+    half = "half"  # subfolder for the results with half the element size
     finer = str(Path(output) / half)
     statuses = []
     for where, halved in ((output, False), (finer, True)):
@@ -180,11 +183,11 @@ def run_refined(
 
 
 def compared(coarse: Mapping[str, Any], fine: Mapping[str, Any]) -> list[str]:
-    """Return two runs side by side: sizes, cells, results, and time.
+    """Return the lines of a table that compares two runs: sizes, cells, results, and time.
 
     Args:
-        coarse: ``summary.json`` of the case as it is.
-        fine: ``summary.json`` of the run with half the size.
+        coarse: ``summary.json`` of the run with the given element size.
+        fine: ``summary.json`` of the run with half the element size.
     """
     limits = [summary["limit"] for summary in (coarse, fine)]
     row = _of_limit if all(limits) else _of_levels
@@ -230,11 +233,11 @@ def _of_levels(summary: Mapping[str, Any]) -> dict[str, str]:
 def _told(
     limits: Sequence[Mapping[str, Any] | None], coarse: Mapping[str, Any], fine: Mapping[str, Any]
 ) -> list[str]:
-    """Return how much the finer mesh changes the result, and the best bounds of both."""
+    """Return sentences on the change of the result by the finer mesh, and on the best bounds."""
     if limits[0] is None or limits[1] is None:
         ends = [[s for s in one["steps"] if s["converged"]] for one in (coarse, fine)]
         if not all(ends) or abs(ends[0][-1]["zeta"] - ends[1][-1]["zeta"]) > 1e-9:
-            return ["The last levels differ, so that the results are not compared."]
+            return ["The runs end at different load levels, so their results are not compared."]
         before, after = (end[-1]["max_displacement"] for end in ends)
         change = f"{percent(abs(after / before - 1))} {_way(before, after)}" if before else "none"
         return [f"The largest displacement is {change} with half the size."]
@@ -249,7 +252,7 @@ def _told(
     if lower is not None and upper is not None:
         both = f"between {rounded_down(lower)} and {rounded_up(upper)}"
         apart = f", {percent(upper / lower - 1)} apart" if lower > 0 else ""
-        told.append(f"Both meshes fill the same body, which collapses {both}{apart}.")
+        told.append(f"Both meshes fill the same body, so it collapses {both}{apart}.")
     return told
 
 
@@ -258,7 +261,7 @@ def _way(before: float, after: float) -> str:
 
 
 SWEEP_TABLE, PICTURE = "sweep.csv", "sweep.png"
-"""Files of a sweep, in the folder that contains those of the cases."""
+"""Files of a sweep, in the folder that contains the folders of the cases."""
 
 
 def sweep(
@@ -276,16 +279,17 @@ def sweep(
         path: Path of the case file.
         output: Folder for the cases' folders, :data:`SWEEP_TABLE` and :data:`PICTURE`.
         terminal: The terminal that shows the run.
-        vary: Varied keys and their values, as :func:`variations.read_variation` takes them.
-        flags: Options of the command. ``restart`` skips solved cases, and continues those that have
-            begun.
+        vary: Varied keys with their values, in the form that :func:`variations.read_variation`
+            reads.
+        flags: Options of the command. ``restart`` skips solved cases, and continues cases that are
+            solved in part.
 
     Returns:
-        The largest exit status, or that of an interrupt, which ends the sweep.
+        The largest exit status. After an interruption, which ends the sweep, its exit status.
 
     Raises:
-        InputError: If the case, a value or the folder cannot be used, if possible before any
-            solution.
+        InputError: If the case, a value or the folder cannot be used; if possible before the first
+            solve.
     """
     variations = [read_variation(text) for text in vary]
     cases = sweep_cases(comm, path, variations, flags.trust)
@@ -324,7 +328,7 @@ def sweep(
 def sweep_cases(
     comm: MPI.Intracomm, path: str, variations: Sequence[Variation], trust: bool
 ) -> list[Case]:
-    """Return the cases of a sweep, each checked as far as possible without its mesh. Collective.
+    """Return the cases of a sweep, after all checks that need no mesh. Collective.
 
     Raises:
         InputError: If a value is not valid, or if the case has combinations.
@@ -332,8 +336,8 @@ def sweep_cases(
     base = read_case(path, comm, trust)
     if base.combinations:
         raise InputError(
-            f"{base.path.name}: the case has combinations, which have a table of their "
-            "own; remove them, or vary nothing."
+            f"{base.path.name}: a sweep solves one case for each value, but the case has "
+            "combinations; remove them, or use perfplast run."
         )
     cases = []
     for values in grid(variations):
@@ -358,7 +362,7 @@ ANEW, BEGUN, DONE = "anew", "begun", "done"
 
 
 def _state(folder: str, case: Case) -> str:
-    """Return how far a case is solved in a folder: not at all, in part, or completely."""
+    """Return whether a folder has no results, a part or all of the results of a case."""
     try:
         found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -376,7 +380,7 @@ def _failed(steps: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def _found(folder: str) -> dict[str, Any]:
-    """Return the row of a case in the table of results."""
+    """Return a case's row in the table of a sweep."""
     found = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     row: dict[str, Any] = {}
     limit = found.get("limit")
@@ -394,10 +398,11 @@ def _found(folder: str) -> dict[str, Any]:
 def _written(
     rows: Sequence[Mapping[str, Any]], keys: Sequence[str], title: str, output: Path
 ) -> str | None:
-    """Write table and picture; return the error of the system, if there is one."""
+    """Write the table and the picture; return a sentence if they cannot be written, else None."""
     try:
         replace_file(output / SWEEP_TABLE, csv_table(rows))
-        # importing Matplotlib takes a fifth of the start-up time of other commands
+        # imported here, because Matplotlib would take a fifth of the start-up time of other
+        # commands
         from perfplast_fenicsx.pictures.sweep_curve import save_sweep
 
         if not save_sweep(rows, keys, title, output / PICTURE):

@@ -1,9 +1,9 @@
-"""Handle Ctrl-C and SIGTERM: the ranks end together, between two iterations.
+"""Handle Ctrl-C and SIGTERM: all ranks end the run together, between two iterations.
 
-A signal may reach only one rank, at any point of the program. The rank stores it, and after each
-iteration all ranks check together whether any has one. A second identical signal ends the process
-at once, without damage to files. A signal that ends a child process, such as a compiler, has the
-same effect.
+A signal may reach only one rank, at any point of the program. The rank stores the signal. After
+each iteration all ranks check together whether any rank has received one. A second identical signal
+ends the process at once, without damage to files. If the first signal also ends a child process,
+such as a compiler, the process ends at once too.
 """
 
 import signal
@@ -17,10 +17,10 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 
 
 class Interrupted(StopSearch):
-    """Raised on all ranks together.
+    """Raised on all ranks together after a signal.
 
     Attributes:
-        status: Exit status, as in shells: 128 plus the signal's number.
+        status: Exit status by the convention of shells: 128 plus the signal's number.
     """
 
     def __init__(self, number: int) -> None:
@@ -29,10 +29,10 @@ class Interrupted(StopSearch):
 
 
 class Interrupts:
-    """Stores signals within a ``with`` block; outside the main thread it does nothing."""
+    """Stores signals within a ``with`` block; outside the main thread it has no effect."""
 
     def __init__(self, comm: MPI.Intracomm) -> None:
-        """Start without a signal."""
+        """Create the object; no signal is stored yet."""
         self._comm = comm
         self._noted = 0
         self._before: dict[int, object] = {}
@@ -51,7 +51,8 @@ class Interrupts:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
-        # a compiler or a file that was interrupted too is not a fault of the program
+        # the signal may also have interrupted a compiler or file access, which is no fault of the
+        # program
         expected = (StopSearch, InputError)
         if self._noted and isinstance(error, Exception) and not isinstance(error, expected):
             raise KeyboardInterrupt(self._noted) from error
@@ -72,5 +73,5 @@ class Interrupts:
 
 
 def leave_pipes_to_python() -> None:
-    """Let a closed pipe raise BrokenPipeError, instead of PETSc ending the process."""
+    """Make a closed pipe raise BrokenPipeError; otherwise PETSc would end the process."""
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)

@@ -1,7 +1,7 @@
-"""Print a run on the terminal: a header, a line for each level, and a live line in long levels.
+"""Print the progress of a run: a header, a line for each level, and a live line meanwhile.
 
 Only rank 0 prints. The output is plain ASCII, which every terminal can show. The live line appears
-only on terminals.
+only if the output is a terminal.
 """
 
 import os
@@ -35,15 +35,15 @@ from perfplast_fenicsx.units import Units
 
 
 def remaining(planned: int | None, seconds: Sequence[float]) -> str:
-    """Return the remaining levels and their approximate time, in words.
+    """Return in words how many levels are left, and about how long they take.
 
     Args:
         planned: Number of levels of the whole run; None if it chooses them itself.
         seconds: Time of each level so far (s).
 
     Returns:
-        Such as ``2 levels left, about 1:40``; without a time before the end of the first level, and
-        empty if nothing is known or left.
+        Text such as ``2 levels left, about 1:40``. Before the first level ends the time is missing.
+        The text is empty if no level is left or if the number is unknown.
     """
     left = 0 if planned is None else planned - len(seconds)
     if left < 1:
@@ -67,8 +67,8 @@ def next_level(planned: int | None, seconds: Sequence[float]) -> str:
 
 
 def _time_left(levels: int, seconds: Sequence[float]) -> str:
-    # Number of the last levels from which the next times are estimated: levels near collapse take
-    # longer than the first.
+    # The times of the next levels are estimated from this number of recent levels, because levels
+    # near collapse take longer than the first ones.
     most_recent = 3
     recent = seconds[-most_recent:]
     return clock(levels * sum(recent) / len(recent)) if recent else ""
@@ -92,10 +92,10 @@ LIVE_PERIOD = 0.2
 
 
 class Terminal:
-    """Writes to a stream on rank 0, and nothing on the others.
+    """Writes to a stream on rank 0; other ranks write nothing.
 
     Attributes:
-        heard: Called with the current activity, on every rank; None if nothing hears it.
+        heard: Function that is called on every rank with the current activity; None for no call.
     """
 
     def __init__(
@@ -109,8 +109,8 @@ class Terminal:
 
         Args:
             comm: The ranks of the run.
-            stream: Stream to write to; by default standard output.
-            live: Whether to show a live line; by default if the output is a terminal.
+            stream: Stream to which the terminal writes; by default standard output.
+            live: Whether to show a live line; by default it is shown if the stream is a terminal.
             quiet: Whether to write nothing at all.
         """
         self._comm = comm
@@ -127,13 +127,13 @@ class Terminal:
         self.heard: Callable[[str], None] | None = None
 
     def say(self, text: str = "") -> None:
-        """Write one or several lines, with control characters as escapes."""
+        """Write one or several lines; control characters are written as escapes."""
         if self._speaks:
             self.clear()
             self._write(f"{visible(text, lines=True)}\n")
 
     def status(self, text: str) -> None:
-        """Show the current activity on the live line, and pass it to the listeners."""
+        """Show the current activity on the live line, and call ``heard`` with it."""
         if self.heard is not None:
             self.heard(text)
         if self._live:
@@ -144,19 +144,19 @@ class Terminal:
             self._write(f"\r{text}")
 
     def clear(self) -> None:
-        """Remove the live line, so that something else can be written."""
+        """Remove the live line so that another line can be written."""
         if self._shown:
             self._write("\r" + " " * self._shown + "\r")
             self._shown = 0
 
     def _write(self, text: str) -> None:
-        """Write, or stop writing if the stream is closed; the results are on file."""
+        """Write a text; after the stream is closed, write nothing (the results are on file)."""
         try:
             print(text, end="", file=self._stream, flush=True)
         except BrokenPipeError:
             self._speaks = self._live = False
             self._shown = 0
-            # otherwise Python would write the rest to the closed stream at its end
+            # otherwise Python would flush the rest to the closed stream when the program ends
             with open(os.devnull, "w") as nowhere:
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
@@ -168,13 +168,14 @@ class Terminal:
         options: object = None,
         conic: str = USUAL,
     ) -> None:
-        """Print the problem, and the table heading if levels follow. Collective."""
+        """Print the problem, and the heading of the table if load levels follow. Collective."""
         self.say(describe(title, method, problem, options, conic))
         for remark in problem.constraints.remarks:
             self.say(remark)
         if method != LimitMethod.INTERIOR_POINT:
             self._driven = problem.motion.driven and not problem.loads.grows()
-            # Heading of the driving force, if ζ moves supports and obstacles and no load does work.
+            # The column contains the driving force if ζ moves supports and obstacles and no load
+            # grows with ζ.
             driven = "force"
             heads = (
                 (driven if name == "alpha" and self._driven else name, w) for name, w in COLUMNS
@@ -182,16 +183,16 @@ class Terminal:
             self.say("  ".join(f"{name:>{width}}" for name, width in heads))
 
     def plan(self, levels: int) -> None:
-        """Store how many levels the whole run has."""
+        """Store the number of levels in the whole run."""
         self._planned = levels
 
     @property
     def next_level(self) -> str:
-        """Return the level in progress, the number of levels, and the remaining time."""
+        """Return in words the level in progress, the number of levels, and the remaining time."""
         return next_level(self._planned, self._seconds)
 
     def iteration(self, record: Iteration) -> None:
-        """Show a Newton step on the live line; used as a monitor of the algorithms."""
+        """Show a Newton step on the live line; the algorithms call it."""
         now = time.monotonic()
         if now - self._last >= LIVE_PERIOD:
             self._last = now
@@ -202,28 +203,28 @@ class Terminal:
             )
 
     def interior(self, step: InteriorStep) -> None:
-        """Show a step of the interior point method on the live line; used as its monitor."""
+        """Show a step of the interior point method on the live line; the method calls it."""
         self.status(
             f"step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, unbalanced "
             f"forces {step.unbalanced:.1e}, inadmissible flow {step.inadmissible:.1e}"
         )
 
     def mesh(self, round_: Round) -> None:
-        """Write the bounds on one of several meshes; used as a monitor."""
+        """Write the bounds from one of several meshes; called as a monitor after each mesh."""
         lower, upper = (
             f"none ({value:.6g} is not proven)" if value is not None else "none"
             for value in round_.not_proven
         )
         lower = lower if round_.lower is None else rounded_down(round_.lower)
         upper = upper if round_.upper is None else rounded_up(round_.upper)
-        apart = "" if round_.gap is None else f", the best ones {100 * round_.gap:.3g} % apart"
+        apart = "" if round_.gap is None else f", best bounds {100 * round_.gap:.3g} % apart"
         self.say(
             f"Mesh {round_.number}: {round_.cells} cells, lower bound {lower}, upper"
             f" bound {upper}{apart}, {round_.seconds:.1f} s"
         )
 
     def level(self, report: LevelReport) -> None:
-        """Write the line of a level, and another line at the beginning of a stage."""
+        """Write the line for a level, and at the beginning of a stage a line with its name."""
         self._seconds.append(report.seconds)
         if report.stage != self._stage:
             self._stage = report.stage
@@ -241,12 +242,13 @@ class Terminal:
             self.say(f"No solution at zeta = {report.zeta:.6g}: {report.reason}.")
 
     def limit(self, limit: LimitLoad, last: bool = False, associated: bool = False) -> None:
-        """Print the limit load of the mesh, or of the last one of several.
+        """Print the limit load of the mesh, or of the last mesh if there are several.
 
         Args:
             limit: The limit load.
-            last: Whether it is the limit load of the last of several meshes.
-            associated: Whether slip is associated, while Coulomb's slip need not be.
+            last: Whether the limit load belongs to the last of several meshes.
+            associated: Whether this limit load assumes associated slip, which Coulomb's friction
+                does not have.
         """
         if not limit.theorem:
             self._path_bracket(limit)
@@ -263,21 +265,21 @@ class Terminal:
         )
 
     def _path_bracket(self, limit: LimitLoad) -> None:
-        """Print where a path loses equilibrium, and Drucker's bounds."""
+        """Print the load at which a path loses equilibrium, and Drucker's bounds."""
         found = PathBracket(limit.lower, limit.upper).in_words()
         self.say(f"This path {found} ({effort(limit)}).")
         self.say(f"Reason for the end of the search: {limit.reason}.")
         self.say(SAID)
         pair = limit.drucker
-        self.say(NO_PAIR if pair is None else f"Beside it: {pair.in_words()}.")
+        self.say(NO_PAIR if pair is None else f"For comparison: {pair.in_words()}.")
 
     def reactions(self, report: LevelReport, problem: Problem, units: Units) -> None:
-        """Print the forces of loads, supports, obstacles and contacts on the bodies.
+        """Print the forces that loads, supports, obstacles and contacts exert on the bodies.
 
         Args:
             report: Report of the level.
-            problem: Problem of the level.
-            units: Units of its numbers.
+            problem: The problem that was solved.
+            units: Units of the numbers.
         """
         width = max(map(len, report.reactions), default=0)
         factors = "".join(f", {name} = {factor:.6g}" for name, factor in report.factors.items())
@@ -290,7 +292,7 @@ class Terminal:
             self.say(f"  {name:<{width}}  {cells}")
 
     def body(self, bounds: BodyBounds, steps: Sequence[str] = ()) -> None:
-        """Print the bounds of the body, and how to reduce their gap."""
+        """Print the bounds for the body, and the steps that reduce their gap."""
         self.say(bounds.in_words())
         for step in steps:
             self.say(f"{sentence(step)}.")
@@ -300,8 +302,8 @@ class Terminal:
 
         Args:
             folder: Result folder.
-            goes_on: Whether ``--restart`` can continue from levels; otherwise checkpoints are not
-                mentioned.
+            goes_on: Whether ``--restart`` can continue from the levels; if not, checkpoint files
+                are not listed.
         """
         if self._comm.rank == 0:
             found = [name for name in folder.found() if goes_on or name not in (NEWEST, BEFORE)]
@@ -311,7 +313,7 @@ class Terminal:
 def describe(
     title: str, method: str, problem: Problem, options: object = None, conic: str = USUAL
 ) -> str:
-    """Return the problem as one line. Collective."""
+    """Return a description of the problem in one line. Collective."""
     mesh, comm = problem.tagged_mesh.mesh, problem.comm
     bodies = ", ".join(sorted(problem.tagged_mesh.volumes))
     cells = mesh.topology.index_map(mesh.topology.dim).size_global
@@ -333,7 +335,7 @@ def describe(
 
 
 def effort(limit: LimitLoad) -> str:
-    """Return the cost of a limit load in words."""
+    """Return the number of linear solves or factorisations of a limit load, in words."""
     if limit.factorisations is None:
         return f"{limit.linear_solves} linear solves"
     return f"{limit.factorisations} factorisations"
@@ -342,8 +344,8 @@ def effort(limit: LimitLoad) -> str:
 def shows(stream: TextIO) -> bool:
     """Return whether a stream goes to a terminal.
 
-    Some launchers give each rank a terminal, whatever their own output is; then the launcher's
-    output decides.
+    Some launchers give each rank a terminal even if their own output is redirected. In this case
+    the function tests the output of the launcher.
     """
     if not stream.isatty():
         return False

@@ -1,8 +1,9 @@
-"""``perfplast mcp FOLDER``: tools for programs, by the Model Context Protocol on standard input.
+"""Implement ``perfplast mcp FOLDER``: serve tools by the Model Context Protocol.
 
-Each tool runs a command of this program in a separate process, so that a fault in one tool does not
-end the others. A path outside the given folders is refused; a case file may still name a mesh or a
-table that lies elsewhere. The package ``mcp`` is optional.
+The server reads requests on standard input and answers on standard output. Each tool runs a command
+of this program in a separate process, so a fault in one tool does not end the server. A tool
+refuses a path outside the given folders. A case file may still name a mesh or a table outside them.
+The package ``mcp`` is optional.
 """
 
 import json
@@ -23,25 +24,25 @@ from perfplast_fenicsx.io.results.result_files import ENDED, is_held
 Answer = dict[str, Any]
 
 INSTRUCTIONS = (
-    "Limit loads of elastic-plastic bodies in contact. Call a number a bound only if 'claim' has"
-    " returned it. A refusal has 'ok': false, and 'error' with its code, place and remedy. A number"
-    " that is missing has to be asked for, because no tool guesses one."
+    "Limit loads of elastic-plastic bodies in contact. Call a number a bound only if 'claim' has "
+    "returned it. If a tool refuses its input, the answer has 'ok': false, and 'error' with code, "
+    "place and remedy. No tool guesses a missing number: ask the user for it."
 )
 
 
 @dataclass
 class Tools:
-    """The tools, for files in some folders.
+    """The tools. They use only files in the given folders.
 
     Attributes:
-        folders: Folders that must contain all paths, resolved.
+        folders: Resolved paths of the folders that must contain all given paths.
     """
 
     folders: tuple[Path, ...]
     _running: dict[Path, subprocess.Popen[bytes]] = field(default_factory=dict, init=False)
 
     def describe(self, path: str) -> Answer:
-        """Return the meaning of a case: bodies, and the loads that the load factor multiplies.
+        """Return the bodies of a case, and the loads that its load factor multiplies.
 
         Args:
             path: A case file.
@@ -49,26 +50,26 @@ class Tools:
         return self._command("info", self._inside(path))
 
     def template(self, name: str = "") -> Answer:
-        """Return tables of factors that a code asks for, or the names of all codes.
+        """Return the tables of factors that a design code requires, or the names of all checks.
 
         Args:
-            name: Name of the check; empty for the names.
+            name: Name of the check; empty for the names of all checks.
         """
         return self._command("template", *([name] if name else []))
 
     def mesh(self, drawing: str, folder: str, material: str) -> Answer:
-        """Mesh a drawing, and write a first case file, in which supports and loads are missing.
+        """Mesh a drawing, and write a first case file without supports and loads.
 
         Args:
             drawing: A STEP, IGES, BREP or .geo file.
-            folder: Folder for mesh, picture and case.
-            material: Material of all bodies, of the list that ``perfplast materials`` prints.
+            folder: Folder for the mesh, the picture and the case file.
+            material: Material of all bodies; ``perfplast materials`` lists the names.
         """
         into = self._inside(folder)
         return self._command("mesh", self._inside(drawing), "-o", into, "--material", material)
 
     def check(self, case: str) -> Answer:
-        """Return how a case is understood, or the first reason why it cannot be run.
+        """Return the program's reading of a case, or the first reason why the case cannot be run.
 
         Args:
             case: A case file.
@@ -76,7 +77,7 @@ class Tools:
         return self._command("check", self._inside(case))
 
     def run(self, case: str, folder: str, ranks: int = 1) -> Answer:
-        """Start a run, and return at once.
+        """Start a run, and return without waiting for its end.
 
         Args:
             case: A case file.
@@ -85,7 +86,7 @@ class Tools:
         """
         where = Path(self._inside(folder))
         if (where / "summary.json").exists():
-            raise InputError(f"the folder '{folder}' has results already; name another folder.")
+            raise InputError(f"the folder '{folder}' already has results; name another folder.")
         checked = self.check(case)
         if not checked["ok"]:
             return checked
@@ -103,7 +104,7 @@ class Tools:
         return {"ok": True, "folder": str(where), "report": str(where / "report.html")}
 
     def status(self, folder: str) -> Answer:
-        """Return whether a run goes on, and the last lines that it printed.
+        """Return whether a run is in progress, and the last lines that it printed.
 
         Args:
             folder: Folder of the run.
@@ -111,7 +112,9 @@ class Tools:
         where = Path(self._inside(folder))
         log = where / "run.log"
         if not log.is_file() and where not in self._running:
-            raise InputError(f"'{folder}' has no run.log, so no run was started there; call run.")
+            raise InputError(
+                f"'{folder}' has no run.log, so no run was started in it; call the tool run first."
+            )
         process = self._running.get(where)
         alive = process.poll() is None if process is not None else is_held(log)
         printed = where / "output.txt"
@@ -124,7 +127,7 @@ class Tools:
         return answer
 
     def claim(self, folder: str) -> Answer:
-        """Return the bounds that the files of a run prove, checked again, with their SHA-256.
+        """Check the proof files of a run again; return the proven bounds and the files' SHA-256.
 
         Args:
             folder: Folder of the results.
@@ -132,7 +135,7 @@ class Tools:
         return self._command("claim", self._inside(folder))
 
     def prove(self, file: str) -> Answer:
-        """Return the verdict of the checker on a proof file.
+        """Check a proof file, and return the checker's verdict.
 
         Args:
             file: A proof file, such as bounds.h5.
@@ -145,33 +148,35 @@ class Tools:
         done = _ended([*_PROGRAM, *arguments, OPTION])
         try:
             return {"ok": done.returncode == SOLVED} | json.loads(done.stdout)
-        except ValueError:  # a fault that ended the process
+        except ValueError:  # a fault has ended the process
             last = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
             fault = {"code": "fault", "message": " ".join(last), "where": "", "remedy": ""}
             return {"ok": False, "exit_status": done.returncode, "error": fault}
 
     def _inside(self, path: str) -> str:
-        """Return a path, resolved.
+        """Return the resolved path of a file or folder.
 
         Raises:
-            InputError: If it is in none of the folders.
+            InputError: If the path is outside the given folders.
         """
         first = self.folders[0]
         found = (first / path).resolve()
         if not any(found.is_relative_to(folder) for folder in self.folders):
             allowed = ", ".join(map(str, self.folders))
-            raise InputError(f"'{path}' is in none of the folders {allowed}; give a path in one.")
+            raise InputError(
+                f"'{path}' is outside the folders {allowed}; give a path inside one of them."
+            )
         return str(found)
 
 
 _PROGRAM = [sys.executable, "-m", "perfplast_fenicsx"]
 
 NAMES = ("describe", "template", "mesh", "check", "run", "status", "claim", "prove")
-"""The tools, by the names of their methods."""
+"""Names of the tools, which are the names of their methods."""
 
 
 def _ended(command: Sequence[str]) -> subprocess.CompletedProcess[bytes]:
-    """Run a command to its end."""
+    """Run a command, wait for its end, and return its output."""
     environment = environment_with_package()
     return subprocess.run(
         command, stdin=subprocess.DEVNULL, capture_output=True, env=environment, check=False
@@ -179,7 +184,7 @@ def _ended(command: Sequence[str]) -> subprocess.CompletedProcess[bytes]:
 
 
 def answering(tool: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Return a tool that returns its refusals as answers."""
+    """Return a function that calls a tool and returns an InputError as an answer."""
 
     @wraps(tool)
     def answered(*args: Any, **kwargs: Any) -> Answer:
@@ -192,13 +197,13 @@ def answering(tool: Callable[..., Answer]) -> Callable[..., Answer]:
 
 
 def serve(folders: Sequence[str]) -> int:
-    """Serve the tools on standard input and output until that ends. Not collective.
+    """Serve the tools on standard input and output until the input ends. Not collective.
 
     Args:
-        folders: Folders that must contain all paths.
+        folders: Folders that must contain all given paths.
 
     Raises:
-        InputError: If a folder does not exist, or the package ``mcp`` is missing.
+        InputError: If a folder does not exist, or if the package ``mcp`` is missing.
     """
     for folder in folders:
         if not Path(folder).is_dir():
@@ -207,8 +212,8 @@ def serve(folders: Sequence[str]) -> int:
         from mcp.server import MCPServer
     except ImportError as error:
         raise InputError(
-            "perfplast mcp needs the package mcp of PyPI, in version 2; install"
-            " perfplast_fenicsx[mcp]."
+            "perfplast mcp needs version 2 of the package mcp from PyPI; install "
+            "perfplast_fenicsx[mcp]."
         ) from error
     tools = Tools(tuple(Path(folder).resolve() for folder in folders))
     server = MCPServer("perfplast", instructions=INSTRUCTIONS)

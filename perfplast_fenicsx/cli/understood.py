@@ -1,4 +1,4 @@
-"""Describe the program's reading of a case before it solves: loads, supports, contacts, faces."""
+"""Describe how the program reads a case, before it solves it: loads, supports, contacts, faces."""
 
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -37,22 +37,22 @@ PICTURE = "case.png"
 """Name of the picture that ``check`` draws next to a case file."""
 
 MOST = 6
-"""Largest number of sides or names that are listed; for the others only their number is printed."""
+"""Largest number of sides or names in a list; of further ones only the number is printed."""
 
 
 DRAWN = 1e-9
-"""Share by which the area of a surface may differ from the drawing's without being mentioned."""
+"""Relative difference up to which the area of a surface counts as equal to that in the drawing."""
 
 
 @dataclass
 class Marked:
-    """A surface that a picture marks.
+    """A surface that the picture of a case marks.
 
     Attributes:
         roles: Its roles in the case: "load", "support", "contact", "tie", "obstacle", "rigid".
-        words: Text of the legend, without the covered part of a side.
-        part: The part of a side that it covers; "" if it covers its sides completely.
-        force: Resultants of loads on it (force), each shape (gdim,).
+        words: Texts for the legend; they do not mention the covered part of a side.
+        part: The part of a side that the surface covers, in words; "" if it covers whole sides.
+        force: Resultants of the loads on the surface (force), each of shape (gdim,).
     """
 
     roles: list[str] = field(default_factory=list)
@@ -68,7 +68,7 @@ class Understood:
     Attributes:
         lines: Lines of text for a terminal.
         sides: The sides of the bodies.
-        marked: Surfaces that the case names, in the order of the case.
+        marked: The surfaces that the case names, in the order of the case.
     """
 
     lines: list[str]
@@ -77,7 +77,7 @@ class Understood:
 
 
 def understood(case: Case, problem: Problem) -> Understood | None:
-    """Return the interpretation of a case on rank 0, None on the other ranks. Collective."""
+    """Return the program's reading of a case on rank 0, and None on other ranks. Collective."""
     resultants = sized_resultants(problem)
     single, together = left_motions(problem)
     volumes = _volumes(problem)
@@ -97,7 +97,7 @@ def understood(case: Case, problem: Problem) -> Understood | None:
 
 
 class _Told:
-    """Describes a case in lines."""
+    """Describes a case in lines of text, and stores the surfaces that the case names."""
 
     def __init__(self, case: Case, problem: Problem, sides: Sides) -> None:
         self.case, self.problem, self.sides = case, problem, sides
@@ -111,7 +111,7 @@ class _Told:
     def loads(
         self, resultants: Sequence[tuple[LoadResultant, float]], volumes: dict[str, float]
     ) -> None:
-        """Print each load: surface, size and resultant."""
+        """Add the lines on each load: surface, size and resultant."""
         if not self.case.loads:
             self.lines.append("Loads: none")
             return
@@ -131,12 +131,15 @@ class _Told:
             self._told(told, load.on, "load", words)
             self.marked[load.on].force.append(np.array(found.force))
             if shared := self._shared(load, self.case.loads[:number]):
-                self.lines.append(f"    adds to {shared}")
+                self.lines.append(f"    acts together with {shared}")
             if held := self._held_on(load.on, np.abs(found.force) > ROUNDING * total):
-                self.lines.append(f"    a support holds {held} there; these components do no work")
+                self.lines.append(
+                    f"    a support holds {held} of this surface, so these "
+                    "components of the load do no work"
+                )
 
     def water(self) -> None:
-        """Print where water enters and leaves the ground and how much, and the largest pressure."""
+        """Add lines on the inflow and outflow of water and on the largest pore pressure."""
         flow = flow_of(self.problem.given.loads)
         if flow is None:
             return
@@ -156,7 +159,7 @@ class _Told:
             self.lines.append(f"  {name}: {told}")
 
     def supports(self, single: Sequence[list[str]], together: list[str]) -> None:
-        """Print each support: place, components, and the rigid motions that it leaves free."""
+        """Add a line on each support: place, components, free rigid motions."""
         holding = self.problem.given.holding
         self.lines.append("Supports:" if holding else "Supports: none")
         axes = self.problem.kinematics.axes
@@ -180,12 +183,12 @@ class _Told:
                 told = f"{surface.name or surface.on}: '{surface.on}' moves as one rigid surface"
                 self._told(f"{told}; {self._area(surface.on)}", surface.on, "rigid", "rigid")
         if together and (len(holding), self.problem.bodies.count) != (1, 1):
-            self.lines.append(f"  all together they leave {'; '.join(together)}")
+            self.lines.append(f"  all supports together leave {'; '.join(together)}")
 
     def interfaces(
         self, gaps: dict[str, tuple[int, float, float]], against: Sequence[HeldAgainst]
     ) -> None:
-        """Print contacts, obstacles and ties: areas, pairs of nodes, gaps."""
+        """Add lines on contacts, obstacles and ties: areas, pairs of nodes, gaps."""
         contacts, ties = self.case.contacts, self.problem.given.ties
         if contacts or self.case.obstacles:
             self.lines.append("Contacts:")
@@ -223,7 +226,7 @@ class _Told:
                 self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
-        """Name the strengths that a factor of safety divides, and the others."""
+        """Add lines on the strengths that a factor of safety divides or does not divide."""
         case = self.case
         if not case.loading.divides:
             return
@@ -234,7 +237,7 @@ class _Told:
             self.lines.append(f"F does not divide (reduced = false): {_few(kept)}")
 
     def rest(self, volumes: dict[str, float]) -> None:
-        """Print surfaces that the case does not name, and bodies without load or support."""
+        """Add lines on surfaces that the case does not name, and on bodies without a load."""
         areas, of_tags = self.sides.area_of_tags(), self.sides.names_of_tags()
         used = self.problem.tagged_mesh.tags_of([*self.marked, *self.glued])
         free: dict[str, float] = {}
@@ -245,7 +248,7 @@ class _Told:
         if unnamed > ROUNDING * sum(areas.values()):
             parts.append(f"{_number(unnamed)} without a name")
         what = "length" if self._flat else "area"
-        self.lines.append(f"Free of all of these ({what}): {_few(parts) or 'nothing'}")
+        self.lines.append(f"Not named by the case ({what}): {_few(parts) or 'nothing'}")
         loaded = {load.on for load in self.case.loads if load.in_volume}
         named = self.problem.free.names
         touched = self._bodies_of({load.on for load in self.case.loads if not load.in_volume})
@@ -263,7 +266,7 @@ class _Told:
         return found
 
     def _told(self, line: str, name: str, role: str, words: str) -> None:
-        """Add a line on a surface and the sides that it covers."""
+        """Add a line on a surface, with the sides that the surface covers."""
         parts, all_of = [], dict[str, list[str]]()
         for cover in self.sides.covers(name):
             body = self.problem.free.names[cover.side.body]
@@ -292,7 +295,7 @@ class _Told:
             mark.words.append(words)
 
     def _shared(self, load: Load, others: Sequence[Load]) -> str:
-        """Return in words the surfaces on which a load acts together with others of its kind."""
+        """Return in words the loads of the same kind that share faces with a load."""
         own, found = set(self.problem.tagged_mesh.tags_of([load.on])), []
         for other in others:
             alike = kind_of(other) == kind_of(load) and other.constant == load.constant
@@ -306,7 +309,7 @@ class _Told:
         return "; ".join(found)
 
     def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
-        """Return in words the components that loads push and supports hold on a surface."""
+        """Return in words the components of a load on a surface that supports hold."""
         gdim, axes = self.problem.bodies.gdim, self.problem.kinematics.axes
         held = {
             number
@@ -323,7 +326,7 @@ class _Told:
         return f"{'length' if self._flat else 'area'} {self._size(name, unit)}"
 
     def _size(self, name: str, unit: str = "") -> str:
-        """Return the area of a surface, and its area in the drawing if that differs."""
+        """Return the area of a surface in words, with its area in the drawing if the two differ."""
         area, drawn = self.sides.area(name), self.problem.tagged_mesh.drawn.get(name)
         told = f"{_number(area)}{unit}"
         if drawn and abs(area / drawn - 1) > DRAWN:
@@ -345,13 +348,13 @@ class _Told:
         return f"{count} pairs of nodes, {where}"
 
     def _resultant(self, load: Load, found: LoadResultant, total: float) -> str:
-        """Return force and moment of a load in words, the moment about the middle of its surface.
+        """Return a load's force in words, with its moment about the surface's centroid.
 
         Args:
             load: The load.
-            found: Its resultant.
-            total: Sum of the magnitudes of its nodal forces, relative to which small numbers are
-                rounding.
+            found: The resultant of the load.
+            total: Sum of the magnitudes of the load's nodal forces. Components that are rounding
+                errors relative to this sum are shown as 0.
         """
         force, unit = np.array(found.force), self.units["force"]
         size = self.problem.bodies.size
@@ -364,7 +367,7 @@ class _Told:
             return told
         middle = area @ self.sides.facets.x[own].mean(axis=1) / area.sum()
         moment = np.array(found.moment) - np.atleast_1d(_cross(middle, force))
-        small = 1e-6  # moments below this share of their largest possible value are not printed
+        small = 1e-6  # moments below this fraction of their largest possible value are not printed
         if np.abs(moment).max() > small * total * size:
             shown = moment * self.case.units.moment_scale(self.whole)
             unit = self.units["moment"]
@@ -375,13 +378,13 @@ class _Told:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Bodies in the plane, as a picture fills them.
+    """Cells of plane bodies, which the picture fills with one colour for each body.
 
     Attributes:
         cells: Corners of the cells, shape (n, 3, 2).
-        bodies: The number of the body of each cell, shape (n,).
+        bodies: Number of the body to which each cell belongs, shape (n,).
         names: Names of the bodies.
-        water: The water table, shape (n, 2); empty without one.
+        water: Points of the water table, shape (n, 2); no points without a water table.
     """
 
     cells: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
@@ -391,7 +394,7 @@ class Section:
 
 
 def _section(case: Case, problem: Problem) -> Section:
-    """Return the bodies in the plane, gathered on rank 0; no cells in space. Collective."""
+    """Return the plane bodies, gathered on rank 0; no cells for bodies in space. Collective."""
     tagged_mesh = problem.tagged_mesh
     mesh, comm = tagged_mesh.mesh, problem.comm
     if mesh.topology.dim != 2:
@@ -408,17 +411,17 @@ def _section(case: Case, problem: Problem) -> Section:
 
 
 def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
-    """Draw the program's reading of a case, if the system can draw. Collective.
+    """Draw the program's reading of a case if the system can draw. Collective.
 
     Args:
-        case: The case, whose title heads the picture.
-        problem: The bodies.
+        case: The case; the picture has its title.
+        problem: The problem of the case.
         meant: The result of :func:`understood`.
         picture: A PNG file.
 
     Returns:
-        Whether the picture is drawn, the same on every rank; without a graphics system a warning is
-        logged.
+        Whether the picture was drawn, the same on every rank. Without a graphics system, a warning
+        is logged and nothing is drawn.
     """
     section = _section(case, problem)
 
@@ -435,21 +438,22 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
 def save_arrays(
     file: Path, title: str, meant: Understood, section: Section, revolved: bool
 ) -> None:
-    """Write the data of the picture as an .npz file.
+    """Write the data for the picture to an .npz file.
 
     Args:
         file: The file.
         title: Title of the case.
-        meant: The understood case.
-        section: Bodies in the plane.
-        revolved: Whether the bodies are half a section of bodies of revolution.
+        meant: The program's reading of the case.
+        section: The plane bodies.
+        revolved: Whether the plane bodies are the half sections of bodies of revolution.
     """
     sides, facets = meant.sides, meant.sides.facets
     mark, rest = np.full(len(facets.area), -1), np.zeros(len(facets.area), dtype=np.bool_)
     labels, roles, places, forces, of_force = [], [], [], [], []
     numbers = {name: number for number, name in enumerate(meant.marked)}
     for name in sorted(numbers, key=sides.area, reverse=True):
-        mark[sides.on(name)] = numbers[name]  # a surface inside another one remains visible
+        # smaller surfaces are marked later, so that they remain visible inside larger ones
+        mark[sides.on(name)] = numbers[name]
     for number, (name, marked) in enumerate(meant.marked.items()):
         own = sides.on(name)
         if marked.part:
@@ -485,7 +489,7 @@ def save_arrays(
 
 
 def _part(cover: Cover, where: str) -> str:
-    """Return in words the covered part of a side."""
+    """Return in words the part of a side that a surface covers, and what names the rest."""
     side = cover.side
     share = cover.area / side.area
     rest = [
@@ -500,17 +504,17 @@ def _part(cover: Cover, where: str) -> str:
 
 
 def _few(words: Sequence[str]) -> str:
-    """Return words as a list, with only the number of those after the first ones."""
+    """Return a list as text; after the first entries only the number of the others is given."""
     shown = words if len(words) <= MOST + 1 else [*words[:MOST], f"{len(words) - MOST} more"]
     return ", ".join(shown)
 
 
 def _held(one: HeldAgainst) -> str:
-    """Return in words the supports on surfaces that another body pushes on, with a remedy."""
+    """Return a remark on a support that holds nodes in contact along the normal, with a remedy."""
     return (
-        f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of '{one.surface}' "
-        f"along the normal, but not '{one.other}': an elastic or rigid body cannot be "
-        "pushed in there; let the support end before, or hold other components"
+        f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of '{one.surface}' along the "
+        f"normal, but does not hold '{one.other}': an elastic or rigid body cannot be pushed into "
+        "them; end the support before the contact, or hold other components"
     )
 
 
@@ -531,13 +535,13 @@ def _number(value: float) -> str:
 
 
 def _vector(values: Floats, most: float) -> str:
-    """Return components in brackets, with values that are rounding relative to ``most`` as 0."""
+    """Return components in brackets, with rounding errors (relative to ``most``) as 0."""
     shown = np.where(np.abs(values) <= ROUNDING * most, 0.0, values)
     return f"({', '.join(_number(float(one)) for one in shown)})"
 
 
 def _volumes(problem: Problem) -> dict[str, float]:
-    """Return the volume of each named body, in the plane its area. Collective."""
+    """Return the volume (in the plane the area) of each named body. Collective."""
     tagged_mesh = problem.tagged_mesh
     mesh, tags, dim = tagged_mesh.mesh, tagged_mesh.cell_tags, tagged_mesh.mesh.topology.dim
     owned = tags.indices < mesh.topology.index_map(dim).size_local

@@ -1,7 +1,7 @@
 """Mesh a file: ``python3 -m perfplast_fenicsx.geometry SOURCE TARGET.msh OPTIONS SURVEY``.
 
-:mod:`kept_mesh` starts it, since broken geometry makes gmsh crash. The program does not import
-MPI.
+:mod:`kept_mesh` starts this program in a separate process, because damaged geometry may make gmsh
+crash. The program does not import MPI.
 """
 
 import sys
@@ -18,7 +18,7 @@ from perfplast_fenicsx.mesh.gmsh_reader import gmsh_session
 
 
 def main(argv: Sequence[str]) -> int:
-    """Mesh a geometry, and write its survey."""
+    """Mesh a geometry, write the mesh and its survey, and return the exit status."""
     source, target, options, survey = argv
     try:
         with gmsh_session() as gmsh:

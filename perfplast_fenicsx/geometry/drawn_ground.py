@@ -1,4 +1,4 @@
-"""Define ground drawn in a case by coordinates: regions, strata and lines in the plane."""
+"""Define ground that a case draws by coordinates: regions, strata and lines in the plane."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -24,21 +24,23 @@ from perfplast_fenicsx.geometry.plane_arrangement import (
 )
 
 NEARLY = 1e-5
-"""A corner closer to a side than this share of the ground's size is assumed to lie on it."""
+"""A corner is refused if it is closer to a side than this, relative to the size of the ground, but
+does not lie on the side."""
 
 
 @dataclass(frozen=True)
 class Region:
     """A part of the ground, or of a structure in it: a polygonal body.
 
-    Regions that share a side, or part of one, are glued there. A ``[[contact]]`` between
-    ``A_joint_1`` and ``B_joint_1``, or between the sides of a named ``[[line]]``, separates them.
+    Regions A and B that share a side, or a part of a side, are glued along it. To separate them,
+    give a ``[[contact]]`` between ``A_joint_1`` and ``B_joint_1``, or between the sides of a named
+    ``[[line]]``.
 
     Args:
         name: Name of the body; lower-case letters, digits and _.
-        points: Corners in order, [x, y] each (length), in either direction.
-        opening: Whether it is cut out of the ground, as for a tunnel; its boundary is then a
-            surface with this name.
+        points: Corners [x, y] in order, clockwise or counterclockwise (length).
+        opening: Whether the region is cut out of the ground, as for a tunnel. The boundary of an
+            opening is a surface with this name.
     """
 
     name: str
@@ -51,13 +53,13 @@ class Stratum:
     """A layer of ground: a body from its top down to the top of the next stratum.
 
     Strata are listed from the surface downwards. Where two tops coincide, the upper stratum has no
-    thickness and ends.
+    thickness and is not present.
 
     Args:
         name: Name of the body; lower-case letters, digits and _.
-        top: Its upper boundary, points [x, y] from the left to the right end of the ground
-            (length). At a vertical step two points have the same x.
-        bottom: Lower boundary of the last stratum: a level (length), or points as for the top.
+        top: Upper boundary as points [x, y] from the left to the right end of the ground (length).
+            At a vertical step two points have the same x.
+        bottom: Lower boundary of the last stratum: a height y, or points as for the top (length).
     """
 
     name: str
@@ -67,19 +69,20 @@ class Stratum:
 
 @dataclass(frozen=True)
 class DrawnLine:
-    """A line that the mesh follows, which names a part of a boundary.
+    """A line that mesh edges follow; it can name a part of a boundary, or be a crack.
 
-    On the boundary of the ground it is a surface, for loads, supports and contacts. Between regions
-    A and B it is a joint, with sides named ``A_NAME`` and ``B_NAME``. Inside one region it only
-    divides cells, unless it is a crack.
+    On the boundary of the ground the line is a surface for loads, supports and contacts. Between
+    regions A and B the line is a joint, whose sides are named ``A_NAME`` and ``B_NAME``. Inside one
+    region the line only divides cells, unless it is a crack.
 
     Args:
         name: Name of the surface; lower-case letters, digits and _.
-        points: Its corners in order, [x, y] each (length).
-        crack: Whether it is an open crack, whose sides carry only water. Regions that meet along a
-            longer line are glued next to the crack. Inside one region the sides are ``NAME_left``
-            and ``NAME_right``, as seen from its first point to its last.
-        water: Water level in the crack (length); the water presses on both sides.
+        points: Corners [x, y] of the line in order (length).
+        crack: Whether the line is an open crack, on whose sides only water acts. Two regions whose
+            common boundary is longer than the crack are glued outside the crack. Inside one region
+            the sides are named ``NAME_left`` and ``NAME_right``, as seen from the first point of
+            the line to the last.
+        water: Height y of the water level in the crack (length); the water presses on both sides.
     """
 
     name: str
@@ -90,19 +93,19 @@ class DrawnLine:
 
 @dataclass(frozen=True)
 class DrawnGround:
-    """All drawn parts, checked.
+    """The drawn ground, after checks of all its parts.
 
     Args:
-        regions: At least one, if there are no strata.
-        strata: From the surface downwards.
-        lines: With names.
-        kinks: Additional lines that the mesh follows because loads have kinks there; parts outside
-            the ground are ignored.
+        regions: The regions; at least one is required if there are no strata.
+        strata: The strata, from the surface downwards.
+        lines: The named lines.
+        kinks: Additional lines that mesh edges follow because loads have kinks along them; parts
+            outside the ground are ignored.
         notes: Remarks on the drawing, one sentence each.
 
     Raises:
-        InputError: If names are missing or repeated, polygons intersect themselves, have no area,
-            overlap or leave gaps, strata cross, or lines are outside the ground.
+        InputError: If names are missing or repeated; if polygons intersect themselves, have no
+            area, overlap or leave gaps; if strata cross; or if lines are outside the ground.
     """
 
     regions: Sequence[Region] = ()
@@ -123,25 +126,25 @@ class DrawnGround:
         for line, sides in self.cracks():
             for side in {*sides} & taken:
                 raise InputError(
-                    f"the crack '{line.name}' has a side '{side}', which is the name of a region,"
-                    " stratum or line too; rename one of them."
+                    f"the crack '{line.name}' has a side '{side}', but a region, stratum or line "
+                    "also has this name; rename one of them."
                 )
 
     @property
     def shapes(self) -> list[tuple[str, Floats]]:
-        """Return name and corners of each body, shape (num_corners, 2)."""
+        """Return the name and the corners, shape (num_corners, 2), of each body."""
         return [(one.name, one.corners) for one in self._shapes() if not one.opening]
 
     def with_kinks(self, kinks: Sequence[Floats]) -> "DrawnGround":
-        """Return the same ground with other lines that the mesh follows."""
+        """Return the same ground with other additional lines that mesh edges follow."""
         return replace(self, kinks=kinks)
 
     def outline(self) -> "Outline":
-        """Return the ground divided by all its lines."""
+        """Return the outline: the ground divided by all its lines."""
         return Outline.of(self._shapes(), self._all_chains())
 
     def cracks(self) -> list[tuple[DrawnLine, list[str]]]:
-        """Return the lines that are cracks, with the names of their sides."""
+        """Return the lines that are cracks, each with the names of its sides."""
         outline, found = self.outline(), []
         for number, line in enumerate(self.lines):
             if line.crack:
@@ -153,7 +156,7 @@ class DrawnGround:
         return found
 
     def script(self) -> str:
-        """Return gmsh's script of the ground, which contains only geometry."""
+        """Return the ground as a gmsh script that contains only geometry."""
         outline = self.outline()
         inside = {
             line.name: points_of(line.points, f"the line '{line.name}'")
@@ -166,8 +169,8 @@ class DrawnGround:
         """Return remarks for the user, one sentence each."""
         outline = self.outline()
         told = [
-            f"the line '{line.name}' lies inside '{outline.names[outline.body[k, 0]]}': "
-            "cells follow it, but it names no surface"
+            f"the line '{line.name}' lies inside '{outline.names[outline.body[k, 0]]}': mesh edges "
+            "follow it, but it names no surface"
             for number, line in enumerate(self.lines)
             for k in np.flatnonzero(outline.plan.owners[:, outline.first_line + number])[:1]
             if outline.body[k, 0] == outline.body[k, 1] and not line.crack
@@ -204,35 +207,37 @@ class DrawnGround:
                 better = plain_name(name) or "clay"
                 better = f"r_{better}" if better[0].isdigit() else better
                 raise InputError(
-                    f"name = '{name}' cannot be that of a body or surface; use lower-case "
+                    f"name = '{name}' is not a valid name of a body or surface; use lower-case "
                     f"letters, digits and _, such as '{better}'."
                 )
             if [*bodies, *lines].count(name) > 1:
                 raise InputError(
-                    f"the name '{name}' is given {[*bodies, *lines].count(name)} times; give each"
-                    " region, stratum and line a name of its own."
+                    f"the name '{name}' is given {[*bodies, *lines].count(name)} times; give each "
+                    "region, stratum and line a different name."
                 )
         for name in bodies:
             if name in SIDES:
                 raise InputError(
-                    f"a body has the name '{name}', which is the name of a side of the "
-                    "ground; rename the body."
+                    f"a body has the name '{name}', which is reserved for a side of the ground; "
+                    "rename the body."
                 )
         if all(one.opening for one in self.regions) and not self.strata:
-            raise InputError("there is no ground: each region is an opening; draw the ground.")
+            raise InputError(
+                "there is no ground, because each region is an opening; draw the ground."
+            )
 
 
 def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Floats:
-    """Return points as an array, shape (n, 2).
+    """Return checked points as an array, shape (n, 2).
 
     Args:
         given: Points [x, y].
-        what: Name of the object with the points, which messages use.
+        what: Name of the object with these points, for messages.
         least: Least number of points.
 
     Raises:
-        InputError: If there are too few points, one is not two finite numbers, or two successive
-            ones are equal.
+        InputError: If there are too few points, if a point is not two finite numbers, or if two
+            successive points are equal.
     """
     for at in given:
         if len(at) != 2 or not np.isfinite(at).all():
@@ -251,10 +256,10 @@ def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Fl
 
 
 def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
-    """Return the corners of a polygon without a repeated last corner.
+    """Return the corners of a polygon, without the last one if it repeats the first.
 
     Raises:
-        InputError: If it intersects or touches itself, or has no area.
+        InputError: If the polygon intersects or touches itself, or has no area.
     """
     points = points_of(given, what, 3)
     if (points[0] == points[-1]).all():
@@ -273,7 +278,7 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
     area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
     if len(points) < 3 or area <= ROUNDING * size**2:
         raise InputError(
-            f"{what} has no area; give at least three corners that are not on one line."
+            f"{what} has no area; give at least three corners that do not lie on one line."
         )
     return points
 
@@ -281,7 +286,7 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
 def _bottom(last: Stratum, top: Floats) -> Floats:
     """Return the lower boundary of the last stratum."""
     if last.bottom is None:
-        raise InputError(f"the last stratum, '{last.name}', has no bottom; give it a level.")
+        raise InputError(f"the last stratum, '{last.name}', has no bottom; give a height.")
     if isinstance(last.bottom, float | int):
         level = float(last.bottom)
         return points_of([[top[0, 0], level], [top[-1, 0], level]], f"the bottom of '{last.name}'")
@@ -289,18 +294,18 @@ def _bottom(last: Stratum, top: Floats) -> Floats:
 
 
 def _check_strata(strata: Sequence[Stratum]) -> None:
-    """Refuse strata that are not ordered downwards.
+    """Raise an error for strata that are not ordered from the surface downwards.
 
     Raises:
-        InputError: Naming two of them and a place.
+        InputError: If strata cross or do not match; the message has two strata and a place.
     """
     if not strata:
         return
     for one in strata[:-1]:
         if one.bottom is not None:
             raise InputError(
-                f"the stratum '{one.name}' has a bottom, but it reaches down to"
-                f" '{strata[-1].name}' or a stratum between; give bottom only for the last one."
+                f"the stratum '{one.name}' has a bottom, but its lower boundary is the top of the "
+                f"next stratum; give bottom only for the last stratum, '{strata[-1].name}'."
             )
     named = [
         (f"the top of '{one.name}'", points_of(one.top, f"the top of '{one.name}'"))
@@ -313,15 +318,16 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
         back = np.flatnonzero(np.diff(chain[:, 0]) < 0)
         if back.size:
             raise InputError(
-                f"{what} goes back from {place_of(chain[back[0]])} to"
-                f" {place_of(chain[back[0] + 1])}; give its points from left to right, or draw a"
-                " [[region]]."
+                f"{what} is not ordered from left to right between {place_of(chain[back[0]])} and "
+                f"{place_of(chain[back[0] + 1])}; give its points from left to right, or draw a "
+                "[[region]]."
             )
         if np.abs(chain[[0, -1], 0] - ends).max() > ROUNDING * size:
             raise InputError(
                 f"{what} goes from x = {chain[0, 0]:.6g} to {chain[-1, 0]:.6g}, but {first} from "
-                f"{ends[0]:.6g} to {ends[1]:.6g}; let each reach from end to end; where a stratum "
-                "has no thickness, it follows the next one."
+                f"{ends[0]:.6g} to {ends[1]:.6g}; extend the shorter one to both ends of the "
+                "ground: where a stratum is not present, its top follows the top of the next "
+                "stratum."
             )
     for (above, upper), (below, lower) in pairwise(named):
         places = np.unique(np.concatenate([upper[:, 0], lower[:, 0]]))
@@ -333,21 +339,21 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
         if at_ends[worst] < -10 * ROUNDING * size:
             x = places[worst[0] + worst[1]]
             raise InputError(
-                f"{below} is {-at_ends[worst]:.6g} above {above} at x = {x:.6g}; strata are given"
-                " from the surface downwards and must not cross."
+                f"{below} is {-at_ends[worst]:.6g} above {above} at x = {x:.6g}; list strata from "
+                "the surface downwards; they must not cross."
             )
         if at_ends.max() <= 10 * ROUNDING * size:
             raise InputError(f"{above} and {below} are the same line; remove this stratum.")
 
 
 def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
-    """Refuse corners that are close to a side of another shape or line, but not on it.
+    """Raise an error for a corner that is close to a side of a shape or line, but not on it.
 
     Args:
-        chains: Name and points of each chain, and whether it is closed.
+        chains: Name and points of each chain, and whether the chain is closed.
 
     Raises:
-        InputError: Naming both and the place.
+        InputError: If there is such a corner; the message has both names and the place.
     """
     size = float(np.linalg.norm(np.ptp(np.concatenate([c for _, c, _ in chains]), axis=0)))
     for name, points, _ in chains:
@@ -372,10 +378,11 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
 
 
 def _check_apart(shapes: Sequence[Shape]) -> None:
-    """Refuse bodies that overlap or leave gaps between them.
+    """Raise an error for bodies that overlap or leave gaps between them.
 
     Raises:
-        InputError: Naming the bodies, the place and the area.
+        InputError: If bodies overlap or leave gaps; the message has their names, a place and the
+            area.
     """
     parts, owner = segments_of(shapes)
     plan = arrange(np.concatenate(parts), owner)
@@ -387,8 +394,9 @@ def _check_apart(shapes: Sequence[Shape]) -> None:
             continue
         if len(bodies) > 1:
             raise InputError(
-                f"'{bodies[0]}' and '{bodies[1]}' overlap in an area of {face.area:.4g} "
-                f"around {place_of(face.point)}; let them share a side, or cut one of them."
+                f"'{bodies[0]}' and '{bodies[1]}' overlap in an area of {face.area:.4g} around "
+                f"{place_of(face.point)}; let them share a side, or cut the overlap off one of "
+                "them."
             )
         if not bodies:
             around = sorted({abs(e) - 1 for loop in face.loops for e in loop})
@@ -405,15 +413,16 @@ def _check_apart(shapes: Sequence[Shape]) -> None:
         left = row & ~inside[opening].any(axis=0)
         if not one.opening and not left.any():
             raise InputError(
-                f"openings cut out the whole area {area:.4g} of '{one.name}'; remove it."
+                f"openings cut out the whole area {area:.4g} of '{one.name}'; remove this region "
+                "or correct the openings."
             )
 
 
 def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
-    """Refuse lines that are outside the ground, or only partly on its boundary.
+    """Raise an error for lines that are outside the ground, or only partly on its boundary.
 
     Raises:
-        InputError: Naming the line and the place.
+        InputError: If there is such a line; the message has its name and a place.
     """
     if not ground.lines:
         return
@@ -427,8 +436,8 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
         if (kind == 0).any():
             raise InputError(
                 f"the line '{line.name}' is outside the ground at "
-                f"{place_of(middles[np.argmax(kind == 0)])}; let it lie on the boundary, "
-                "between regions or inside one."
+                f"{place_of(middles[np.argmax(kind == 0)])}; draw it on the boundary, between "
+                "regions or inside one region."
             )
         kind += (kind == 2) & (body[:, 0] == body[:, 1])
         if len(np.unique(kind)) > 1:
@@ -440,25 +449,25 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
             )
             a, b = np.argmax(kind == kind.min()), np.argmax(kind == kind.max())
             raise InputError(
-                f"the line '{line.name}' is {kinds[kind[a]]} at {place_of(middles[a])} and"
-                f" {kinds[kind[b]]} at {place_of(middles[b])}; draw one line for each."
+                f"the line '{line.name}' is {kinds[kind[a]]} at {place_of(middles[a])} and "
+                f"{kinds[kind[b]]} at {place_of(middles[b])}; draw a separate line for each part."
             )
         if line.crack:
             _check_crack(line.name, outline, edges)
 
 
 def _check_crack(name: str, outline: Outline, edges: Longs) -> None:
-    """Refuse cracks on the boundary of the ground, or from one region into another.
+    """Raise an error for a crack on the boundary of the ground, or from one region into another.
 
     Raises:
-        InputError: Naming the crack and the place.
+        InputError: If the crack is not valid; the message has its name and a place.
     """
     plan, body = outline.plan, outline.body
     place = place_of(plan.points[plan.edges[edges]].mean(axis=1)[0])
     if (body[edges] < 0).any():
         raise InputError(
-            f"the crack '{name}' is on the boundary of the ground at {place}; draw it inside a"
-            " region, or between two."
+            f"the crack '{name}' is on the boundary of the ground at {place}; draw it inside a "
+            "region, or between two regions."
         )
     if (body[edges, 0] != body[edges, 1]).any():
         return
@@ -472,6 +481,6 @@ def _check_crack(name: str, outline: Outline, edges: Longs) -> None:
         bodies = {*body[wrong].ravel().tolist(), own} - {-1}
         names = sorted(outline.names[k] for k in bodies)
         raise InputError(
-            f"the crack '{name}' meets the boundary between {' and '.join(map(repr, names))} at"
-            f" {at}; let it end before, or draw it between two regions."
+            f"the crack '{name}' meets the boundary between {' and '.join(map(repr, names))} at "
+            f"{at}; end the crack before this boundary, or draw it between two regions."
         )

@@ -1,4 +1,4 @@
-"""Ground from a DXF file: closed lines are regions, others are lines, named by their layers."""
+"""Read ground from a DXF file: closed lines are regions, and other lines are named lines."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -14,25 +14,25 @@ from perfplast_fenicsx.geometry.drawn_ground import DrawnLine, Region
 from perfplast_fenicsx.geometry.part_names import unique_names
 
 CHORD = 1e-3
-"""Largest distance of a curve from its chords, over the size of the drawing."""
+"""Largest distance between a curve and its chords, relative to the size of the drawing."""
 
 TOGETHER = 1e-9
-"""Distance of two ends that are one point, over the size of the drawing."""
+"""Distance up to which two ends count as one point, relative to the size of the drawing."""
 
 LINES = {"LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE"}
-"""Entities that are lines."""
+"""Types of entities that are lines."""
 
 IGNORED = {"TEXT", "MTEXT", "DIMENSION", "HATCH", "LEADER", "MULTILEADER", "POINT", "IMAGE"}
-"""Entities that annotate a drawing."""
+"""Types of entities that only annotate a drawing."""
 
 
 @dataclass(frozen=True)
 class DxfDrawing:
-    """Regions and lines that a DXF file draws.
+    """The regions and lines in a DXF file.
 
     Attributes:
-        regions: Each closed line.
-        lines: Each other line.
+        regions: The regions, one for each closed line.
+        lines: The other lines.
         remarks: Remarks for the user, one sentence each.
     """
 
@@ -42,20 +42,20 @@ class DxfDrawing:
 
 
 def read_dxf(path: Path) -> DxfDrawing:
-    """Return regions and lines of a DXF file by the names of its layers. Not collective.
+    """Return the regions and lines in a DXF file, named after their layers. Not collective.
 
-    Segments of one layer that share ends are one line. Layers that are off or frozen are ignored. A
-    name is that of the layer in small letters; lines of one layer are numbered if there are
-    several.
+    Segments in one layer that share ends form one line. Layers that are off or frozen are ignored.
+    The name of a line is the name of its layer in lower-case letters; several lines in one layer
+    are numbered.
 
     Args:
-        path: The file. Its x and y are those of the case.
+        path: The file, whose coordinates x and y are those of the case.
 
     Raises:
-        InputError: If the package ezdxf is missing, or the file cannot be read. Also if it has no
-            line, a line has several z, or lines of one layer branch.
+        InputError: If the package ezdxf is missing, if the file cannot be read or has no line, if a
+            line has different z, or if lines in one layer branch.
     """
-    if path.exists() and not path.is_file():  # a pipe would never end
+    if path.exists() and not path.is_file():  # reading a pipe would never end
         raise InputError(f"'{path.name}' is not a regular file; give a DXF file.")
     try:
         ezdxf, paths = import_module("ezdxf"), import_module("ezdxf.path")
@@ -67,12 +67,14 @@ def read_dxf(path: Path) -> DxfDrawing:
     try:
         drawing = ezdxf.readfile(path)
     except (OSError, UnicodeDecodeError, ezdxf.DXFError) as error:
-        raise InputError(f"'{path.name}' cannot be read as DXF ({error}); check it.") from error
+        raise InputError(
+            f"'{path.name}' cannot be read as DXF ({error}); export it again."
+        ) from error
     curves, left_out = _curves(drawing, paths)
     if not curves:
         raise InputError(
-            f"'{path.name}' has no line in a layer that is on; draw each region as a closed line in"
-            " a layer with its name."
+            f"'{path.name}' has no line in a layer that is on; draw each region as a closed line "
+            "in a layer with the name of the region."
         )
     size = max(np.ptp(np.concatenate([p.control_vertices() for _, p in curves]), axis=0).tolist())
     of_layers: dict[str, list[Floats]] = {}
@@ -82,8 +84,8 @@ def read_dxf(path: Path) -> DxfDrawing:
         if np.ptp(points[:, 2]) > TOGETHER * size:
             where = place_of(points[int(np.argmax(points[:, 2]))])
             raise InputError(
-                f"'{path.name}': the layer '{layer}' has a line that is not in the plane, at"
-                f" {where}; project the drawing to z = 0."
+                f"'{path.name}': the layer '{layer}' has a line that is not in a plane z = const, "
+                f"at {where}; project the drawing to z = 0."
             )
         bent |= curve.has_curves
         of_layers.setdefault(layer, []).append(points[:, :2])
@@ -102,15 +104,17 @@ def read_dxf(path: Path) -> DxfDrawing:
             lines.append(DrawnLine(name, given))
     remarks = []
     if bent:
-        remarks.append(f"'{path.name}': curves are chords within {CHORD * size:.3g} of them")
+        remarks.append(
+            f"'{path.name}': curves are replaced by chords at most {CHORD * size:.3g} away"
+        )
     if left_out:
         kinds = ", ".join(sorted(left_out))
-        remarks.append(f"'{path.name}': entities that are no lines were left out: {kinds}")
+        remarks.append(f"'{path.name}': entities that are not lines are ignored: {kinds}")
     return DxfDrawing(regions, lines, remarks)
 
 
 def _curves(drawing: Any, paths: Any) -> tuple[list[tuple[str, Any]], set[str]]:
-    """Return the lines of layers that are on, with their layers, and other kinds of entities."""
+    """Return the lines in layers that are on, with their layers, and types of ignored entities."""
     found, left_out = list[tuple[str, Any]](), set[str]()
     for entity in _entities(drawing.modelspace()):
         layer = entity.dxf.layer
@@ -126,7 +130,7 @@ def _curves(drawing: Any, paths: Any) -> tuple[list[tuple[str, Any]], set[str]]:
 
 
 def _entities(space: Iterable[Any]) -> Iterable[Any]:
-    """Yield entities, with those of blocks at their positions."""
+    """Yield all entities, including those in blocks, at the positions of the blocks."""
     for entity in space:
         if entity.dxftype() == "INSERT":
             yield from _entities(entity.virtual_entities())
@@ -135,15 +139,15 @@ def _entities(space: Iterable[Any]) -> Iterable[Any]:
 
 
 def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Floats, bool]]:
-    """Return lines that share ends as one, and whether each is closed.
+    """Return the lines after joining lines that share ends, and whether each is closed.
 
     Args:
         parts: Points of each line, shape (n, 2).
-        little: Distance of ends that are one.
+        little: Distance up to which two ends count as one point.
         what: Name of the object to which the lines belong, for messages.
 
     Raises:
-        InputError: If more than two ends are at one place.
+        InputError: If more than two ends coincide.
     """
     found, open_ones = list[tuple[Floats, bool]](), list[Floats]()
     for part in parts:
@@ -156,8 +160,8 @@ def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Flo
     if (near.sum(axis=1) > 2).any():
         where = place_of(ends[int(np.argmax(near.sum(axis=1)))])
         raise InputError(
-            f"{what} has lines that branch at {where}; draw each region as one closed line, or give"
-            " each line a layer of its own."
+            f"{what} has lines that branch at {where}; draw each region as one closed line, or put "
+            "each line in a separate layer."
         )
     while open_ones:
         chain = open_ones.pop(0)
@@ -171,7 +175,7 @@ def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Flo
 
 
 def _next(chain: Floats, others: list[Floats], little: float) -> Floats | None:
-    """Return the line that begins where a chain ends, taken out of the others; None without one."""
+    """Remove from ``others`` the line that begins at the end of a chain, and return it or None."""
     if np.linalg.norm(chain[0] - chain[-1]) <= little:
         return None
     for number, other in enumerate(others):

@@ -1,12 +1,12 @@
-"""Read labels and colours of single faces in a STEP file, which become names.
+"""Read labels and colours of single faces in a STEP file, from which names are made.
 
-Gmsh lists the faces of a solid in the file's order. The module verifies this for each body: the
-corners of its faces in the file, after a rigid motion, must coincide with gmsh's.
+Labels are read from the text of the file, and gmsh lists the faces of a solid in the order of the
+file. The module verifies this order for each body: after a rigid motion, the corners of its faces
+in the file must coincide with those in gmsh.
 
-Read colours and labels of single faces in a STEP file, which become names.
 Gmsh reads colours (``Geometry.OCCImportLabels``), but loses them when bodies are cut along each
-other. So copies of marked faces are kept during the cut, and faces that coincide with a copy get
-its mark.
+other. So copies of coloured and labelled faces are kept during the cut. After the cut, a face that
+coincides with a copy gets its colour and label.
 """
 
 import re
@@ -24,16 +24,16 @@ from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
 
 Entities = Mapping[int, tuple[str, str]]
-"""Kind and arguments of each entity, with strings replaced by their indices."""
+"""Kind and arguments of each entity by number; strings are replaced by their indices."""
 
 
 @dataclass(frozen=True)
 class StepSolid:
-    """A solid as drawn, before its placement.
+    """A solid as it is drawn, before its placement in the assembly.
 
     Attributes:
-        labels: Labels of its faces, in the file's order; empty for a face without one.
-        corners: The mean of the corners of each face; NaN without corners.
+        labels: Labels of the faces in the order of the file; "" for a face without a label.
+        corners: Mean of the corners of each face, shape (num_faces, 3); NaN without corners.
         counts: Number of corners of each face.
     """
 
@@ -43,18 +43,18 @@ class StepSolid:
 
 
 def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
-    """Return the solids of a STEP file whose faces have labels.
+    """Return the solids in a STEP file if their faces have labels.
 
     Returns:
-        The solids (none if no face has a label or if the text is not understood), and whether all
-        of them lie where they are drawn.
+        The solids (an empty list if no face has a label or if the text has an unknown form), and
+        whether all solids are placed where they are drawn.
     """
     data = path.read_bytes()
     try:
         text = data.decode()
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    # Most files have no label, which is faster to detect than to find entities.
+    # Most files have no labels, and a search for labels is faster than a search for entities.
     if not re.search(r"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']", text):
         return [], True
     pieces = text.split("'")
@@ -69,13 +69,13 @@ def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
             if kind in ("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS")
         ]
         in_place = _in_place(entities)
-    except (KeyError, ValueError, IndexError):  # missing or unexpected entities
+    except (KeyError, ValueError, IndexError):  # an entity is missing or has an unknown form
         return [], True
     return (solids if any(names_in(solid.labels) for solid in solids) else []), in_place
 
 
 def _entities(text: str) -> Entities:
-    """Return the entities that define faces, corners and placements; no surfaces and curves."""
+    """Return the entities that define faces, corners and placements; no surfaces or curves."""
     kinds = {
         *("MANIFOLD_SOLID_BREP", "BREP_WITH_VOIDS", "CLOSED_SHELL", "ORIENTED_CLOSED_SHELL"),
         *("ADVANCED_FACE", "FACE_BOUND", "FACE_OUTER_BOUND", "EDGE_LOOP", "VERTEX_LOOP"),
@@ -104,7 +104,7 @@ def _solid(entities: Entities, strings: list[str], args: str) -> StepSolid:
 
 
 def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
-    """Return the entities of a kind that arguments refer to, each once, in order."""
+    """Return the entities of a kind to which arguments refer, each once, in order."""
     found: dict[int, None] = {}
     seen: set[int] = set()
     left = _refs(args)[::-1]
@@ -121,7 +121,7 @@ def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
 
 
 def _label(args: str, strings: list[str]) -> str:
-    """Return the string at the beginning of arguments; a quote in it is doubled."""
+    """Return the string with which arguments begin; a doubled quote stands for one quote."""
     (numbers,) = re.findall(r"^\s*((?:'\d+')*)", args)
     label = "'".join(strings[int(k)] for k in re.findall(r"\d+", numbers))
     wide = re.sub(r"\\X2\\((?:[0-9A-Fa-f]{4})+)\\X0\\", _from_hex, label)
@@ -133,7 +133,7 @@ def _from_hex(digits: re.Match[str]) -> str:
 
 
 def _in_place(entities: Entities) -> bool:
-    """Return whether no part is moved: both systems of each placement are equal."""
+    """Return whether no part is moved: both coordinate systems of each placement are equal."""
     for kind, args in entities.values():
         if kind == "MAPPED_ITEM":
             return False
@@ -149,7 +149,7 @@ def _system(entities: Entities, args: str) -> list[list[float]]:
 
 
 def _numbers(args: str) -> list[float]:
-    """Return the numbers in the parentheses of a point or a direction."""
+    """Return the numbers in the parentheses of a point or direction."""
     return [float(number) for number in args[args.index("(") :].strip("() \r\n").split(",")]
 
 
@@ -158,9 +158,9 @@ def _refs(args: str) -> list[int]:
 
 
 def names_in(labels: Iterable[str]) -> set[str]:
-    """Return the labels of a solid that are proper names.
+    """Return those labels of a solid that can serve as names.
 
-    Empty labels, "NONE", counters such as "Face 12", and a label shared by all faces are not.
+    Empty labels, "NONE", counters such as "Face 12", and a label that all faces share are excluded.
     """
     given = set(labels)
     if len(given) < 2:
@@ -170,14 +170,14 @@ def names_in(labels: Iterable[str]) -> set[str]:
 
 
 def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[str]]:
-    """Return the labels of faces as read, before any cut.
+    """Return the labels of the faces that gmsh has read, before any cut.
 
     Args:
         path: The geometry file.
-        parts: Its bodies in gmsh's current model.
+        parts: The bodies of the file in gmsh's current model.
 
     Returns:
-        The labels of labelled faces, and a sentence if some are omitted.
+        Labels by tag of the face, and a list with a remark if some labels are omitted.
     """
     kind = IMPORTED.get(path.suffix.lower())
     if kind is None or kind.pattern != STEP:
@@ -192,17 +192,19 @@ def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[s
     lost |= set().union(*(names_in(solid.labels) for solid in solids)) - set(found.values())
     if not lost:
         return found, []
-    # Largest number of named labels.
+    # Largest number of labels in the remark.
     first = sorted(lost)[:5]
     more = f" and {len(lost) - len(first)} more" if len(lost) > len(first) else ""
     which = ", ".join(map(repr, first)) + more
-    return found, [f"labels of faces are left out because their faces are not certain: {which}"]
+    return found, [
+        f"labels of faces are ignored because the faces to which they belong are uncertain: {which}"
+    ]
 
 
 def _of_body(
     part: Part, solids: Sequence[StepSolid], in_place: bool
 ) -> tuple[dict[int, str], set[str]]:
-    """Return the labels of a body's faces, and the labels whose face is not certain."""
+    """Return the labels of a body's faces by tag, and the labels whose face is uncertain."""
     faces = [int(face) for tag in part.tags for face in gmsh.model.getAdjacencies(3, tag)[1]]
     alike = [solid for solid in solids if len(solid.labels) == len(faces)]
     if not alike:
@@ -228,8 +230,9 @@ def _of_body(
 
 
 def _is_same(drawn: Floats, read: Floats, in_place: bool) -> bool:
-    """Return whether two point sets are equal after scaling by units and a rigid motion."""
-    # Allowed deviation of corners as shares of the body's size: STEP has fewer digits.
+    """Return whether two point sets are equal after a change of units and a rigid motion."""
+    # Allowed deviation of corners, relative to the body's size, because STEP files have fewer
+    # digits.
     close = 1e-5
     one, other = drawn - drawn.mean(axis=0), read - read.mean(axis=0)
     size, wanted = np.linalg.norm(one), np.linalg.norm(other)
@@ -254,14 +257,14 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Mark:
-    """A coloured or labelled face that is set aside as a copy.
+    """The colour, label or names of a face, which is kept as a copy during the cut.
 
     Attributes:
-        body: Name of its body.
-        colour: Its own colour if it differs from the body's; otherwise None.
-        label: Its own label; empty without one.
+        body: Name of the body of the face.
+        colour: Colour of the face if it differs from the body's colour; otherwise None.
+        label: Label of the face; "" without a label.
         tag: Tag of the copy.
-        names: Names of the physical groups of a script that contain it; its body is then empty.
+        names: Names of the physical groups in a script that contain the face; ``body`` is then "".
     """
 
     body: str
@@ -272,14 +275,14 @@ class Mark:
 
 
 def word_of(colour: Colour) -> str:
-    """Return the word for a colour."""
+    """Return the English word for a colour."""
     hue, saturation, value = rgb_to_hsv(*(part / 255 for part in colour))
-    pale, dark = 0.15, 0.1  # with less saturation or value, a colour has no visible hue
+    pale, dark = 0.15, 0.1  # below this saturation or value, a colour has no visible hue
     if saturation < pale or value < dark:
-        # Words for colours without a hue, by their value.
+        # words for colours without a hue, by value
         greys = {"black": 0.0, "grey": 0.5, "white": 1.0}
         return min(greys, key=lambda word: abs(greys[word] - value))
-    # Words for colours by their hue (degrees).
+    # words for colours, by hue (degrees)
     hues = {
         "red": 0,
         "orange": 30,
@@ -293,18 +296,19 @@ def word_of(colour: Colour) -> str:
 
 
 def hex_of(colour: Colour) -> str:
-    """Return a colour as in HTML, such as "#dd5228"."""
+    """Return the HTML code of a colour, such as "#dd5228"."""
     return "#" + "".join(f"{part:02x}" for part in colour)
 
 
 def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
-    """Return copies of all faces with a label, or with a colour other than their body's.
+    """Copy all faces with a label or with a colour other than their body's; return the marks.
 
-    The colour of a body is that of most of its area, or none if some face has no colour.
+    The colour of a body is the colour of most of its area. A body has no colour if one of its faces
+    has no colour.
 
     Args:
         parts: The bodies.
-        labels: Labels of the labelled faces.
+        labels: Labels of the faces by tag.
     """
     marks = []
     for part in parts:
@@ -314,7 +318,7 @@ def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
                 red, green, blue, solid = gmsh.model.getColor(2, int(face))
                 colours[int(face)] = (red, green, blue) if solid else None
         areas: dict[Colour | None, float] = {}
-        if len(set(colours.values())) > 1:  # computing areas takes time
+        if len(set(colours.values())) > 1:  # only if necessary, because computing areas takes time
             for face, colour in colours.items():
                 areas[colour] = areas.get(colour, 0.0) + gmsh.model.occ.getMass(2, face)
         usual = None if None in areas else max(areas, key=areas.__getitem__, default=None)
@@ -329,11 +333,11 @@ def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
 
 
 def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
-    """Return copies of OpenCASCADE's faces in physical groups of a script.
+    """Copy the faces of OpenCASCADE's kernel that are in physical groups; return the marks.
 
     Args:
         dim: Dimension of the faces.
-        named: Faces by the names of their groups.
+        named: Tags of faces by names of groups.
     """
     names: dict[int, list[str]] = {}
     for name, tags in named.items():
@@ -352,17 +356,18 @@ def set_aside_named(dim: int, named: Mapping[str, Sequence[int]]) -> list[Mark]:
 def take_back(
     dim: int, marks: Sequence[Mark], faces: Mapping[int, int], parts: Sequence[Part]
 ) -> dict[int, Mark]:
-    """Return the marks of faces that coincide with marked copies, and remove the copies.
+    """Return the marks of faces that coincide with copies, and remove the copies.
 
     Args:
         dim: Dimension of the faces.
         marks: Result of :func:`set_aside` or :func:`set_aside_named`.
-        faces: The index of the body of each face.
+        faces: Index of the body of each face, by tag of the face.
         parts: The bodies.
     """
     found = {}
     boxes = {mark.tag: box(dim, [mark.tag]) for mark in marks}
-    # A face closer to another one than this share of its size coincides with it.
+    # A face coincides with a copy if their distance, relative to the size of the face, is below
+    # this.
     nearest = 1e-6
     for face, body in faces.items() if marks else ():
         low, high = box(dim, [face])
@@ -385,11 +390,11 @@ def take_back(
 
 
 def _inside(dim: int, face: int) -> Floats:
-    """Return a point inside a face, or the middle of its parameters if none is found."""
+    """Return a point inside a face; if none is found, the point at the middle of its parameters."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, face))
     if dim == 1:
         return np.asarray(gmsh.model.getValue(1, face, (low + high) / 2))
-    # Shares of a face's parameters at which a point inside is sought.
+    # fractions of a face's parameter ranges at which a point inside is sought
     along = (0.5, 0.31, 0.67, 0.13, 0.86)
     places = [low + np.array([u, v]) * (high - low) for u in along for v in along]
     chosen = next((at for at in places if gmsh.model.isInside(2, face, at, True)), places[0])

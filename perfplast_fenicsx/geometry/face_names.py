@@ -1,4 +1,4 @@
-"""Assign names of free faces: automatic names, those of the file, and those of the user."""
+"""Assign names to free faces: automatic names, names from the file, and names from the user."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,19 +37,20 @@ def usual_names(
     alike: Sequence[FaceSet],
     taken: set[str],
 ) -> tuple[list[str], list[FaceSet]]:
-    """Return a name for each face, and the named sets of several faces.
+    """Return an automatic name for each face, and named sets of several faces.
 
     All faces of a body with the same label or colour, or on the same side, share a name. The side
-    ``plate_z_high`` consists of all free faces in the plane at which the body ends. A side on which
-    some faces have labels or colours has no name. Faces without such a name are named by their
-    number, ``plate_face_7``, and other sets ``plate_plane_7`` or ``plate_cylinder_7``.
+    ``plate_z_high`` consists of all free faces in the plane z = const at the end of the body. A
+    side has no name if some of its faces have labels or colours. Faces without such a name are
+    named by number, such as ``plate_face_7``, and other sets are named ``plate_plane_7`` or
+    ``plate_cylinder_7``.
 
     Args:
         dim: Dimension of the faces.
         parts: The bodies.
         faces: Free faces.
-        alike: Sets of similar faces (:func:`free_faces.numbered_faces`).
-        taken: Names that are already used.
+        alike: Sets of similar faces, from :func:`free_faces.numbered_faces`.
+        taken: Names that are already in use.
     """
     used = set(taken)
     numbers = {one.faces: one.number for one in alike}
@@ -83,7 +84,7 @@ def usual_names(
 
 
 def _free(name: str, used: set[str]) -> str:
-    """Return an unused name, and mark it as used."""
+    """Return an unused name, made by adding underscores, and add it to the used names."""
     while name in used:
         name += "_"
     used.add(name)
@@ -93,7 +94,7 @@ def _free(name: str, used: set[str]) -> str:
 def _marked(
     parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield faces of one label or colour of each body, names for them, and the common property."""
+    """Yield the faces of each body with one label or colour, possible names, and the property."""
     together: dict[tuple[object, ...], list[int]] = {}
     for k, face in enumerate(faces):
         if face.label:
@@ -119,7 +120,7 @@ def _marked(
 def _sides(
     dim: int, parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield the free faces of each side of each body, names for them, and the common property."""
+    """Yield the free faces on each side of each body, possible names, and the property."""
     around = [box(dim + 1, part.tags) for part in parts]
     together: dict[tuple[int, str], list[int]] = {}
     for k, face in enumerate(faces):
@@ -131,9 +132,9 @@ def _sides(
 
 
 def _side_of(dim: int, tag: int, around: Floats) -> str:
-    """Return the side of a flat face at the end of its body, such as "z_high"; empty for others."""
+    """Return the side of a body on which a flat face lies, such as "z_high"; "" for other faces."""
     low, high = box(dim, [tag])
-    # boxes are larger by the tolerances of edges, which closed gaps increase
+    # bounding boxes contain the tolerances of edges, which are larger after gaps are closed
     wider = 3 * gmsh.option.getNumber("Geometry.ToleranceBoolean")
     none = ALIKE * float(np.linalg.norm(around[1] - around[0])) + wider
     if shape_of(dim, tag) in ("flat", "straight"):
@@ -145,7 +146,7 @@ def _side_of(dim: int, tag: int, around: Floats) -> str:
 
 
 CLOSE = 1e-4
-"""Faces closer to a point than this share of the bodies' size lie on it."""
+"""Distance up to which a face contains a point, relative to the size of the bodies."""
 
 
 def face_names(
@@ -156,30 +157,31 @@ def face_names(
     options: MeshingOptions,
     of_file: Mapping[str, AbstractSet[int]],
 ) -> tuple[list[str], list[FaceSet]]:
-    """Return the automatic name of each free face, and the sets of faces with further names.
+    """Return the automatic name of each free face, and all named sets of faces.
 
     Args:
         dim: Dimension of the faces.
         parts: The bodies.
         faces: Free faces.
         alike: Sets of similar faces.
-        options: Options with the names of the user.
-        of_file: Faces by their names in the geometry file, including joints.
+        options: Options, which contain the names from the user.
+        of_file: Tags of faces by names in the geometry file, including faces at joints.
 
     Raises:
-        InputError: If no face matches a name of the user, or if a name is given twice.
+        InputError: If a name of the user selects no face, or if a name is given twice.
     """
     planes = {symmetry_name(axis): {axis: value} for axis, value in options.symmetry.items()}
     wanted = [NamedFace(name, plane=plane) for name, plane in planes.items()] + options.face
     for one in wanted:
         if one.name in of_file:
             raise InputError(
-                f"the face '{one.name}': the geometry file has a physical group with this "
+                f"the face '{one.name}': the geometry file already has a physical group with this "
                 "name; give another name."
             )
     bodies = [part.name for part in parts]
     taken = {one.name for one in wanted} | {*of_file}
-    taken |= {f"{body}_{name}" for name in of_file for body in bodies}  # sides of joints
+    # names of the sides of joints
+    taken |= {f"{body}_{name}" for name in of_file for body in bodies}
     names, usual = usual_names(dim, parts, faces, alike, taken)
     given = list[FaceSet]()
     for name, tags in of_file.items():
@@ -195,7 +197,7 @@ def face_names(
 
 
 class _Choice:
-    """Finds the faces that a name selects."""
+    """Finds the faces that a name of the user selects."""
 
     def __init__(
         self,
@@ -212,10 +214,10 @@ class _Choice:
         self.close = CLOSE * size
 
     def of(self, wanted: NamedFace) -> list[int]:
-        """Return indices in the list of free faces.
+        """Return the indices of the selected faces in the list of free faces.
 
         Raises:
-            InputError: If there are none, or several where one is required.
+            InputError: If no face is selected, or several faces where only one is allowed.
         """
         if wanted.body and wanted.body not in self.bodies:
             raise InputError(
@@ -245,8 +247,8 @@ class _Choice:
                 found += [k for k in one.faces if k in own]
         if not found:
             raise InputError(
-                f"the face '{wanted.name}' has number {wanted.number}, but no free face or "
-                f"set of faces has it; perfplast mesh lists the {len(self.faces)} faces."
+                f"the face '{wanted.name}' has number {wanted.number}, but no free face or set of "
+                f"faces has this number; perfplast mesh lists all {len(self.faces)} faces."
             )
         return found
 
@@ -257,19 +259,19 @@ class _Choice:
         for name in wanted.faces or ():
             if name not in known:
                 raise InputError(
-                    f"the face '{wanted.name}' has '{name}', but there is no such free face;"
-                    f" {nearest(name, known)}"
+                    f"the face '{wanted.name}' contains '{name}', but there is no such free face; "
+                    f"{nearest(name, known)}"
                 )
             found |= {*known[name]} & {*own}
         if not found:
             raise InputError(
-                f"the face '{wanted.name}': none of its faces belongs to '{wanted.body}'; "
-                "give another body, or remove it."
+                f"the face '{wanted.name}': none of its faces belongs to '{wanted.body}'; give "
+                "another body, or remove body."
             )
         return list(found)
 
     def _of_mark(self, wanted: NamedFace, own: Sequence[int]) -> list[int]:
-        """Return the faces with a label, or with a colour by its word or code."""
+        """Return the indices of faces with a label, or with a colour that a word or code names."""
         if wanted.label is not None:
             what, value = "label", wanted.label
             names: dict[int, tuple[str, ...]] = {
@@ -283,8 +285,8 @@ class _Choice:
         if not found:
             there = ", ".join(sorted({" ".join(some) for some in names.values()}))
             raise InputError(
-                f"the face '{wanted.name}': no free face has the {what} '{value}' of its own;"
-                f" there are {there or f'no faces with a {what}'}."
+                f"the face '{wanted.name}': no free face has the {what} '{value}'; there are "
+                f"{there or f'no faces with a {what}'}."
             )
         return found
 
@@ -312,7 +314,7 @@ class _Choice:
 
 
 def _where(wanted: NamedFace) -> str:
-    """Return the selection of a name in words."""
+    """Return the place that a name selects, in words."""
     if wanted.plane is not None:
         ((axis, at),) = wanted.plane.items()
         return f"in the plane {axis} = {at:g}"
@@ -325,7 +327,7 @@ def _where(wanted: NamedFace) -> str:
 
 
 def _in_words(wanted: NamedFace) -> str:
-    """Return in words how the faces of a name are chosen."""
+    """Return in words how a name selects faces."""
     if wanted.faces is not None:
         return f"of {', '.join(wanted.faces)}"
     for what in ("number", "colour", "label"):
@@ -336,7 +338,7 @@ def _in_words(wanted: NamedFace) -> str:
 
 
 def _miss(dim: int, tag: int, wanted: NamedFace) -> float:
-    """Return the distance of a face from the selection; infinite for a face of another shape."""
+    """Return the distance of a face from the selected place; infinite for other shapes."""
     if wanted.plane is not None:
         ((axis, value),) = wanted.plane.items()
         if shape_of(dim, tag) not in ("flat", "straight"):
@@ -368,19 +370,19 @@ def _in_space(point: Sequence[float]) -> Floats:
 
 
 def _distance(dim: int, tag: int, point: Floats) -> float:
-    """Return the distance from a point to a face; infinite if the face is not opposite."""
+    """Return the distance of a point from a face; infinite if its projection lies outside."""
     foot, _ = gmsh.model.getClosestPoint(dim, tag, point)
     return float(np.linalg.norm(point - foot)) if gmsh.model.isInside(dim, tag, foot) else np.inf
 
 
 def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> list[int]:
-    """Return the faces of a body that are reached across edges with smaller angles.
+    """Return the faces of a body that are connected to a face by edges with smaller angles.
 
     Args:
         dim: Dimension of the faces.
         faces: Free faces.
         first: Index of the first face.
-        angle: Largest angle between tangents (degrees).
+        angle: Limit of the angle between the tangents of both faces at an edge (degrees).
     """
     body = faces[first].body
     place = {face.tag: k for k, face in enumerate(faces) if face.body == body}
@@ -400,7 +402,7 @@ def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> l
 
 
 def _angle(dim: int, edge: int, one: int, other: int) -> float:
-    """Return the angle between the tangents of two faces at the middle of their edge (degrees)."""
+    """Return the angle between the tangents of two faces at the middle of an edge (degrees)."""
     at: Floats = np.zeros(0)
     if dim == 2:
         low, high = gmsh.model.getParametrizationBounds(1, edge)
@@ -419,7 +421,7 @@ def _angle(dim: int, edge: int, one: int, other: int) -> float:
 
 
 def _parameter(curve: int, point: Floats) -> Floats:
-    """Return the end of a curve's parameters at a point."""
+    """Return the parameter of the end of a curve that is closer to a point."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(1, curve))
     ends = [np.array(gmsh.model.getValue(1, curve, at)) for at in (low, high)]
     return low if np.linalg.norm(ends[0] - point) < np.linalg.norm(ends[1] - point) else high

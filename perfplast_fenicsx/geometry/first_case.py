@@ -1,4 +1,4 @@
-"""Write the first case file of a geometry: its known data, and the entries to be filled in."""
+"""Write a first case file for a geometry, with its known data and entries to fill in."""
 
 import json
 import re
@@ -11,42 +11,43 @@ from perfplast_fenicsx.geometry.survey import Body, Face, Joint, NamedFaces, Sur
 from perfplast_fenicsx.materials.common import TABLE, Common
 
 ADAPTED = {2: 20_000, 3: 9_000}
-"""Largest number of cells for which the case also adapts the mesh, which takes three to five times
-as long."""
+"""Largest number of cells, by dimension, with which the case also adapts the mesh. Adaptation takes
+three to five times as long as one mesh."""
 
 IN_CONTACT = 2 / 3
-"""Factor of these numbers for bodies in contact, whose factorisations are larger."""
+"""Factor on these numbers for bodies in contact, whose factorisations take longer."""
 
 
 BOUNDS = """\
 [loading]
-control = "bounds"              # what the bodies carry, and what they do not, for certain
+control = "bounds"              # proven lower and upper bounds of the limit load
 """
 
 ADAPT = """\
-limit_tolerance = 5e-3          # of each bound, beside their distance below
+limit_tolerance = 5e-3          # relative accuracy of each bound on one mesh
 
-[mesh]                          # finer ones until bounds are {percent:.0f} % apart, or so fine
+[mesh]                          # refined until the gap is {percent:.0f} %, or up to so many cells
 adapt = {{ until = {until}, cells = {cells} }}
 """
 
 ONE_MESH = """\
-# on this mesh alone, since {why}
+# on this mesh only, because {why}
 """
 
 ESTIMATE = """\
 [loading]
-control = "work"                # no control = "bounds", since {why}
-until = "limit"                 # of the mesh: an estimate, which may lie above what bodies carry
+control = "work"                # not control = "bounds", because {why}
+until = "limit"                 # limit load of the mesh: an estimate, which may be too high
 """
 
 
 def loading_for(survey: Survey, options: MeshingOptions) -> str:
-    """Return ``[loading]`` and ``[mesh]`` of a first case, with the reason if it has no bounds.
+    """Return ``[loading]`` and ``[mesh]`` of a first case, with the reason if there are no bounds.
 
     Args:
-        survey: Survey of bodies, joints and faces. All bodies yield by one law, and all loads grow.
-        options: Options of the mesher.
+        survey: Survey of bodies, joints and faces. The case has one law that yields for all bodies,
+            and all its loads grow.
+        options: Meshing options.
     """
     why = next(_against(survey, options), None)
     if why is not None:
@@ -54,28 +55,29 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
     why = next(_against_adapting(survey), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
-    growth = 2.0  # ratio of the most cells of the last mesh to those of the first
+    growth = 2.0  # largest number of cells of the last mesh, relative to that of the first mesh
     cells = round(growth * _most(survey, ADAPTED))
-    until = 0.1  # relative distance of the bounds at which refinement ends
+    until = 0.1  # relative distance between the bounds at which the refinement ends
     return BOUNDS + ADAPT.format(percent=100 * until, until=until, cells=cells)
 
 
 def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
-    """Yield reasons against bounds."""
+    """Yield the reasons why bounds are not possible or take long."""
     if survey.joints and options.meshed == "apart" and survey.dim == 3:
-        yield ("none are available where the nodes of bodies in space do not match (meshed apart)")
+        yield ("bounds need matching nodes of bodies in space, but the bodies are meshed apart")
     if survey.degree > 1:
-        yield "none are available for curved elements (order = 2)"
-    # Cells by dimension up to which a first case computes bounds: some minutes on one core.
+        yield "bounds are not available for curved elements (order = 2)"
+    # numbers of cells by dimension up to which a first case computes bounds; some minutes on one
+    # core
     affordable = {2: 60_000, 3: 30_000}
     if (cells := _cells(survey)) > _most(survey, affordable):
-        yield f"they take long on {cells} elements (a larger size has fewer)"
+        yield f"bounds take long with {cells} elements (a larger size gives fewer elements)"
 
 
 def _against_adapting(survey: Survey) -> Iterator[str]:
-    """Yield reasons for bounds on one mesh only."""
+    """Yield the reason why bounds are computed on one mesh only."""
     if _cells(survey) > _most(survey, ADAPTED):
-        yield f"finer meshes than {_cells(survey)} elements take long; see adapt under [mesh]"
+        yield f"meshes finer than {_cells(survey)} elements take long; see adapt under [mesh]"
 
 
 def _most(survey: Survey, cells: Mapping[int, int]) -> float:
@@ -88,46 +90,46 @@ def _cells(survey: Survey) -> int:
 
 BOLT = re.compile(r"bolt|screw|stud|schraube|vis(_|$)|boulon|tornillo|vite(_|$)|sroub")
 NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
-"""Names of nuts in several languages."""
+"""Patterns of names of bolts and nuts in several languages."""
 
 
 class Glued(Enum):
-    """Joints that are glued in a first case."""
+    """The joints that are glued in a first case."""
 
-    SHARED = 0  # bodies that share faces in the drawing
-    BOLTS = 1  # these as well
+    SHARED = 0  # joints of bodies that share faces in the drawing
+    BOLTS = 1  # also joints of bolts with nuts
     ALL = 2
     NOTHING = 3
 
     def glues(self, joint: Joint) -> bool:
-        """Return whether a joint becomes a tie instead of a contact."""
+        """Return whether a joint becomes a tie, not a contact."""
         bolted = self is Glued.BOLTS and is_bolt_with_nut(joint)
         return self is Glued.ALL or bolted or (joint.shared and self is not Glued.NOTHING)
 
 
 def is_bolt_with_nut(joint: Joint) -> bool:
-    """Return whether a bolt touches a nut, judged by the names of the bodies."""
+    """Return whether a joint connects a bolt and a nut, according to the names of the bodies."""
     one, other = joint.bodies
     return any(BOLT.search(a) and NUT.search(b) for a, b in ((one, other), (other, one)))
 
 
 HEAD = """\
-# What is marked with <- is to be filled in; `perfplast check` says what is still missing.
+# Fill in the entries marked with <-; `perfplast check` reports entries that are missing.
 
 title = {title}
 
-[geometry]                      # perfplast run meshes again if this or the file has changed
+[geometry]                      # meshed again if this table or the file has changed
 file = {file}
 {size}{others}"""
 
 SUPPORTS = """
-[[support]]                     # the plane of symmetry
+[[support]]                     # plane of symmetry
 on = {name}
 components = {axis}
 """
 
 HINT = """
-# Materials: `perfplast materials` has numbers of common ones.
+# `perfplast materials` lists the parameters of common materials.
 """
 
 MATERIAL = """
@@ -139,23 +141,23 @@ yield_stress = {yield_stress}
 """
 
 CONTACT = """
-[[{kind}]]                     # {shapes}, {area:.4g} of area{other}
+[[{kind}]]                     # {shapes}, area {area:.4g}{other}
 primary = {primary}
 secondary = {secondary}
 {formulation}"""
 
 NEAR = """
-# {one} and {other} are {gap:.3g} apart, and free of each other. If they are to touch:
-# close_gaps = {above:.2g} under [geometry] (perfplast mesh --close-gaps), or
-# [[contact]] with primary and secondary, a face of each, and formulation = "mortar"
+# {one} and {other} are {gap:.3g} apart and do not touch. If they should touch, give
+# close_gaps = {above:.2g} under [geometry] (perfplast mesh --close-gaps), or a
+# [[contact]] with a face of each as primary and secondary, and formulation = "mortar"
 """
 
 LOADS = """
-[[support]]                     # what holds the bodies, once or more
+[[support]]                     # one or more supports
 on = "NAME"                     # <- one of the faces below
 components = {components}
 
-[[load]]                        # what pushes and pulls, once or more
+[[load]]                        # one or more loads
 on = "NAME"                     # <-
 traction = {traction}     # <- or pressure = 1.0
 
@@ -164,7 +166,7 @@ degree = 2
 
 {loading}
 [units]
-system = {system}             # or "m-kN-kPa", "SI", ...: what the numbers are in
+system = {system}             # units of the numbers; or "m-kN-kPa", "SI", ...
 
 """
 
@@ -177,24 +179,24 @@ def first_case(
     material: Common | None = None,
     glued: Glued = Glued.SHARED,
 ) -> str:
-    """Return a case file with bodies and joints; materials, supports and loads are open.
+    """Return a case file with bodies and joints; materials, supports and loads are left open.
 
     Args:
         survey: Survey of bodies, joints and faces.
         title: Title of the case.
-        file: Path of the geometry file, relative to that of the case file.
-        options: Options of the mesher.
-        material: Material of all bodies; None leaves it open.
-        glued: Which joints are glued instead of being in frictionless contact.
+        file: Path of the geometry file, relative to the folder of the case file.
+        options: Meshing options.
+        material: Material of all bodies; None leaves the material open.
+        glued: Which joints are glued; the others are frictionless contacts.
 
     Raises:
-        InputError: If bolts should be glued to nuts, but no bolt touches a nut.
+        InputError: If bolts are to be glued to nuts, but no bolt touches a nut.
     """
     options = options or MeshingOptions()
     if glued is Glued.BOLTS and not any(is_bolt_with_nut(joint) for joint in survey.joints):
         raise InputError(
-            "no bolt touches a nut, by the names of the bodies (such as bolt_1 and nut_1); name"
-            " them so in the CAD system, or write [[tie]] in the case file."
+            "no body named as a bolt touches a body named as a nut; give them names such as "
+            "bolt_1 and nut_1 in the CAD system, or write [[tie]] in the case file."
         )
     zero = [0.0] * survey.dim
     text = HEAD.format(
@@ -220,7 +222,7 @@ def first_case(
     text += "# Free faces, with their areas and centres:\n"
     text += "".join(_face(face) for face in survey.faces)
     if survey.sets:
-        text += "# Several free faces with a name together ([[geometry.face]] makes others):\n"
+        text += "# Names that cover several free faces ([[geometry.face]] defines further names):\n"
     return text + "".join(_set(one) for one in survey.sets)
 
 
@@ -232,7 +234,7 @@ def _material(body: Body, material: Common | None) -> str:
 
 
 def _others(options: MeshingOptions) -> str:
-    """Return the options besides the size that differ from the defaults."""
+    """Return lines for the options, except the size, that differ from the defaults."""
     usual, text = MeshingOptions(), ""
     keys = ("sizes", "curvature", "order", "meshed", "shared", "symmetry", "overlap")
     for key in (*keys, "close_gaps", "without"):
@@ -250,10 +252,14 @@ def _others(options: MeshingOptions) -> str:
 def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
     bolt, tied = is_bolt_with_nut(joint), glued.glues(joint)
     if tied and joint.shared and glued is not Glued.ALL:
-        bolt, why = False, "; the drawing has one face for both; [[contact]] separates them"
+        bolt, why = False, "; the drawing has one face for both; write [[contact]] to separate them"
     else:
         why = ""
-    other = "; a bolt and its nut, which [[tie]] holds" if bolt else "; [[tie]] glues instead"
+    other = (
+        ("; a bolt and its nut: write [[tie]] to glue them")
+        if bolt
+        else "; write [[tie]] to glue them"
+    )
     return CONTACT.format(
         kind="tie" if tied else "contact",
         shapes=" and ".join(joint.shapes),
@@ -277,4 +283,5 @@ def _set(one: NamedFaces) -> str:
 
 
 def _quoted(text: str | list[str]) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML requires it too
+    # TOML requires this escape too
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

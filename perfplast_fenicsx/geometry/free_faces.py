@@ -1,4 +1,4 @@
-"""List the free faces of bodies, and group those in one plane or cylinder."""
+"""List the free faces of bodies, and group faces in the same plane or on the same cylinder."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from perfplast_fenicsx.geometry.meshing_options import AXES
 
 
 def kind_of(dim: int, tag: int) -> str:
-    """Return gmsh's kind of a face or curve; "Plane", "Cylinder" or "Sphere" for splines."""
+    """Return gmsh's kind of a face or curve; for splines also "Plane", "Cylinder" or "Sphere"."""
     kind = str(gmsh.model.getType(dim, tag))
-    # Gmsh's kinds, in lower case, that may be planes, cylinders or spheres.
+    # gmsh's kinds, in lower case, of faces that may be planes, cylinders or spheres
     untold = ("bspline surface", "bezier surface", "surface of revolution", "unknown")
     if dim != 2 or kind.lower() not in untold:
         return kind
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, tag))
-    # Shares of each parameter at which curvatures are evaluated, because ends may be poles.
+    # fractions of the parameter ranges at which curvatures are evaluated; ends may be poles
     samples = (0.2, 0.4, 0.6, 0.8)
     shares = np.stack(np.meshgrid(samples, samples), axis=-1).reshape(-1, 2)
     large, small, _, _ = gmsh.model.getPrincipalCurvatures(
@@ -35,7 +35,7 @@ def kind_of(dim: int, tag: int) -> str:
     both = np.sort(np.abs(np.column_stack([large, small])), axis=1) * size
     if not np.isfinite(both).all():
         return kind
-    # Curvature that counts as zero, relative to the size of the face, and tolerance of equal ones.
+    # curvature (times the size of the face) that counts as zero, and relative tolerance of equality
     straight, same = 1e-5, 1e-4
     if both.max() < straight:
         return "Plane"
@@ -50,20 +50,20 @@ def kind_of(dim: int, tag: int) -> str:
 
 
 ALIKE = 1e-6
-"""Normals, radii and positions with a smaller difference, relative to the size of the body, are
-equal."""
+"""Difference up to which normals, radii and positions count as equal, relative to the size of the
+body."""
 
 
 @dataclass(frozen=True)
 class FreeFace:
-    """A face of the drawing at which a body touches nothing; in the plane a curve.
+    """A face of the drawing (in the plane a curve) at which a body touches no other body.
 
     Attributes:
-        number: Number in the list and the picture.
-        body: Index of its body.
-        tag: Tag of the face.
-        colour: Its own colour in the file; None if it is that of most of the body.
-        label: Its own label in the file; empty without one.
+        number: Number of the face in the list and the picture.
+        body: Index of the body.
+        tag: Gmsh's tag of the face.
+        colour: Colour of the face in the file; None if most of the body has the same colour.
+        label: Label of the face in the file; "" without a label.
     """
 
     number: int
@@ -75,13 +75,13 @@ class FreeFace:
 
 @dataclass(frozen=True)
 class FaceSet:
-    """Several faces with a common name.
+    """Several free faces with a common name.
 
     Attributes:
-        number: Number in the list; 0 if the file or a user defines the set.
-        name: Name in the mesh; empty before it is named.
-        faces: Indices in the list of free faces.
-        why: Their common property, in words.
+        number: Number of the set in the list; 0 if the file or the user defines the set.
+        name: Name in the mesh; "" before the set is named.
+        faces: Indices of the faces in the list of free faces.
+        why: The common property of the faces, in words.
     """
 
     number: int
@@ -92,11 +92,12 @@ class FaceSet:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The cylinder of a face; in the plane the circle of a curve.
+    """The cylinder on which a face lies; in the plane the circle of a curve.
 
     Attributes:
-        radius: Radius; negative for the face of a hole, whose outward normal points to the axis.
-        axis: Direction of the axis, with its largest component positive.
+        radius: Radius (length); negative for the face of a hole, whose outward normal points to the
+            axis.
+        axis: Unit vector of the axis, whose largest component is positive.
         centre: The point of the axis closest to the origin.
     """
 
@@ -110,7 +111,7 @@ def shape_of(dim: int, tag: int) -> str:
     kind = kind_of(dim, tag)
     if kind == "Cylinder":
         return "cylindrical"
-    # Names of gmsh's kinds of faces, where they differ from gmsh's.
+    # words for gmsh's kinds, where they differ from gmsh's words
     words = {"Plane": "flat", "Line": "straight", "Circle": "round", "Ellipse": "round"}
     return words.get(kind, kind.removesuffix(" surface").lower())
 
@@ -118,20 +119,20 @@ def shape_of(dim: int, tag: int) -> str:
 def numbered_faces(
     dim: int, faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
 ) -> tuple[list[FreeFace], list[FaceSet]]:
-    """Return the free faces with numbers, and sets of similar faces without names.
+    """Return the numbered free faces, and sets of similar faces, which have no names yet.
 
-    Faces of one body are similar if they share label and colour, or without these lie in one plane
-    or on one cylinder. Single faces and such sets are numbered first, from 1; the faces in the sets
-    follow.
+    Faces of one body are similar if they have the same label and colour. Faces without label and
+    colour are similar if they lie in the same plane or on the same cylinder. Sets, and faces that
+    belong to no set, are numbered first, from 1. The numbers of the faces in sets follow.
 
     Args:
         dim: Dimension of the faces.
-        faces: The body of each face.
+        faces: Index of the body of each face, by tag.
         size: Size of the bodies.
-        marks: Marks of the faces with their own label or colour.
+        marks: Marks of faces that have a label or colour, by tag.
 
     Returns:
-        The faces, sorted by body and number, and the sets.
+        The faces, sorted by body and number; and the sets.
     """
     tags = list(faces)
     kinds, labels = _alike(dim, tags, faces, size, marks)
@@ -159,7 +160,7 @@ def numbered_faces(
 def _alike(
     dim: int, tags: Sequence[int], faces: Mapping[int, int], size: float, marks: Mapping[int, Mark]
 ) -> tuple[dict[int, str], list[int]]:
-    """Return the kind of surface of each face in a word, and a number, equal for similar faces."""
+    """Return the kind of each face by tag, and numbers that are equal for similar faces."""
     kinds: dict[int, str] = {}
     families: dict[tuple[object, ...], list[int]] = {}
     places: dict[int, Floats] = {}
@@ -185,20 +186,21 @@ def _alike(
 
 
 def _lie_on(dim: int, tag: int, size: float) -> tuple[str, Floats]:
-    """Return "plane", "cylinder" or "face", and numbers that identify the plane or cylinder."""
+    """Return "plane", "cylinder" or "face", and numbers that define the plane or cylinder."""
     if dim == 2 and kind_of(dim, tag) == "Plane":
         middle = np.mean(gmsh.model.getParametrizationBounds(dim, tag), axis=0)
         normal = np.array(gmsh.model.getNormal(tag, middle))
         place = float(np.array(gmsh.model.getValue(dim, tag, middle)) @ normal)
         return "plane", np.array([*normal, place / size])
     if dim == 2 and (on := cylinder_of(dim, tag)) is not None:
-        along = np.outer(on.axis, on.axis).ravel()  # both directions describe the same axis
+        # so that both directions of the axis give the same numbers
+        along = np.outer(on.axis, on.axis).ravel()
         return "cylinder", np.array([*along, on.radius / size, *on.centre / size])
     return "face", np.zeros(1)
 
 
 def cylinder_of(dim: int, tag: int) -> Cylinder | None:
-    """Return the cylinder or circle of a face or curve, None without one."""
+    """Return the cylinder of a face or the circle of a curve; None for other shapes."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, tag))
     if dim == 1 and gmsh.model.getType(dim, tag) in ("Circle", "Ellipse"):
         places = np.concatenate([low + share * (high - low) for share in (0.0, 0.2, 0.5, 0.7)])
@@ -219,8 +221,8 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
     shares = np.array([[0.5, 0.5], [0.3, 0.3], [0.6, 0.2], [0.2, 0.7]])
     places = (low + shares * (high - low)).ravel()
     point, *others = np.reshape(gmsh.model.getValue(dim, tag, places), (-1, 3))
-    # Gmsh orients normals outwards, but not curvatures: the axis is on the side at which other
-    # points have the same distance.
+    # Gmsh orients normals outwards, but curvatures have no orientation. The axis is on the side
+    # where other points of the face also have the distance of the radius.
     normal, radius = np.array(gmsh.model.getNormal(tag, middle)), 1 / abs(curvature)
     centres = [point - side * radius * normal for side in (1.0, -1.0)]
     beside = np.array(others)[None] - np.array(centres)[:, None]
@@ -232,7 +234,7 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
 
 
 def round_of(dim: int, tag: int) -> str:
-    """Return radius and axis of a face's cylinder in words; empty for other faces."""
+    """Return the radius and the axis of a face's cylinder in words; "" for other faces."""
     on = cylinder_of(dim, tag)
     if on is None:
         return ""

@@ -1,4 +1,4 @@
-"""Set element sizes, and mesh bodies with gmsh by one of several algorithms."""
+"""Set element sizes, and mesh bodies with one of several algorithms of gmsh."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,20 +19,20 @@ USUAL = 10.0
 
 
 def most_elements(dim: int, bodies: int) -> int:
-    """Return the largest number of elements of an automatic mesh; adapted ones are larger."""
+    """Return the largest number of elements of an automatic mesh; adapted meshes have more."""
     return int(ADAPTED[dim] * (IN_CONTACT if bodies > 1 else 1.0))
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """The bodies and points whose sizes are set.
+    """The bodies and points at which element sizes are set.
 
     Attributes:
         dim: Dimension of the bodies.
         parts: The bodies.
-        points: Points without their own size, as scripts may give.
-        scripted: Whether a script defines size fields, which are left unchanged.
-        least: Smallest size that curvature may require, relative to the largest.
+        points: Points without a size; a script may give sizes at points.
+        scripted: Whether a script defines size fields, which remain unchanged.
+        least: Smallest size that curvature may require, relative to the largest size.
     """
 
     dim: int
@@ -43,13 +43,13 @@ class Sizes:
 
     @staticmethod
     def of(dim: int, parts: Sequence[Part]) -> "Sizes":
-        """Return the sizes of gmsh's current model, before it is meshed."""
+        """Return the bodies and points of gmsh's current model, before it is meshed."""
         points = gmsh.model.getEntities(0)
         given = gmsh.model.mesh.getSizes(points)
         free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
-        # Smallest relative size that so many curved entities may require; with more of them it is
-        # smaller in proportion. Without it fillets, threads and letters would take most elements
-        # and most of the time.
+        # Smallest size, relative to the largest, that curvature may require. If the user asks for
+        # more elements around a circle, the limit is smaller in proportion. Without this limit,
+        # fillets, threads and engraved letters would need most of the elements and of the time.
         smallest = 0.2
         scripted = bool(len(gmsh.model.mesh.field.list()))
         least = smallest if len(free) == len(points) else 0.0
@@ -57,13 +57,13 @@ class Sizes:
 
     @property
     def usual(self) -> float:
-        """Return the default largest edge length."""
+        """Return the default value of the largest edge length."""
         boxes = [box(self.dim, part.tags) for part in self.parts]
         lengths = [np.sort(around[1] - around[0])[-self.dim :] for around in boxes]
         room = sum(float(np.prod(np.maximum(length, 1e-12))) for length in lengths)
-        # Approximate number of elements in the boxes around bodies, by dimension, without a given
-        # size: the first of several meshes in space, where bounds on 10 000 elements take two
-        # minutes, and adapted meshes with half as many give closer bounds.
+        # Approximate number of elements in the boxes around bodies, by dimension, if no size is
+        # given. In space this is the first of several meshes: bounds on 10 000 elements take two
+        # minutes, and adapted meshes with half as many elements give closer bounds.
         elements = {2: 15_000, 3: 4_000}
         share = elements[self.dim] / {2: 2, 3: 6}[self.dim]
         return float(room / share) ** (1 / self.dim)
@@ -71,14 +71,14 @@ class Sizes:
     def set(
         self, options: MeshingOptions, finer: Mapping[tuple[int, int], float] | None = None
     ) -> float:
-        """Set the sizes of elements in gmsh, and return the largest edge length.
+        """Set the element sizes in gmsh, and return the largest edge length.
 
         Args:
             options: The given options.
-            finer: Edge lengths of curves and faces that need finer elements.
+            finer: Edge lengths on curves and faces that need finer elements, by dimension and tag.
 
         Raises:
-            InputError: If a body with its own size does not exist.
+            InputError: If the options give a size for a body that does not exist.
         """
         names = [part.name for part in self.parts]
         for body in options.sizes:
@@ -96,7 +96,7 @@ class Sizes:
         gmsh.option.setNumber(
             "Mesh.MeshSizeMin", min([least, *options.sizes.values(), *(finer or {}).values()])
         )
-        if self.points:  # gmsh would take a tenth of the model's diagonal
+        if self.points:  # the default of gmsh is a tenth of the model's diagonal
             gmsh.model.mesh.setSize(self.points, max(chosen))
         places = _of_bodies(self.dim, self.parts, options.sizes, size) | dict(finer or {})
         if not self.scripted:
@@ -110,14 +110,14 @@ class Sizes:
 def _of_bodies(
     dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
 ) -> dict[tuple[int, int], float]:
-    """Return edge lengths in bodies, if some have their own."""
+    """Return the edge length in each entity of bodies; empty if no body has its own size."""
     if not sizes:
         return {}
     return {(dim, tag): sizes.get(part.name, elsewhere) for part in parts for tag in part.tags}
 
 
 def _sizes_in_places(sizes: Mapping[tuple[int, int], float]) -> None:
-    """Set edge lengths of entities, the smaller one where several meet."""
+    """Set edge lengths in entities; where several entities meet, the smallest one applies."""
     fields = []
     for (dim, tag), size in sizes.items():
         one = gmsh.model.mesh.field.add("Constant")
@@ -132,17 +132,18 @@ def _sizes_in_places(sizes: Mapping[tuple[int, int], float]) -> None:
 
 
 NO_VOLUME = 1e-10
-"""Elements of less quality have no or negative volume; no run accepts them."""
+"""Quality below which an element has no volume or a negative one; no run accepts such elements."""
 
 FLAT = 1e-7
-"""Elements of less quality are almost flat, and another algorithm is tried."""
+"""Quality below which an element is almost flat; then another algorithm is tried."""
 
 ALGORITHMS = ((6, 1), (6, 10), (1, 1))
-"""Gmsh's algorithms for faces and for bodies: frontal Delaunay and Delaunay, its defaults; HXT,
-which places nodes differently; MeshAdapt, which meshes the most difficult faces."""
+"""Gmsh's algorithms for faces and for bodies, in the order in which they are tried. First frontal
+Delaunay and Delaunay, which are gmsh's defaults; then HXT, which places nodes differently; then
+MeshAdapt, which meshes the most difficult faces."""
 
 POOR = 0.02
-"""Elements of less quality cause a remark."""
+"""Quality of the worst element below which there is a remark."""
 
 
 def generate(
@@ -153,10 +154,10 @@ def generate(
     Args:
         sizes: Sizes of the bodies.
         options: The given options.
-        finer: Edge lengths of curves and faces that need finer elements.
+        finer: Edge lengths on curves and faces that need finer elements, by dimension and tag.
 
     Raises:
-        InputError: Naming the body that cannot be meshed, with a remedy.
+        InputError: If a body cannot be meshed; the message has its name and a remedy.
     """
     dim, parts = sizes.dim, sizes.parts
     size = sizes.set(options, finer)
@@ -168,17 +169,18 @@ def generate(
         for part in parts:
             if qualities(dim, part).min() <= 0:
                 raise InputError(
-                    f"curved elements of '{part.name}' fold over; give it a smaller size, or order"
-                    " = 1."
+                    f"curved elements of '{part.name}' fold over; give this body a smaller size, "
+                    "or give order = 1."
                 )
     return size
 
 
 def _generate(dim: int, parts: Sequence[Part]) -> None:
-    """Mesh by the first algorithm with good elements, or otherwise by the best of all.
+    """Mesh with the first algorithm that gives good elements, otherwise with the best one.
 
     Raises:
-        InputError: From the first algorithm, if none makes elements; or if all make flat ones.
+        InputError: If no algorithm makes elements (with the message of the first), or if all make
+            flat elements.
     """
     worst: dict[tuple[int, int], dict[str, float]] = {}
     failures = list[InputError]()
@@ -196,23 +198,24 @@ def _generate(dim: int, parts: Sequence[Part]) -> None:
     flat = [name for name, quality in worst[best].items() if quality < NO_VOLUME]
     if flat:
         raise InputError(
-            f"{' and '.join(map(repr, flat))} cannot be meshed without flat elements, by "
-            f"any of {len(ALGORITHMS)} algorithms; remove tiny edges and faces in the CAD "
-            "system, or give another size."
+            f"{' and '.join(map(repr, flat))} have flat elements with each of {len(ALGORITHMS)} "
+            "meshing algorithms; remove tiny edges and faces in the CAD system, or give another "
+            "size."
         )
     if best != ALGORITHMS[-1]:
         _worst_by(dim, parts, best)
 
 
 def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> dict[str, float]:
-    """Mesh by an algorithm, and return the quality of the worst element of each body."""
+    """Mesh with an algorithm, and return the quality of the worst element of each body."""
     if any(
         elements(dim, part).size for part in parts
-    ):  # only meshes of this program may be cleared
+    ):  # meshes that a script has read must not be cleared
         gmsh.model.mesh.clear()
     for name, number in zip(("Algorithm", "Algorithm3D"), algorithm, strict=True):
         gmsh.option.setNumber(f"Mesh.{name}", number)
-    gmsh.option.setNumber("General.AbortOnError", 1)  # an exception would leave gmsh locked
+    # an exception would leave gmsh in a locked state
+    gmsh.option.setNumber("General.AbortOnError", 1)
     gmsh.model.mesh.generate(dim)
     gmsh.option.setNumber("General.AbortOnError", 2)
     empty = [
@@ -224,17 +227,21 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
         failed = bool(gmsh.model.mesh.getLastEntityError())
         reason = gmsh.logger.getLastError()
         if not reason or reason.startswith("No elements"):
-            reason = "gmsh cannot fill it, usually because faces of a coarse mesh intersect"
+            reason = (
+                "gmsh cannot fill it with elements, usually because faces of a coarse mesh "
+                "intersect"
+            )
         fault = _fault(dim, parts if failed else empty[:1], reason)
         kinds = [gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()]
         if not any(kind.startswith("Discrete") for kind in kinds):
-            gmsh.model.mesh.clear()  # otherwise the next algorithm would keep the faces' meshes
+            # otherwise the next algorithm would keep the meshes of the faces
+            gmsh.model.mesh.clear()
         raise InputError(fault)
     return {part.name: float(qualities(dim, part).min()) for part in parts}
 
 
 def _fault(dim: int, parts: Sequence[Part], error: str) -> str:
-    """Return the message of a failed mesh, with the bodies' names."""
+    """Return the message for a failed mesh, with the names of the bodies."""
     names = set()
     for part in parts:
         faces = {int(f) for tag in part.tags for f in gmsh.model.getAdjacencies(dim, tag)[1]}
@@ -243,20 +250,21 @@ def _fault(dim: int, parts: Sequence[Part], error: str) -> str:
                 names.add(part.name)
     whose = " and ".join(f"'{name}'" for name in sorted(names)) or "the bodies"
     return (
-        f"{whose} cannot be meshed: {error.strip().rstrip('.')}; heal the geometry in the "
-        "CAD system (tiny faces, intersecting faces), or give another size."
+        f"{whose} cannot be meshed: {error.strip().rstrip('.')}; repair the geometry in the CAD "
+        "system (tiny or intersecting faces), or give another size."
     )
 
 
 EXACT = 0.01
-"""Relative error of areas that is accepted without a remark."""
+"""Largest relative error of the area of a face without a remark."""
 
 
 def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
-    """Mesh arcs finely enough for accurate areas, and return the largest edge length.
+    """Mesh the bodies with accurate areas of faces, and return the largest edge length.
 
-    Without a given size, an automatic size with few elements is used. If a mesh with finer arcs has
-    flat elements, too many elements or none, the previous mesh is restored.
+    If no size is given, an automatic size with few elements is used. Then arcs are refined until
+    the areas are accurate. If a mesh with finer arcs has flat elements, too many elements or no
+    elements, the previous mesh is restored.
     """
     most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
     if options.size is None:
@@ -267,7 +275,7 @@ def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) ->
     if options.curvature is not None or sizes.scripted:
         return longest
     before: dict[tuple[int, int], float] = {}
-    times = 4  # largest number of refinements of arcs
+    times = 4  # largest number of times that arcs are refined
     for _ in range(times):
         finer = before | finer_arcs(dim, parts)
         if finer == before:
@@ -286,8 +294,10 @@ def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) ->
 
 
 def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
-    """Return edge lengths of inaccurate arcs and curved faces for accurate areas."""
-    enough = 0.95  # target share of the allowed error, which is of second order in edge lengths
+    """Return the edge lengths with which inaccurate arcs and curved faces have accurate areas."""
+    # target for the error, relative to the allowed error; the error is of second order in edge
+    # lengths
+    enough = 0.95
     found: dict[tuple[int, int], float] = {}
     for face, missed in missed_areas(dim, parts).items():
         if missed <= EXACT:
@@ -302,21 +312,22 @@ def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
 
 
 def _edge_length(dim: int, tag: int) -> float:
-    """Return the mean edge length of the elements of a curve or face."""
+    """Return the mean edge length of the elements on a curve or face."""
     count = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim, tag)[1])
     measure = mesh_measure(dim, tag) / max(count, 1)
-    of_triangle = 4 / math.sqrt(3)  # squared edge of an equilateral triangle, over its area
+    # squared edge length of an equilateral triangle, divided by its area
+    of_triangle = 4 / math.sqrt(3)
     return measure if dim == 1 else math.sqrt(of_triangle * measure)
 
 
 def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
-    """Mesh with an automatic size with few elements, and return the size.
+    """Mesh with an automatic size that gives few elements, and return the size.
 
     Raises:
-        InputError: If no automatic size can be meshed.
+        InputError: If the bodies cannot be meshed with any automatic size.
     """
     first = sizes.usual
-    # Shares of the usual size that are tried if faces overlap on a coarse mesh.
+    # Factors on the default size, which are tried in turn if faces intersect on a coarse mesh.
     finer_sizes = (1.0, 0.7, 0.5)
     for share in finer_sizes:
         size = share * first
@@ -327,8 +338,8 @@ def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:
                 raise
             continue
         break
-    # Factors and number of larger sizes that are tried if small fillets and holes cause too many
-    # elements.
+    # Factor between larger sizes, and their number, which are tried if small fillets and holes
+    # cause too many elements.
     coarser, times = 1.3, 5
     for _ in range(times if share == 1 else 0):
         if _count(sizes.dim, sizes.parts) <= most:

@@ -1,4 +1,4 @@
-"""Determine the kind of a geometry file from its name and beginning, without gmsh."""
+"""Determine the kind of a geometry file from its name and its first bytes, without gmsh."""
 
 import re
 from pathlib import Path
@@ -7,13 +7,14 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.gmsh_reader import windows_path
 
 SCRIPTS = (".geo", ".geo_unrolled")
-"""Gmsh's own files. They may contain named physical groups, and may run any command."""
+"""Suffixes of gmsh's scripts. A script may contain named physical groups, and may execute any
+command."""
 
 STEP = b"ISO-10303-21"
 
 IGES = re.compile(rb"^.{72}[SBC][ 0]{6}1", re.MULTILINE)
-"""The first line of an IGES file has the letter of its section in column 73, followed by its
-number."""
+"""In the first line of an IGES file, column 73 has the letter of the section, and the line number
+follows."""
 
 IMPORTED = {
     ".step": re.compile(STEP),
@@ -22,44 +23,44 @@ IMPORTED = {
     ".iges": IGES,
     ".igs": IGES,
 }
-"""Formats that OpenCASCADE reads, with a pattern for the beginning of the file."""
+"""Patterns for the beginning of files that OpenCASCADE reads, by suffix."""
 
 
 def is_script(path: Path) -> bool:
-    """Return whether gmsh would run a file as a script, judged by its name."""
+    """Return whether gmsh would run a file as a script, according to its name."""
     return path.suffix.lower() in SCRIPTS
 
 
 def check_trust(path: Path, trust: bool) -> None:
-    """Refuse a script without the user's permission.
+    """Raise an error for a script that the user has not allowed.
 
     Args:
         path: A geometry file.
-        trust: Whether the user allows the script.
+        trust: Whether the user allows scripts.
 
     Raises:
         InputError: Naming the file.
     """
     if is_script(path) and not trust:
         raise InputError(
-            f"'{path}' is a script, with which gmsh may run any command and write any "
-            "file; give --trust if you know its contents, or export the geometry as STEP."
+            f"'{path}' is a script, with which gmsh may execute any command and write any file; "
+            "give --trust if you know its contents, or export the geometry as STEP."
         )
 
 
 def check_file(path: Path) -> None:
-    """Refuse files that are not geometry files.
+    """Raise an error for a file that is not a geometry file.
 
     Raises:
         InputError: Naming the file.
     """
     suffix = path.suffix.lower()
-    # Programs that would create geometries or meshes, but are never run.
+    # suffixes of programs, which may create geometries, but are never run
     programs = (".py", ".m", ".jl", ".exe", ".sh", ".bat")
     if suffix in programs:
         raise InputError(
-            f"'{path}' is a program, which perfplast never runs; run it yourself if you "
-            "know its contents, and give the geometry that it writes."
+            f"'{path}' is a program, which perfplast never runs; run it yourself if you know its "
+            "contents, and give the geometry file that it writes."
         )
     if suffix == ".msh":
         raise InputError(
@@ -73,11 +74,12 @@ def check_file(path: Path) -> None:
     if suffix not in (*IMPORTED, *SCRIPTS):
         known = ", ".join((*IMPORTED, *SCRIPTS))
         raise InputError(
-            f"'{path}' does not have the name of a geometry file; it must end in one of {known};"
-            " perfplast mesh also takes models with a mesh, such as .inp, .bdf, .med, .unv or .vtu."
+            f"'{path}' does not have the suffix of a geometry file; give a file that ends in one "
+            f"of {known}. perfplast mesh also reads models with a mesh, such as .inp, .bdf, .med, "
+            ".unv or .vtu."
         )
     if path.exists() and not path.is_file():
-        raise InputError(f"'{path}' is not a regular file; give the file of the geometry.")
+        raise InputError(f"'{path}' is not a regular file; give a geometry file.")
     try:
         with path.open("rb") as file:
             head = file.read(2000)
@@ -90,10 +92,11 @@ def check_file(path: Path) -> None:
     if not _begins_as(suffix, head):
         kind = suffix[1:].upper()
         raise InputError(
-            f"'{path}' is not in {kind} format despite its name; export the parts as {kind}."
+            f"'{path}' is not in {kind} format, although its suffix says so; export the parts as "
+            f"{kind}."
         )
 
 
 def _begins_as(suffix: str, head: bytes) -> bool:
-    """Return whether a file begins as its suffix requires; scripts have no fixed beginning."""
+    """Return whether a file begins as its suffix requires; true for all scripts."""
     return suffix in SCRIPTS or IMPORTED[suffix].search(head) is not None

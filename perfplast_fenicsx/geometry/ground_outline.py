@@ -1,4 +1,4 @@
-"""Divide drawn ground by its lines, and write gmsh's script of it."""
+"""Divide drawn ground by its lines, and write a gmsh script for the ground."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from perfplast_fenicsx.geometry.part_names import LEFT, RIGHT
 from perfplast_fenicsx.geometry.plane_arrangement import ROUNDING, Arrangement, arrange, within
 
 SIDES = ("left", "base", "right", "surface")
-"""Names of the pieces of the outline, counterclockwise from its top left corner."""
+"""Names of the parts of the outline, counterclockwise from the top left corner."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,13 @@ class Outline:
     Attributes:
         plan: Edges and faces.
         names: Names of the bodies.
-        face_body: The body of each face, -1 without one.
-        body: The bodies on the left and right of each edge, shape (num_edges, 2), -1 without one.
-        openings: Edges around each opening, by its name.
-        sides: Edges of the whole sides, by their names.
-        unnamed: Why the whole sides have no names; empty if they have.
-        first_line: Index of the first line among the owners of edges.
+        face_body: Index of the body of each face; -1 without a body.
+        body: Indices of the bodies on the left and right of each edge, shape (num_edges, 2); -1
+            without a body.
+        openings: Edges around each opening, by name of the opening.
+        sides: Edges of each side of the ground, by name of the side.
+        unnamed: Reason why the sides of the ground have no names; "" if they have names.
+        first_line: Index of the first line among the owners of edges in ``plan``.
     """
 
     plan: Arrangement
@@ -52,17 +53,17 @@ class Outline:
         """Return the edges of a line.
 
         Args:
-            line: Its number.
+            line: Index of the line.
         """
         return np.flatnonzero(self.plan.owners[:, self.first_line + line])
 
     @staticmethod
     def of(shapes: Sequence[Shape], chains: Sequence[Sequence[Floats]]) -> "Outline":
-        """Return the outline of shapes without overlaps and gaps.
+        """Return the outline of shapes, between which there are no overlaps and gaps.
 
         Args:
             shapes: Bodies and openings.
-            chains: Polylines of each line, followed by those of all kinks.
+            chains: The polylines of each line, followed by those of all kinks.
         """
         parts, owner = segments_of(shapes)
         for number, some in enumerate(chains, start=len(shapes)):
@@ -77,7 +78,7 @@ class Outline:
         inside = faces_inside(shapes, plan)
         cut = [inside[k] for k, one in enumerate(shapes) if one.opening]
         free = ~np.any(cut, axis=0) if cut else np.ones(len(plan.faces), dtype=bool)
-        of_face = [-1] * len(plan.faces) + [-1]  # the last entry is for face -1
+        of_face = [-1] * len(plan.faces) + [-1]  # the last entry is that of face -1, the outside
         for number, k in enumerate(solid):
             for face in np.flatnonzero(inside[k] & free):
                 of_face[face] = number
@@ -96,7 +97,7 @@ class Outline:
 
 
 def segments_of(shapes: Sequence[Shape]) -> tuple[list[Floats], list[int]]:
-    """Return the sides of shapes with a length, and their shapes."""
+    """Return the sides of shapes that have a length, and the index of each side's shape."""
     parts, owner = list[Floats](), list[int]()
     for number, one in enumerate(shapes):
         sides = np.stack([one.corners, np.roll(one.corners, -1, axis=0)], axis=1)
@@ -107,7 +108,7 @@ def segments_of(shapes: Sequence[Shape]) -> tuple[list[Floats], list[int]]:
 
 
 def faces_inside(shapes: Sequence[Shape], plan: Arrangement) -> npt.NDArray[np.bool_]:
-    """Return which faces lie in each shape, shape (num_shapes, num_faces)."""
+    """Return which faces lie inside each shape, shape (num_shapes, num_faces)."""
     points = np.array([face.point for face in plan.faces]).reshape(-1, 2)
     return np.array([within(one.corners, points) for one in shapes])
 
@@ -115,15 +116,15 @@ def faces_inside(shapes: Sequence[Shape], plan: Arrangement) -> npt.NDArray[np.b
 def _sides(
     plan: Arrangement, body: Longs, opening: npt.NDArray[np.bool_]
 ) -> tuple[dict[str, list[int]], str]:
-    """Return the edges of the whole sides, or why they have no names."""
+    """Return the edges of each side of the ground, or the reason why sides have no names."""
     outer = np.flatnonzero(((body >= 0).sum(axis=1) == 1) & ~opening)
     leaving: dict[int, tuple[int, int]] = {}
     for edge in outer:
         a, b = plan.edges[edge] if body[edge, 0] >= 0 else plan.edges[edge][::-1]
         if int(a) in leaving:
             return {}, (
-                f"the sides of the ground have no names, as its outline touches itself at"
-                f" {place_of(plan.points[a])}"
+                "the sides of the ground have no names, because its outline touches itself at "
+                f"{place_of(plan.points[a])}"
             )
         leaving[int(a)] = (int(b), int(edge))
     points = plan.points
@@ -134,13 +135,15 @@ def _sides(
         now, edge = leaving[now]
         edges.append(edge)
     if len(loop) < len(leaving):
-        return {}, "the sides of the ground have no names, as it consists of several parts"
+        return {}, "the sides of the ground have no names, because it has several parts"
     x = points[loop, 0]
     tolerance = ROUNDING * float(np.linalg.norm(np.ptp(points[loop], axis=0)))
     at_left, at_right = (np.abs(x - end) <= tolerance for end in (x.min(), x.max()))
     for word, on in (("left", at_left), ("right", at_right)):
         if int((on & ~np.roll(on, 1)).sum()) > 1:
-            return {}, f"the sides of the ground have no names, as its {word} end has several parts"
+            return {}, (
+                f"the sides of the ground have no names, because its {word} end has several parts"
+            )
     down, up = int(at_left.sum()) - 1, int(at_right.sum()) - 1
     to_right = int(np.argmax(at_right))
     ends = (0, down, to_right, to_right + up, len(loop))
@@ -151,13 +154,13 @@ def _sides(
 
 
 def script_of(outline: Outline, lines: Sequence[str], cracks: Mapping[str, Floats]) -> str:
-    """Return gmsh's script of an outline for the built-in kernel.
+    """Return a gmsh script for an outline, which uses the built-in kernel.
 
     Args:
         outline: The outline.
         lines: Names of the lines, in order.
-        cracks: Points of those that are open cracks inside a body, by name. Their curves have the
-            direction of the points, and two names.
+        cracks: Points of the lines that are open cracks inside a body, by name. The curves of a
+            crack have the direction of its points, and two names.
     """
     plan = outline.plan
     turned = {
@@ -208,11 +211,11 @@ def script_of(outline: Outline, lines: Sequence[str], cracks: Mapping[str, Float
 
 
 def _follows(edge: Floats, chain: Floats) -> bool:
-    """Return whether an edge on a chain of points has its direction.
+    """Return whether an edge on a polyline has the direction of the polyline.
 
     Args:
-        edge: Its ends, shape (2, 2).
-        chain: The points, shape (n, 2).
+        edge: Ends of the edge, shape (2, 2).
+        chain: Points of the polyline, shape (n, 2).
     """
     way = chain[1:] - chain[:-1]
     beyond = edge.mean(axis=0) - chain[:-1]

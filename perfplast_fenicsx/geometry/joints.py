@@ -1,4 +1,4 @@
-"""Cut bodies of gmsh's current model along each other, and find where they touch."""
+"""Cut the bodies in gmsh's current model along each other, and find where they touch."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,23 +16,23 @@ from perfplast_fenicsx.geometry.survey import Near
 def cut_along_each_other(
     dim: int, parts: Sequence[Part], overlap: float, close_gaps: float = 0.0
 ) -> list[Part]:
-    """Make neighbours share the faces at which they touch.
+    """Cut bodies so that neighbours share the faces at which they touch; return the bodies.
 
     Args:
         dim: Dimension of the bodies.
         parts: The bodies; they get new entities.
-        overlap: Share of the smaller body's volume by which two bodies may overlap.
-        close_gaps: Faces of bodies at a smaller distance become one.
+        overlap: Largest overlap of two bodies, relative to the volume of the smaller body.
+        close_gaps: Two faces at a smaller distance become one face (length).
 
     Raises:
-        InputError: If bodies overlap by more, cannot be cut, or change too much when gaps are
-            closed.
+        InputError: If bodies overlap by more, if they cannot be cut, or if closing gaps changes
+            them too much.
     """
     solids = [(dim, tag) for part in parts for tag in part.tags]
     if len(solids) < 2 or set(solids) - set(gmsh.model.occ.getEntities(dim)):
         return list(
             parts
-        )  # a single body, or gmsh's own geometry, whose neighbours already share faces
+        )  # one body, or gmsh's built-in kernel, in which neighbours already share faces
     sizes = {tag: gmsh.model.occ.getMass(dim, tag) for _, tag in solids}
     if close_gaps:
         gmsh.option.setNumber("Geometry.ToleranceBoolean", close_gaps)
@@ -57,9 +57,9 @@ def cut_along_each_other(
                 )
                 if common > overlap * smaller:
                     raise InputError(
-                        f"bodies '{parts[before].name}' and '{part.name}' overlap by {common:.3g},"
-                        f" {common / smaller:.1%} of the smaller one; move them apart in the CAD"
-                        " system, or allow a larger share by overlap."
+                        f"bodies '{parts[before].name}' and '{part.name}' overlap by {common:.3g}, "
+                        f"{common / smaller:.1%} of the volume of the smaller one; separate them "
+                        "in the CAD system, or give a larger overlap."
                     )
     cut = [
         Part(part.name, part.label, tuple(tag for tag, own in owner.items() if own == number))
@@ -71,7 +71,7 @@ def cut_along_each_other(
 
 
 def _check_kept(dim: int, parts: Sequence[Part], before: Sequence[float], gaps: float) -> None:
-    """Refuse gaps that are as wide as bodies or their details.
+    """Raise an error if closing gaps has changed the volume of a body too much.
 
     Raises:
         InputError: If the volume of a body changes too much.
@@ -82,26 +82,26 @@ def _check_kept(dim: int, parts: Sequence[Part], before: Sequence[float], gaps: 
         if not abs(now / volume - 1) <= most:
             raise InputError(
                 f"closing gaps up to {gaps:g} changes the volume of '{part.name}' by "
-                f"{abs(now / volume - 1):.1%}; give a smaller width, or repair the "
-                "geometry in the CAD system."
+                f"{abs(now / volume - 1):.1%}; give a smaller close_gaps, or repair the geometry "
+                "in the CAD system."
             )
 
 
 def near_misses(dim: int, parts: Sequence[Part]) -> list[Near]:
-    """Return pairs of bodies that are close to each other but share no face."""
+    """Return the pairs of bodies that are close to each other, but share no face."""
     if set(gmsh.model.getEntities(dim)) - set(gmsh.model.occ.getEntities(dim)):
         return []
     boxes = np.array([box(dim, part.tags) for part in parts])
     sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
-    no_distance = 1e-7  # distances below this share of the assembly's size count as zero
+    no_distance = 1e-7  # distance that counts as zero, relative to the size of the assembly
     none = no_distance * float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))
     first, second = np.triu_indices(len(parts), 1)
     between = np.maximum(boxes[first, 0] - boxes[second, 1], boxes[second, 0] - boxes[first, 1])
     apart = np.linalg.norm(between.clip(min=0), axis=1)
-    # Bodies nearly touch if their distance is at most this share of the smaller one's size.
+    # bodies nearly touch up to this distance, relative to the size of the smaller body
     nearly = 0.02
     reach = nearly * np.minimum(sizes[first], sizes[second])
-    most_distances = 300  # largest number of measured pairs
+    most_distances = 300  # largest number of pairs whose distance is measured
     nearest = np.argsort(apart, kind="stable")[:most_distances]
     owner = {tag: number for number, part in enumerate(parts) for tag in part.tags}
     touching = set(map(frozenset[int], shared(dim, owner).values()))
@@ -128,17 +128,17 @@ def _boxes_of_faces(dim: int, part: Part) -> Floats:
 
 
 def _between(one: Floats, other: Floats) -> float:
-    """Return the smallest distance between boxes, a cheap lower bound of that between faces."""
+    """Return the smallest distance between boxes, a fast lower bound for the faces."""
     gaps = np.maximum(one[:, None, 0] - other[None, :, 1], other[None, :, 0] - one[:, None, 1])
     return float(np.linalg.norm(gaps.clip(min=0), axis=2).min(initial=np.inf))
 
 
 def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:
-    """Return the faces of bodies, and the one or two bodies of each.
+    """Return the faces of bodies by tag, each with its one or two bodies.
 
     Args:
         dim: Dimension of the bodies.
-        owner: The body of each entity; faces inside a body are omitted.
+        owner: Index of the body of each entity. Faces inside a body are omitted.
     """
     sides: dict[int, list[int]] = {}
     for tag, body in owner.items():
@@ -152,18 +152,18 @@ def shared(dim: int, owner: dict[int, int]) -> dict[int, tuple[int, ...]]:
 
 
 def box(dim: int, tags: Sequence[int]) -> Floats:
-    """Return the smallest and largest coordinates, shape (2, 3)."""
+    """Return the smallest and largest coordinates of entities, shape (2, 3)."""
     boxes = np.array([gmsh.model.getBoundingBox(dim, tag) for tag in tags]).reshape(-1, 2, 3)
     return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 @dataclass(frozen=True)
 class Seam:
-    """Faces at which two bodies touch.
+    """The faces at which two bodies touch.
 
     Attributes:
         bodies: Indices of the bodies.
-        faces: Faces of each body; the same faces if they are meshed together.
+        faces: Tags of the faces of each body; both have the same faces if they are meshed together.
     """
 
     bodies: tuple[int, int]
@@ -171,7 +171,7 @@ class Seam:
 
 
 def find_seams(dim: int, parts: Sequence[Part]) -> list[Seam]:
-    """Return the seams of pairs of bodies, sorted by bodies."""
+    """Return the seams of all pairs of bodies that touch, sorted by bodies."""
     pairs: dict[tuple[int, ...], list[int]] = {}
     for face, bodies in shared(dim, owners(parts)).items():
         if len(bodies) == 2:
@@ -183,17 +183,17 @@ def find_seams(dim: int, parts: Sequence[Part]) -> list[Seam]:
 
 
 def owners(parts: Sequence[Part]) -> dict[int, int]:
-    """Return the body of each entity."""
+    """Return the index of the body of each entity."""
     return {tag: number for number, part in enumerate(parts) for tag in part.tags}
 
 
 def faces_of_bodies(dim: int, parts: Sequence[Part]) -> dict[int, int]:
-    """Return all outer faces, and a body of each."""
+    """Return all outer faces of bodies, each with the index of one of its bodies."""
     return {face: bodies[0] for face, bodies in shared(dim, owners(parts)).items()}
 
 
 def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[int, int]:
-    """Return the faces at which bodies touch nothing, and their bodies."""
+    """Return the faces at which no other body touches, each with the index of its body."""
     touching = {face for seam in seams for side in seam.faces for face in side}
     own = shared(dim, owners(parts))
     return {
@@ -204,18 +204,19 @@ def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[i
 def take_apart(
     dim: int, parts: Sequence[Part], seams: Sequence[Seam]
 ) -> tuple[list[Part], list[Seam]]:
-    """Give each body separate faces where it touches others, for separate meshing.
+    """Return bodies with separate faces where they touch, so that each is meshed separately.
 
     Args:
         dim: Dimension of the bodies.
-        parts: The bodies, already cut along each other; they get new entities.
+        parts: The bodies after they were cut along each other; they get new entities.
         seams: Places where they touch.
 
     Returns:
         The bodies, and their seams.
 
     Raises:
-        InputError: If the bodies are gmsh's own geometry, which gmsh cannot copy in this way.
+        InputError: If the bodies belong to gmsh's built-in kernel, for which such copies are not
+            possible.
     """
     occ = gmsh.model.occ
     if {(dim, t) for part in parts for t in part.tags} - set(occ.getEntities(dim)):
@@ -227,7 +228,7 @@ def take_apart(
     copies = []
     for part in parts:
         new = [occ.copy([(dim, tag)])[0] for tag in part.tags]
-        if len(new) > 1:  # pieces of one body remain connected
+        if len(new) > 1:  # keeps the pieces of one body connected
             new = occ.fragment(new, [])[0]
         copies.append(Part(part.name, part.label, tuple(t for of, t in new if of == dim)))
     occ.remove([(dim, tag) for part in parts for tag in part.tags], recursive=True)
@@ -238,7 +239,7 @@ def take_apart(
     ]
     after = [_measures(dim - 1, own) for own in faces]
 
-    # Areas and centres of faces with a smaller difference, relative to their size, identify copies.
+    # relative difference of areas and centres up to which a face counts as a copy
     rounding = 1e-6
 
     def copied(body: int, old: Sequence[int]) -> tuple[int, ...]:
@@ -257,7 +258,7 @@ def take_apart(
 
 
 def _measures(dim: int, tags: Sequence[int]) -> Floats:
-    """Return square root of area (in the plane length) and centre of faces, shape (n, 4)."""
+    """Return root of area (in the plane length) and centre of faces, shape (n, 4)."""
     occ = gmsh.model.occ
     return np.array(
         [[occ.getMass(dim, tag) ** (1 / dim), *occ.getCenterOfMass(dim, tag)] for tag in tags]

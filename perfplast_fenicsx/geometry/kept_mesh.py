@@ -1,4 +1,4 @@
-"""Store the mesh of a geometry file next to the case; a separate process makes it."""
+"""Store the mesh of a geometry file next to the case file; a separate process makes the mesh."""
 
 import dataclasses
 import hashlib
@@ -26,22 +26,22 @@ from perfplast_fenicsx.geometry.survey import Survey
 from perfplast_fenicsx.mesh.gmsh_reader import NO_GMSH
 
 BEGINS = "perfplast "
-"""First word of a line that reports a stage."""
+"""First word of output lines that report the beginning of a stage."""
 
 SURFACE = re.compile(r"Meshing surface (\d+) ")
-"""Gmsh's message when it begins a face."""
+"""Gmsh's message when it begins to mesh a face."""
 
 VOLUMES = re.compile(r"Meshing 3D")
-"""Gmsh's message after all faces are meshed."""
+"""Gmsh's message when all faces are meshed."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage that the program begins.
+    """A stage of the meshing program.
 
     Attributes:
-        doing: Description of the stage.
-        faces: Names of bodies by face, during meshing.
+        doing: Description of the stage, which continues "while gmsh was".
+        faces: Names of bodies by tag of the face; not empty only in the stage of meshing.
     """
 
     doing: str
@@ -49,12 +49,12 @@ class Stage:
 
 
 def begin(stage: Stage) -> None:
-    """Report the beginning of a stage."""
+    """Print a line that reports the beginning of a stage."""
     print(BEGINS + msgspec.json.encode(stage).decode(), flush=True)
 
 
 def last_of(output: str) -> str:
-    """Return the last stage of a program that ended, with the body's name if there is one."""
+    """Return the last stage in the output of a program, with the name of the body if known."""
     stage, doing = Stage("beginning"), "beginning"
     for line in output.splitlines():
         if line.startswith(BEGINS):
@@ -74,21 +74,20 @@ def mesh_geometry(
     skin: str | Path | None = None,
     trust: bool = False,
 ) -> Survey:
-    """Mesh a geometry file: touching bodies have matching nodes, but share none.
+    """Mesh a geometry file so that touching bodies have matching nodes but share none.
 
-    Not collective. The program creates all names: of bodies from the file, of faces from their
-    positions.
+    Not collective. Names of bodies come from the file, and names of faces from their positions.
 
     Args:
-        source: A STEP, BREP or IGES file, or gmsh's .geo.
+        source: A STEP, BREP, IGES or gmsh .geo file.
         target: The .msh file to write.
-        options: Sizes and degree of the elements.
-        skin: An .npz file to write for pictures (:func:`mesher.skin_of`); None for none.
-        trust: Whether to run gmsh's scripts, which may run any command.
+        options: Meshing options; None for the defaults.
+        skin: An .npz file to write for pictures (:func:`mesher.skin_of`); None writes no such file.
+        trust: Whether to run gmsh scripts, which may execute any command.
 
     Raises:
-        InputError: If the file cannot be read or meshed, or if it is a script without ``trust``;
-            nothing is written in this case.
+        InputError: If the file cannot be read or meshed, or if it is a script without ``trust``.
+            Then no file is written.
     """
     check_file(Path(source))
     check_trust(Path(source), trust)
@@ -114,15 +113,15 @@ def mesh_geometry(
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
-            seen = error.stdout or b""  # bytes, since the encoding is unknown
+            seen = error.stdout or b""  # this output is bytes in spite of the encoding
             doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
             raise InputError(
-                f"'{source}' was not meshed within {options.patience:g} s, while gmsh was "
-                f"{doing}; give a larger size, fewer elements around circles (curvature = "
-                "4) or more patience, or simplify the geometry in the CAD system."
+                f"'{source}' was not meshed within {options.patience:g} s, while gmsh was {doing}; "
+                "give a larger size, fewer elements around circles (curvature = 4) or a larger "
+                "patience, or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
-            if "    import gmsh\n" in done.stderr:  # the line at which it crashed
+            if "    import gmsh\n" in done.stderr:  # the line at which the program failed
                 raise InputError(NO_GMSH)
             if done.returncode > 0 and done.returncode != REFUSED:
                 raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")
@@ -138,42 +137,43 @@ def _cause(source: str, status: int, complaints: str) -> str:
         return complaints.strip().splitlines()[-1]
     how = (signal.strsignal(-status) or f"signal {-status}").lower()
     return (
-        f"gmsh crashed while meshing '{source}' ({how}); heal the geometry in the CAD system and"
-        " export it again, or give another size."
+        f"gmsh crashed while meshing '{source}' ({how}); repair the geometry in the CAD system and "
+        "export it again, or give another size."
     )
 
 
 READS_OTHERS = re.compile(rb"\b(Merge|Include|ShapeFromFile)\b")
-"""Commands by which a gmsh script reads other files, whose changes are not detected."""
+"""Commands with which a gmsh script reads other files; changes of these files are not detected."""
 
 MARK = b"$Comments\nmade by perfplast of "
-"""Beginning of the section at the end of a .msh file that identifies its origin."""
+"""Beginning of the last section in a .msh file, which identifies the origin of the mesh."""
 
 GLUED = b"$Comments\nglued unless contacts or ties say otherwise: "
-"""Beginning of the section with the pairs of surfaces of bodies that share faces."""
+"""Beginning of the section in a .msh file with the pairs of surfaces that share faces in the
+drawing."""
 
 DRAWN = b"$Comments\nareas in the drawing: "
-"""Begins the section of a .msh file with the area that the drawing gives each surface."""
+"""Beginning of the section in a .msh file with the areas of surfaces in the drawing."""
 
 KIND = "single faces, shared ones, areas of the drawing"
-"""The kind of a mesh file, by its faces: a file of another kind is replaced."""
+"""Version of the content of mesh files; a file with another content is replaced."""
 
 END = b"\n$EndComments\n"
 
 
 def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = False) -> None:
-    """Make a mesh unless it exists for the same geometry and options. Not collective.
+    """Make a mesh if none exists for the same geometry and options. Not collective.
 
     Args:
         source: The geometry file.
         mesh: The .msh file.
         options: Options of the mesher.
-        trust: Whether to run a script. It is not needed if the existing mesh is still valid.
+        trust: Whether to run a script; not necessary if the existing mesh is still valid.
 
     Raises:
         InputError: If the file cannot be read or meshed, if the mesh cannot be written, if a mesh
-            of other origin exists, or if the file is a script without ``trust``; nothing is written
-            in these cases.
+            of another origin exists, or if the file is a script without ``trust``. Then no file is
+            written.
     """
     check_file(source)
     try:
@@ -183,8 +183,8 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
         raise InputError(f"'{error.filename}' cannot be read: {error.strerror}.") from error
     if mesh.exists() and before is None:
         raise InputError(
-            f"'{mesh}' is to be made from '{source}', but such a file from elsewhere "
-            "already exists; move it, or give it as [mesh] file instead of [geometry]."
+            f"'{mesh}' would be made from '{source}', but a mesh file of another origin already "
+            "has this name; move it, or give it as file under [mesh] instead of [geometry]."
         )
     scripted = is_script(source) and READS_OTHERS.search(content)
     if before != _fingerprint(content, options) or scripted:
@@ -199,21 +199,21 @@ def make_mesh(
     skin: Path | None = None,
     trust: bool = False,
 ) -> Survey:
-    """Make a mesh that identifies its origin. Not collective.
+    """Make a mesh file that identifies its origin. Not collective.
 
     Args:
         source: The geometry file.
         mesh: The .msh file; it is replaced as a whole.
         options: Options of the mesher.
-        skin: An .npz file to write for pictures; None for none.
+        skin: An .npz file to write for pictures; None writes no such file.
         trust: Whether to run a script.
 
     Returns:
         The survey of the geometry.
 
     Raises:
-        InputError: If the file cannot be read or meshed, or if the mesh cannot be written; nothing
-            is written in these cases.
+        InputError: If the file cannot be read or meshed, or if the mesh cannot be written. Then no
+            file is written.
     """
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made.msh"
@@ -230,23 +230,23 @@ def make_mesh(
 
 
 def glued_in(mesh: Path) -> list[tuple[str, str]]:
-    """Return pairs of surfaces that are glued unless a case says otherwise. Not collective."""
+    """Return the pairs of surfaces that are glued unless the case names them. Not collective."""
     return msgspec.json.decode(_section(mesh, GLUED) or b"[]", type=list[tuple[str, str]])
 
 
 def drawn_in(mesh: Path) -> dict[str, float]:
-    """Return the area of each surface in the drawing, where it is known. Not collective."""
+    """Return the areas of surfaces in the drawing, as far as they are known. Not collective."""
     return msgspec.json.decode(_section(mesh, DRAWN) or b"{}", type=dict[str, float])
 
 
 def _section(mesh: Path, head: bytes) -> bytes:
-    """Return the text of the last section with a heading; empty without one."""
+    """Return the text of the last section with a heading; empty without such a section."""
     _, found, rest = mesh.read_bytes().rpartition(head)
     return rest.partition(END)[0] if found else b""
 
 
 def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
-    """Return the fingerprint of a geometry file, options and program; patience does not count."""
+    """Return a hash of a geometry file, the options without patience, and the program's version."""
     told = msgspec.json.encode(dataclasses.replace(options, patience=1.0))
     version = f"{__version__}, {KIND}".encode()
     parts = [hashlib.sha256(part).digest() for part in (content, told, version)]
@@ -254,7 +254,7 @@ def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
 
 
 def _made_of(mesh: Path) -> bytes | None:
-    """Return the mark at the end of a .msh file; None without a mark or a file."""
+    """Return the hash at the end of a .msh file; None without a hash or without a file."""
     if not mesh.exists():
         return None
     with mesh.open("rb") as file:

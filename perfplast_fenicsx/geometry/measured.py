@@ -1,4 +1,4 @@
-"""Measure gmsh's current model and mesh: bodies, joints and free faces, with their sizes."""
+"""Measure bodies, joints and free faces in gmsh's current model and mesh."""
 
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -17,7 +17,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
-    """Return volume, area or length of entities; None for gmsh's built-in kernel."""
+    """Return the volume, area or length of entities in CAD; None for gmsh's built-in kernel."""
     known = {tag for of, tag in gmsh.model.occ.getEntities(dim) if of == dim}
     if not known.issuperset(tags):
         return None
@@ -25,21 +25,21 @@ def cad_measure(dim: int, tags: Sequence[int]) -> float | None:
 
 
 def mesh_measure(dim: int, tag: int) -> float:
-    """Return volume, area or length of the elements of an entity, including curved ones."""
+    """Return the volume, area or length of an entity's elements, which may be curved."""
     return float(_quadrature(dim, tag)[1].sum())
 
 
 def mesh_centre(dim: int, tags: Sequence[int]) -> Floats:
-    """Return the centroid of the elements of entities, shape (3,), including curved ones."""
+    """Return the centroid of the elements of entities, which may be curved, shape (3,)."""
     found = [_quadrature(dim, tag) for tag in tags]
     points, weights = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
     return np.asarray(weights @ points / weights.sum())
 
 
 def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
-    """Return points of an entity's elements, shape (n, 3), and weights that sum to its measure."""
+    """Return quadrature points in an entity, shape (n, 3), and weights that sum to its measure."""
     points, weights = [np.empty((0, 3))], [np.empty(0)]
-    gauss = "Gauss4"  # rule that is exact for volumes of curved elements
+    gauss = "Gauss4"  # this rule is exact for volumes of curved elements
     for kind in gmsh.model.mesh.getElementTypes(dim, tag):
         local, of_rule = gmsh.model.mesh.getIntegrationPoints(kind, gauss)
         _, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag)
@@ -49,15 +49,16 @@ def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
 
 
 def missed_areas(dim: int, parts: Sequence[Part]) -> dict[int, float]:
-    """Return the relative area error of each face of the mesh that matters.
+    """Return the relative error of the mesh's area of each large face.
 
-    In the plane, these are lengths of curves. Faces with an unknown area are omitted.
+    In the plane, the faces are curves and the areas lengths. Faces with an unknown area are
+    omitted.
     """
     tags = [tag for part in parts for tag in part.tags]
     faces = sorted({int(f) for tag in tags for f in gmsh.model.getAdjacencies(dim, tag)[1]})
     meant = [(face, cad_measure(dim - 1, [face])) for face in faces]
     known = {face: area for face, area in meant if area}
-    # Least share of the total area of a face whose area should be accurate.
+    # the area of a face must be accurate if its share of the total area is at least this
     matters = 0.01
     least = matters * sum(known.values())
     return {
@@ -68,7 +69,7 @@ def missed_areas(dim: int, parts: Sequence[Part]) -> dict[int, float]:
 
 
 def measured_body(dim: int, part: Part) -> Body:
-    """Return a body, after making it a physical group."""
+    """Make a body a physical group, and return its measures."""
     gmsh.model.addPhysicalGroup(dim, part.tags, name=part.name)
     points = np.concatenate([_coordinates(dim, tag) for tag in part.tags])
     around = np.array([points.min(axis=0), points.max(axis=0)])
@@ -93,7 +94,7 @@ def measured_joint(
     seam: Seam,
     shared: AbstractSet[frozenset[str]],
 ) -> Joint:
-    """Return a joint of two bodies, after making it a physical group, if apart two groups.
+    """Make a joint a physical group (two groups if meshed apart), and return its measures.
 
     Args:
         dim: Dimension of the bodies.
@@ -119,7 +120,7 @@ def measured_joint(
 def measured_faces(
     dim: int, parts: Sequence[Part], faces: Sequence[FreeFace], names: Sequence[str], size: float
 ) -> list[Face]:
-    """Return free faces, after making each a physical group."""
+    """Make each free face a physical group, and return the measures of the faces."""
     found = []
     for face, name in zip(faces, names, strict=True):
         gmsh.model.addPhysicalGroup(dim - 1, [face.tag], name=name)
@@ -149,7 +150,7 @@ def measured_sets(
     of_file: Mapping[str, AbstractSet[int]],
     cracks: Sequence[tuple[str, str]],
 ) -> tuple[list[NamedFaces], list[str]]:
-    """Return named sets of faces, after making each a physical group, and remarks.
+    """Make each named set of faces a physical group; return the measured sets, and remarks.
 
     Args:
         dim: Dimension of the bodies.
@@ -157,7 +158,7 @@ def measured_sets(
         faces: Free faces.
         sets: Sets of these faces.
         seams: Places where bodies touch.
-        of_file: Faces by their names in the file; those at seams have a name for each side, such as
+        of_file: Tags of faces by name in the file. Faces at seams get a name for each side, such as
             ``lower_seam`` and ``upper_seam``.
         cracks: Names of both sides of each open crack.
     """
@@ -176,7 +177,7 @@ def measured_sets(
             found.append(NamedFaces(0, name, (), why, area, cad_measure(dim - 1, along)))
             continue
         if not tags and not sides:
-            remarks.append(f"the physical group '{name}' bounds no body and is left out")
+            remarks.append(f"the physical group '{name}' bounds no body and is ignored")
             continue
         if tags:
             numbers = tuple(faces[k].number for k in one.faces)
@@ -187,16 +188,16 @@ def measured_sets(
             gmsh.model.addPhysicalGroup(dim - 1, [*tags, *sorted(shared)], name=name)
         for body, some in sides:
             side = f"{parts[body].name}_{name}"
-            if not shared >= {*some}:  # bodies meshed apart
+            if not shared >= {*some}:  # true if the bodies are meshed apart
                 gmsh.model.addPhysicalGroup(dim - 1, some, name=side)
             area = sum(mesh_measure(dim - 1, tag) for tag in some)
-            why = f"'{name}' of the file, where bodies touch"
+            why = f"'{name}' in the file, where bodies touch"
             found.append(NamedFaces(0, side, (), why, area, cad_measure(dim - 1, some)))
     return found, remarks
 
 
 def _sides_of_seams(seams: Sequence[Seam], tags: AbstractSet[int]) -> list[tuple[int, list[int]]]:
-    """Return bodies with those of their faces at seams that are among the tags."""
+    """Return the bodies that have faces of ``tags`` at seams, each with these faces."""
     found: dict[int, list[int]] = {}
     for seam in seams:
         for body, faces in zip(seam.bodies, seam.faces, strict=True):
@@ -206,7 +207,7 @@ def _sides_of_seams(seams: Sequence[Seam], tags: AbstractSet[int]) -> list[tuple
 
 
 def _shape(dim: int, face: FreeFace) -> str:
-    """Return the shape, such as "flat", with the face's own label and colour."""
+    """Return the shape of a face, such as "flat", with its label and colour."""
     shape = shape_of(dim, face.tag)
     if face.label:
         shape += f", '{face.label}'"
@@ -216,7 +217,7 @@ def _shape(dim: int, face: FreeFace) -> str:
 
 
 def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:
-    """Return the elements of a body."""
+    """Return gmsh's tags of the elements of a body."""
     return np.concatenate(
         [np.empty(0, np.uint64)]
         + [tags for tag in part.tags for tags in gmsh.model.mesh.getElements(dim, tag)[1]]
@@ -224,7 +225,7 @@ def elements(dim: int, part: Part) -> npt.NDArray[np.uint64]:
 
 
 def qualities(dim: int, part: Part) -> Floats:
-    """Return the qualities of a body's elements: 1 for an equilateral one, 0 for a flat one."""
+    """Return the qualities of a body's elements: 1 for equilateral and 0 for flat elements."""
     return np.asarray(gmsh.model.mesh.getElementQualities(elements(dim, part), "minSICN"))
 
 

@@ -1,4 +1,4 @@
-"""Mesh a geometry file as bodies with names, and survey its contents. Single-process."""
+"""Mesh a geometry file as bodies with names, and survey its content, in one process."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
@@ -50,7 +50,7 @@ from perfplast_fenicsx.mesh.split_bodies import write_split
 
 
 def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]:
-    """Return groups of bodies connected by contact, in the order of the bodies."""
+    """Return groups of bodies that are connected by joints, in the order of the bodies."""
     group = {body: [body] for body in bodies}
     for joint in joints:
         one, other = (group[body] for body in joint.bodies)
@@ -61,34 +61,35 @@ def groups_of(bodies: Sequence[str], joints: Sequence[Joint]) -> list[list[str]]
 
 
 def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[str]:
-    """Yield a sentence that bodies do not touch, if they do not."""
+    """Yield a remark if there are groups of bodies that do not touch each other."""
     groups = groups_of(bodies, joints)
     if len(groups) < 2:
         return
-    most_names = 8  # largest number of bodies that are named
+    most_names = 8  # largest number of groups whose bodies are named
     names = ["'" + "' with '".join(group) + "'" for group in groups[:most_names]]
     rest = f" and {len(groups) - most_names} more" if len(groups) > most_names else ""
     yield (
-        f"{', '.join(names)}{rest} do not touch each other: give each its own supports and "
-        f"loads, or leave it out (--without {groups[-1][0]})"
+        f"{', '.join(names)}{rest} do not touch each other: give each of them separate supports "
+        f"and loads, or leave bodies out (--without {groups[-1][0]})"
     )
 
 
 def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
-    """Move nodes of the mesh to the original surfaces of the faces.
+    """Move nodes of the mesh onto the original surfaces of the faces.
 
-    Closing a gap replaces the edges of one body by those of the other body's face, at a distance of
-    the gap width. Contact on such a bent face would push bodies aside.
+    When a gap is closed, edges of one body are replaced by edges of the other body's face, which
+    lie at the distance of the gap. This bends the face, and contact on a bent face would push the
+    bodies sideways.
 
     Args:
         parts: Bodies in space.
         seams: Places where they touch.
 
     Raises:
-        InputError: If this folds elements.
+        InputError: If elements fold over.
     """
     faces = sorted({face for seam in seams for side in seam.faces for face in side})
-    sweeps = 3  # nodes shared by several faces move to the intersection
+    sweeps = 3  # nodes on several faces converge to the intersection of these faces
     for _ in range(sweeps):
         for face in faces:
             nodes, points, _ = gmsh.model.mesh.getNodes(2, face, includeBoundary=True)
@@ -104,7 +105,7 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
 
 
 def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]:
-    """Remove bodies from gmsh's current model.
+    """Remove bodies from gmsh's current model, and return the others.
 
     Args:
         dim: Dimension of the bodies.
@@ -118,11 +119,11 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
     for name in names:
         if name not in known:
             raise InputError(
-                f"without names '{name}', but there is no such body; {nearest(name, known)}"
+                f"without has '{name}', but there is no such body; {nearest(name, known)}"
             )
     kept = [part for part in parts if part.name not in names]
     if not kept:
-        raise InputError("without leaves out all bodies; keep at least one of them.")
+        raise InputError("without has all bodies; keep at least one body.")
     gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
     kernels = (gmsh.model.occ, gmsh.model.geo)
     for kernel in kernels:
@@ -135,16 +136,16 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
 
 
 def cut_in_half(dim: int, parts: Sequence[Part], planes: Mapping[str, float]) -> list[Part]:
-    """Keep the part with larger coordinates of each plane.
+    """Cut the bodies at planes of symmetry, and keep the parts with larger coordinates.
 
     Args:
         dim: Dimension of the bodies.
-        parts: The bodies; they get new entities, and those on the other side are removed.
+        parts: The bodies; cut bodies get new entities, and entities on the other side are removed.
         planes: Position of each plane by coordinate.
 
     Raises:
-        InputError: If the bodies are not symmetric, or are gmsh's own geometry, which cannot be
-            cut.
+        InputError: If the bodies are not symmetric, or if they belong to gmsh's built-in kernel and
+            cannot be cut.
     """
     for axis, value in planes.items():
         if AXES.index(axis) >= dim:
@@ -178,21 +179,21 @@ def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part
     half, of_half = _mass(dim, kept)
     beside = np.arange(3) != along
     across = float(abs(centre - of_half)[beside].max())
-    # Allowed differences of symmetric bodies: of the volumes of both halves, and of centres
-    # relative to the size.
+    # allowed relative difference of the volumes of both halves, and of the centres relative to the
+    # size
     unequal = 1e-3
     same = abs(2 * half - volume) <= unequal * volume and across <= unequal * size
     if not same or abs(centre[along] - value) > unequal * size:
         raise InputError(
-            f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their "
-            f"centre is at {axis} = {centre[along]:.6g}, and {half / volume:.1%} of their "
-            "volume lies beyond; give another plane, or remove it."
+            f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their centre is at "
+            f"{axis} = {centre[along]:.6g}, and {half / volume:.1%} of their volume lies on the "
+            "kept side; give another plane, or remove it."
         )
     return kept
 
 
 def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[int]:
-    """Return the part of a body beyond a plane."""
+    """Return the entities of the part of a body on the kept side of a plane."""
     occ = gmsh.model.occ
     low, high = box(dim, [tag])
     if high[along] <= value + 1e-6 * size:
@@ -206,14 +207,15 @@ def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[in
         room = occ.addBox(*corner, *edges)
     else:
         points = gmsh.model.getBoundary([(dim, tag)], combined=False, recursive=True)
-        plane = gmsh.model.getValue(0, points[0][1], [])[2]  # bounding boxes are slightly too large
+        # taken from a point, because bounding boxes are slightly too large
+        plane = gmsh.model.getValue(0, points[0][1], [])[2]
         room = occ.addRectangle(corner[0], corner[1], plane, edges[0], edges[1])
     found, _ = occ.intersect([(dim, tag)], [(dim, room)])
     return [new for of, new in found if of == dim]
 
 
 def _mass(dim: int, parts: Sequence[Part]) -> tuple[float, Floats]:
-    """Return the volume and its centre."""
+    """Return the volume of bodies, and its centroid."""
     occ, tags = gmsh.model.occ, [tag for part in parts for tag in part.tags]
     masses = np.array([occ.getMass(dim, tag) for tag in tags])
     centres = np.array([occ.getCenterOfMass(dim, tag) for tag in tags]).reshape(-1, 3)
@@ -227,21 +229,22 @@ def skin_of(
     faces: Sequence[Face],
     seams: Sequence[Seam],
 ) -> dict[str, Any]:
-    """Return the visible triangles of the bodies in gmsh's current mesh.
+    """Return the visible triangles of the bodies in gmsh's current mesh, for pictures.
 
     Args:
         dim: Dimension of the bodies.
         parts: The bodies.
         free: Free faces.
-        faces: The same faces, measured.
+        faces: The same faces with their measures.
         seams: Faces at which bodies touch.
 
     Returns:
-        ``points``, shape (n, 3); ``triangles``, shape (m, 3), with the index ``body`` of each and
-        that of its free face from 1, ``face`` (0 for plane bodies, whose faces are curves);
-        ``names`` of the bodies; ``places`` on free faces, shape (k, 3), and their ``numbers``;
-        ``outlines`` of seams, shape (s, 2), with the index ``seam`` of each line. Plane bodies have
-        also lines of free faces, ``segments``, shape (t, 2), with the ``segment_face`` of each.
+        Arrays by name. ``points``, shape (n, 3). ``triangles``, shape (m, 3), with the index
+        ``body`` of each triangle and the number ``face`` of its free face, from 1 (0 for plane
+        bodies, whose faces are curves). ``names`` of the bodies. ``places`` on free faces, shape
+        (k, 3), with the ``numbers`` of these faces. ``outlines`` of seams, shape (s, 2), with the
+        index ``seam`` of each line. For plane bodies also the lines of free faces, ``segments``,
+        shape (t, 2), with the number ``segment_face`` of each line's face.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
@@ -277,7 +280,7 @@ def skin_of(
 
 
 def _ends(tags: npt.NDArray[np.uint64], dim: int, faces: Sequence[int]) -> npt.NDArray[np.int64]:
-    """Return the ends of the outline of faces, shape (n, 2); in the plane of all their lines."""
+    """Return the ends of the outline's lines (in the plane of all lines), shape (n, 2)."""
     corners = np.searchsorted(tags, _corners(faces, dim - 1)).astype(np.int64)
     if dim == 2:
         return corners
@@ -289,7 +292,7 @@ def _ends(tags: npt.NDArray[np.uint64], dim: int, faces: Sequence[int]) -> npt.N
 def _numbered(
     ends: dict[int, npt.NDArray[np.int64]], lines: str, numbers: str
 ) -> dict[str, npt.NDArray[np.int64]]:
-    """Return lines and the number of each as arrays with these names."""
+    """Return two arrays by name: all lines, and the number to which each line belongs."""
     counts = [len(one) for one in ends.values()]
     return {
         lines: np.concatenate([np.zeros((0, 2), dtype=np.int64), *ends.values()]),
@@ -298,7 +301,7 @@ def _numbered(
 
 
 def _corners(entities: Sequence[int], dim: int) -> npt.NDArray[np.uint64]:
-    """Return vertices of the elements of entities, shape (num_elements, dim + 1)."""
+    """Return the vertices of the elements of entities, shape (num_elements, dim + 1)."""
     found = []
     for entity in entities:
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, entity)
@@ -309,11 +312,11 @@ def _corners(entities: Sequence[int], dim: int) -> npt.NDArray[np.uint64]:
 
 
 MOST_THIN = 0.5
-"""Share of a body's elements that may reach from side to side without a remark."""
+"""Largest share of a body's elements that may reach through its thickness without a remark."""
 
 
 def share_through(dim: int, part: Part) -> float:
-    """Return the share of a body's elements with an edge between opposite sides of its surface."""
+    """Return the share of a body's elements that have an edge between opposite sides."""
     cells = []
     for tag in part.tags:
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
@@ -329,7 +332,7 @@ def share_through(dim: int, part: Part) -> float:
 
 
 def through(points: Floats, cells: Longs) -> float:
-    """Return the share of simplices with an edge whose ends have opposite outward normals.
+    """Return the share of simplices that have an edge whose ends have opposite outward normals.
 
     Args:
         points: Coordinates, shape (num_points, d).
@@ -352,9 +355,10 @@ def through(points: Floats, cells: Longs) -> float:
     at_points = np.zeros_like(points)
     np.add.at(at_points, outer.ravel(), np.repeat(normals, dim, axis=0))
     sizes = np.linalg.norm(at_points, axis=1, keepdims=True)
-    at_points /= np.where(sizes > 0, sizes, 1.0)  # none inside the body
+    at_points /= np.where(sizes > 0, sizes, 1.0)  # vertices inside the body have no normal
     reaches = np.zeros(len(cells), dtype=np.bool_)
-    # Cosine of the angle of outward normals below which surfaces are opposite sides.
+    # surfaces are opposite sides if the cosine of the angle between their outward normals is below
+    # this
     opposite = -0.8
     for a, b in combinations(range(dim + 1), 2):
         cosines = np.einsum("ni,ni->n", at_points[cells[:, a]], at_points[cells[:, b]])
@@ -363,15 +367,15 @@ def through(points: Floats, cells: Longs) -> float:
 
 
 def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
-    """Read a geometry file into gmsh's current model, mesh it, and write a .msh and an .npz file.
+    """Read a geometry file into gmsh's current model, mesh the bodies, and write the mesh.
 
     Args:
         source: STEP, BREP, IGES or gmsh's .geo.
-        target: The .msh file to write; the .npz file next to it has the skins of the bodies.
-        options: Sizes, degree of the elements, symmetry and names.
+        target: The .msh file to write; the visible triangles go to an .npz file next to it.
+        options: Sizes, degree of the elements, symmetry and names of faces.
 
     Raises:
-        InputError: If the file cannot be read, has no bodies, or a body cannot be meshed.
+        InputError: If the file cannot be read or has no bodies, or if a body cannot be meshed.
     """
     begin(Stage("reading it"))
     drawing = read_parts(source)
@@ -417,40 +421,41 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     np.savez(target.with_suffix(".npz"), **skin_of(dim, parts, faces, measured, seams))
     write_split(target, cracks)
     remarks += left_out + [
-        f"the worst element of '{body.name}' has quality {body.worst:.1e}: it is nearly flat; a"
-        " smaller size, or a geometry without tiny faces, gives a better one"
+        f"the worst element of '{body.name}' is nearly flat (quality {body.worst:.1e}): give a "
+        "smaller size, or remove tiny faces from the geometry"
         for body in bodies
         if body.worst < POOR
     ]
     remarks += [
-        f"{' and '.join(map(repr, pair.bodies))} touch only along an edge or at a point: "
-        "there is no contact between them"
+        f"{' and '.join(map(repr, pair.bodies))} touch only along an edge or at a point, so there "
+        "is no contact between them"
         for pair in edges
     ]
     remarks += [
-        f"'{part.name}' has one element through its thickness in most places, but bending "
-        f"needs at least two: give a smaller size (--size-of {part.name}=H)"
+        f"'{part.name}' has one element through its thickness in most places, but bending needs at "
+        f"least two elements: give a smaller size (--size-of {part.name}=H)"
         for part in parts
         if share_through(dim, part) > MOST_THIN
     ]
     remarks += apart_remarks([part.name for part in parts], joints)
     if missed > EXACT:
         remarks.append(
-            f"areas of faces are up to {100 * missed:.2g} % wrong, since polygons approximate"
-            " circles, and so are the forces of pressures on them; more elements around a circle"
-            " (--curvature) are more accurate, and total = true keeps the force of a traction"
+            f"areas of faces have errors up to {100 * missed:.2g} %, because polygons approximate "
+            "circles, and forces from pressures have the same errors: give more elements around a "
+            "circle (--curvature), or give a traction as total force (total = true)"
         )
     told = (joints, near, measured, remarks, longest, named)
     return Survey(dim, options.order, sum(nodes_of(dim, part) for part in parts), bodies, *told)
 
 
 def _inside_bodies(parts: Sequence[Part]) -> set[int]:
-    """Return the curves of gmsh's plane model with the same body on both sides."""
+    """Return the curves of gmsh's plane model that have the same body on both sides."""
     body = {tag: number for number, part in enumerate(parts) for tag in part.tags}
     found = set[int]()
     for _, curve in gmsh.model.getEntities(1):
         beside = [body.get(int(tag), -1) for tag in gmsh.model.getAdjacencies(1, curve)[0]]
-        if len(beside) != 1 and len({*beside}) <= 1:  # no surface ends at it, or two of a body
+        # no surface ends at the curve, or two surfaces of one body do
+        if len(beside) != 1 and len({*beside}) <= 1:
             found.add(curve)
     return found
 
@@ -461,7 +466,7 @@ def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
-    """Return the body's name by face; in the plane, by entity of the body."""
+    """Return names of bodies by face; in the plane, by entity of the body."""
     names = {}
     for part in reversed(parts):
         for tag in part.tags:
@@ -471,12 +476,12 @@ def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
 
 
 def _by_name(dim: int, drawing: Drawing, marked: Mapping[int, Mark]) -> dict[str, set[int]]:
-    """Return faces by their names in a script, after bodies have been cut.
+    """Return the faces with each name of a script, after bodies have been cut.
 
     Args:
         dim: Dimension of the faces.
-        drawing: The drawing; faces of gmsh's built-in kernel do not change.
-        marked: Faces of OpenCASCADE's kernel that coincide with named ones.
+        drawing: The drawing; cuts do not change faces of gmsh's built-in kernel.
+        marked: Marks of faces in OpenCASCADE's kernel that coincide with named faces.
     """
     here = {tag for _, tag in gmsh.model.getEntities(dim)}
     made = {tag for _, tag in gmsh.model.occ.getEntities(dim)}

@@ -1,4 +1,4 @@
-"""Declare how a geometry file is meshed, and which of its faces a user names."""
+"""Define the options for meshing a geometry file, and the faces that a user names."""
 
 import math
 from dataclasses import dataclass, field
@@ -11,29 +11,32 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class NamedFace:
-    """A name for free faces or curves, selected by one of the places, marks and names below.
+    """A name for free faces or curves. Exactly one key from ``plane`` to ``faces`` selects them.
 
-    A face keeps its other names, and may have several.
+    A face keeps its other names, and may have several names. The keys ``angle``, ``about`` and
+    ``body`` refine the selection.
 
     Args:
-        name: Name of the faces, for supports, loads and contacts.
-        plane: A coordinate and its value (length), such as {z = 40.0}: selects all flat faces in
+        name: Name of the faces for supports, loads and contacts.
+        plane: A coordinate and its value (length), such as {z = 40.0}; selects all flat faces in
             this plane.
-        point: A point on the face (length; 2 or 3 numbers): selects the face that contains it.
-        angle: With a point (degrees, below 90): selects also the faces that are reached across
-            edges with a smaller angle between tangents. Two halves of a bore are an example.
-        radius: Radius of cylindrical faces (in the plane, of circular curves): selects all with
-            this radius (length).
-        about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers), if
-            several cylinders have this radius.
-        number: Number of a face or set of faces in the list and the picture of ``perfplast mesh``.
-        colour: Colour of faces in a STEP file that differs from most of their body: a word such as
-            "red", or a code from the list of perfplast mesh, such as "#dd5228".
-        label: Label of faces with their own labels in a STEP file, as perfplast mesh lists it.
-        box: Two opposite corners (length; 2 or 3 numbers each): selects all faces inside.
+        point: A point on a face (length; 2 or 3 numbers); selects the face that contains the point.
+        angle: With a point: an angle (degrees, below 90). Also selects faces across edges at which
+            the angle between the tangents is smaller, such as the second half of a bore.
+        radius: Radius of cylindrical faces (in the plane, of circular curves); selects all faces
+            with this radius (length).
+        about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers). Required
+            only to choose between several cylinders with this radius.
+        number: Number of a face or set of faces in the list and the picture from
+            ``perfplast mesh``.
+        colour: Colour of faces in a STEP file that differs from the colour of most of the body.
+            Give a word such as "red", or a code from the list of perfplast mesh, such as "#dd5228".
+        label: Label of faces in a STEP file, as perfplast mesh lists it.
+        box: Two opposite corners of a box (length; 2 or 3 numbers each); selects all faces inside
+            the box.
         faces: Names of faces or sets of faces, from the list of perfplast mesh or from earlier
-            tables.
-        body: Body of the faces; by default any body.
+            [[geometry.face]] tables.
+        body: Name of the body to which the faces must belong; the default is any body.
     """
 
     name: str
@@ -63,8 +66,8 @@ class NamedFace:
             check_planes(f"plane of '{self.name}'", self.plane)
             if len(self.plane) != 1:
                 raise InputError(
-                    f"plane of '{self.name}' has {len(self.plane)} coordinates; give one, "
-                    "such as {z = 40.0}, and select oblique faces by a point on them."
+                    f"plane of '{self.name}' has {len(self.plane)} coordinates; give one "
+                    "coordinate, such as {z = 40.0}, and select oblique faces by a point."
                 )
         places = {"point": self.point, "about": self.about}
         places |= {f"corner {k} of box": at for k, at in enumerate(self.box or (), start=1)}
@@ -75,27 +78,33 @@ class NamedFace:
                 )
         if self.box is not None and len(self.box) != 2:
             raise InputError(
-                f"box of '{self.name}' has {len(self.box)} corners; give two opposite ones, such as"
-                " [[0, 0, 0], [10, 5, 2]]."
+                f"box of '{self.name}' has {len(self.box)} corners; give two opposite corners, "
+                "such as [[0, 0, 0], [10, 5, 2]]."
             )
         if self.faces is not None and not self.faces:
             raise InputError(f"faces of '{self.name}' is empty; give at least one name.")
         if self.angle is not None and (self.point is None or not 0 < self.angle < 90):
             raise InputError(
-                f"angle = {self.angle:g} of '{self.name}' needs a point, and must lie "
-                "between 0 and 90 degrees; correct it, or remove it."
+                f"angle = {self.angle:g} of '{self.name}' must lie between 0 and 90 degrees and "
+                "needs the key point; correct it, or remove it."
             )
         if self.radius is not None and not (self.radius > 0 and math.isfinite(self.radius)):
-            raise InputError(f"radius of '{self.name}' must be positive, not {self.radius:g}.")
+            raise InputError(
+                f"radius = {self.radius:g} of '{self.name}' is not positive; give a "
+                "positive length."
+            )
         if self.about is not None and self.radius is None:
-            raise InputError(f"'{self.name}' has about, which needs a radius; remove it.")
+            raise InputError(
+                f"'{self.name}' has the key about, which needs the key radius; give "
+                "radius, or remove about."
+            )
 
 
 def check_planes(what: str, planes: dict[str, float]) -> None:
-    """Refuse a key that is not a coordinate, or a value that is not finite.
+    """Raise an error for a key that is not a coordinate, or a value that is not finite.
 
     Raises:
-        InputError: Naming the key.
+        InputError: If a key or value is not valid; the message has the key.
     """
     for axis, value in planes.items():
         if axis not in tuple(AXES):
@@ -109,25 +118,28 @@ class MeshingOptions:
     """Options for meshing a geometry file.
 
     Args:
-        size: Largest edge length, in the file's unit of length (for STEP files mm, whatever the
-            file's own unit is); the default gives some ten thousand elements of equal size.
-        sizes: Largest edge length of single bodies, by their names.
-        curvature: Least number of elements around a full circle; 0 for no limit. The default is
-            ten, or as many as make the areas of faces accurate to 1 %.
-        order: Degree of the geometry, 1 or 2; 2 gives curved elements with quadratic edges.
-        meshed: Whether touching bodies are meshed together, with matching nodes, or apart, each
-            separately, with contact and ties between surfaces that do not match.
-        shared: "glued" ties bodies that share faces in the drawing, as layers of one ground do,
-            unless a contact or tie between them is given. "apart" leaves them apart.
-        symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}: the half with larger coordinates
-            is kept, and the cut is the surface ``symmetry_x``.
-        overlap: Bodies may overlap by this share of the smaller one's volume; the later body in the
-            file gets the common volume. Larger overlaps are refused.
-        close_gaps: Faces of bodies at a smaller distance become one, at the place of either, so
-            that the bodies touch. The value must be much smaller than thicknesses and edges.
-        patience: Longest time for meshing (s).
+        size: Largest edge length. The unit is the unit of length of the file, but for STEP files
+            always mm. The default gives some thousand elements of about equal size.
+        sizes: Largest edge length in single bodies, by names of bodies.
+        curvature: Least number of elements around a full circle; 0 for no limit. The default is 10,
+            or more if the areas of faces would otherwise have errors above 1 %.
+        order: Degree of the geometry, 1 or 2; with 2, elements have quadratic edges and can be
+            curved.
+        meshed: "together" meshes touching bodies with matching nodes. "apart" meshes each body
+            separately; contacts and ties then connect surfaces that do not match.
+        shared: "glued" ties bodies that share faces in the drawing, such as layers of ground,
+            unless the case has a contact or tie between them. "apart" does not tie them.
+        symmetry: Planes of symmetry, such as {x = 0.0, y = 0.0}. The half with larger coordinates
+            is kept, and the cut at x is the surface ``symmetry_x``.
+        overlap: Largest allowed overlap of two bodies, relative to the volume of the smaller one.
+            The body that comes later in the file gets the common volume. Larger overlaps are
+            refused.
+        close_gaps: Largest gap that is closed (length): two faces of bodies at a smaller distance
+            become one face, at the position of either face, so that the bodies touch. The value
+            must be much smaller than thicknesses and edges.
+        patience: Time limit for meshing (s).
         without: Names of bodies to leave out.
-        face: Faces with names of their own.
+        face: Names that the user gives to faces.
     """
 
     size: float | None = None
@@ -149,24 +161,36 @@ class MeshingOptions:
         for name, size in given.items():
             if size is not None and not (size > 0 and math.isfinite(size)):
                 what = "time" if name == "patience" else "length"
-                raise InputError(f"{name} must be a positive {what}, not {size:g}.")
+                raise InputError(
+                    f"{name} = {size:g} is not a positive {what}; give a positive number."
+                )
             check_magnitude(name, size or 1.0)
         if self.curvature is not None and not 0 <= self.curvature <= 360:
             raise InputError(
-                f"curvature counts elements around a circle, 0 to 360, not {self.curvature:g}."
+                f"curvature = {self.curvature:g} is not between 0 and 360; give a number of "
+                "elements around a circle."
             )
         if not 0 <= self.overlap < 1:
-            raise InputError(f"overlap must be a share from 0 to below 1, not {self.overlap:g}.")
+            raise InputError(
+                f"overlap = {self.overlap:g} is not a share; give a number of at "
+                "least 0 and below 1."
+            )
         if not 0 <= self.close_gaps < math.inf:
-            raise InputError(f"close_gaps must be a length, not {self.close_gaps:g}.")
+            raise InputError(
+                f"close_gaps = {self.close_gaps:g} is not a valid length; give 0 or a "
+                "positive number."
+            )
         check_magnitude("close_gaps", self.close_gaps or 1.0)
         check_planes("symmetry", self.symmetry)
         names = [one.name for one in self.face]
         for name in names:
             if names.count(name) > 1:
-                raise InputError(f"two faces are called '{name}'; give each a name of its own.")
+                raise InputError(
+                    f"two [[geometry.face]] tables have the name '{name}'; give them "
+                    "different names."
+                )
 
 
 def symmetry_name(axis: str) -> str:
-    """Return the name of the cut across a coordinate."""
+    """Return the name of the surface at a plane of symmetry."""
     return f"symmetry_{axis}"

@@ -1,4 +1,4 @@
-"""Create names that mesh files can hold from the names of a model's parts."""
+"""Create valid names for mesh files from the names of a model's parts."""
 
 import re
 from collections import Counter
@@ -8,16 +8,16 @@ from collections.abc import Set as AbstractSet
 from perfplast_fenicsx.errors import InputError
 
 LEFT, RIGHT = "_left", "_right"
-"""Ends of the names of the sides of an open crack inside a body."""
+"""Endings of the names of both sides of an open crack inside a body."""
 
 
 def plain_name(name: str) -> str:
-    """Return the letters, digits and _ of a name in lower case; empty if there are none."""
+    """Return a name in lower case with _ for other characters; "" without letters and digits."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
 def unique_names(wanted: Iterable[str]) -> list[str]:
-    """Return unique names of letters, digits and _ in lower case; equal ones are numbered."""
+    """Return unique names of lower-case letters, digits and _; equal names are numbered."""
     plain = [plain_name(name) or "part" for name in wanted]
     plain = [f"part_{name}" if name[0].isdigit() else name for name in plain]
     how_many, seen, used = Counter(plain), Counter[str](), set[str]()
@@ -37,17 +37,18 @@ def unique_names(wanted: Iterable[str]) -> list[str]:
 def cracks_among(
     curves: Mapping[str, AbstractSet[int]], inside: AbstractSet[int]
 ) -> list[tuple[str, str]]:
-    """Return the names of both sides of each open crack inside a body, the left one first.
+    """Return the names of both sides of each open crack inside a body, the left side first.
 
-    A crack consists of curves inside bodies that have two names, ``NAME_left`` and ``NAME_right``.
-    On boundaries and between bodies such names are ordinary ones.
+    A crack consists of curves inside bodies that have both names, ``NAME_left`` and ``NAME_right``.
+    On boundaries and between bodies these names have no special meaning.
 
     Args:
         curves: Curves by their names.
-        inside: Curves inside a body, not on its boundary.
+        inside: Curves inside a body that are not on its boundary.
 
     Raises:
-        InputError: If both names have curves inside bodies, but not the same ones, or also others.
+        InputError: If both names have curves inside bodies, but not the same curves, or also curves
+            elsewhere.
     """
     found = []
     for left in curves:
@@ -57,9 +58,9 @@ def cracks_among(
             continue
         if curves[left] != curves[right] or not both <= inside:
             raise InputError(
-                f"the curves '{left}' and '{right}' are the sides of an open crack, but not each of"
-                " them has both names and lies inside a body; give both names to the curves of the"
-                " crack only, or other names."
+                f"the curves '{left}' and '{right}' are the names of both sides of an open crack, "
+                "but some of these curves have only one of the names or do not lie inside a body; "
+                "give both names to all curves of the crack and to no others, or give other names."
             )
         found.append((left, right))
     return found

@@ -1,4 +1,4 @@
-"""Read the bodies of a geometry file into gmsh's current model, with names; sew loose faces."""
+"""Read the bodies of a geometry file, with names, into gmsh's current model; sew loose faces."""
 
 import re
 from collections.abc import Sequence
@@ -18,17 +18,18 @@ from perfplast_fenicsx.geometry.part_names import unique_names
 
 
 def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
-    """Return the faces of each body, if the file lists them body by body.
+    """Return the faces of each body, for a file that lists faces body by body.
 
-    Where bodies touch, an edge belongs to faces of several bodies, and sewing all faces gives no
-    solid. So the function takes faces in order until each edge so far belongs to two of them.
+    Where bodies touch, an edge belongs to faces of several bodies, so sewing all faces together
+    gives no solid. Therefore the function collects faces in order until each edge belongs to two of
+    the collected faces.
 
     Args:
         faces: Faces in the order of the file.
-        near: Edges are equal if their lengths and centres differ by less.
+        near: Edges count as equal if their lengths and centres differ by less than this.
 
     Returns:
-        The closed shells; faces after the last shell belong to none.
+        The closed shells; faces after the last shell belong to no shell.
     """
     edges = [_edges(face) for face in faces]
     numbers = _numbered(np.concatenate([_measures(own) for own in edges]), near)
@@ -45,19 +46,19 @@ def closed_shells(faces: Sequence[int], near: float) -> list[list[int]]:
 
 
 def _edges(face: int) -> list[int]:
-    """Return its edges, without the seams at which a closed face meets itself."""
+    """Return the edges of a face, without the seams at which a closed face meets itself."""
     return [tag for _, tag in gmsh.model.getBoundary([(2, face)], combined=True, oriented=False)]
 
 
 def _measures(edges: Sequence[int]) -> Floats:
-    """Return length and centre of edges, independent of their parameters, shape (n, 4)."""
+    """Return the length and the centre of edges, independent of parameters, shape (n, 4)."""
     occ = gmsh.model.occ
     found = [[occ.getMass(1, tag), *occ.getCenterOfMass(1, tag)] for tag in edges]
     return np.array(found).reshape(-1, 4)
 
 
 def _numbered(measures: Floats, near: float) -> Longs:
-    """Return the same number for equal edges."""
+    """Return a number for each edge, the same for equal edges."""
     pairs = cKDTree(measures).query_pairs(near, output_type="ndarray")
     shape = (len(measures), len(measures))
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
@@ -65,39 +66,40 @@ def _numbered(measures: Floats, near: float) -> Longs:
 
 
 def sewn(path: Path, count: int) -> tuple[list[int], list[str]]:
-    """Sew the faces of gmsh's current model to solids, and heal them.
+    """Sew the faces of gmsh's current model to solids, and repair the solids.
 
     Args:
-        path: Path of the file, which messages name.
+        path: Path of the file, for messages.
         count: Number of faces and curves in the file.
 
     Returns:
         Tags of the solids, and remarks for the user.
 
     Raises:
-        InputError: If the faces enclose nothing, even with closed gaps.
+        InputError: If the faces enclose no volume, even after gaps are closed.
     """
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
-    # Gaps between faces that are closed, relative to the size of all faces; the smallest sufficient
-    # one is used.
+    # Widths of gaps that are closed between faces, relative to the size of all faces. The smallest
+    # sufficient width is used.
     gaps = (1e-6, 1e-5, 1e-4, 1e-3)
     if faces:
         whole = _area(faces)
         around = np.array([gmsh.model.getBoundingBox(2, tag) for tag in faces])
         size = float(np.linalg.norm(around[:, 3:].max(axis=0) - around[:, :3].min(axis=0)))
-        # Touching bodies share edges, so that all faces together do not form a solid.
+        # Touching bodies share edges, so all faces together do not form a solid.
         for gap in gaps:
             shells = closed_shells(faces, gap * size)
             if len(shells) > 1 and (solids := _filled(shells, gap * size)):
-                # Where bodies meet, their corners are as far apart as their faces were.
+                # Where bodies touch, the gaps between their corners are as wide as those between
+                # their faces.
                 gmsh.option.setNumber("Geometry.ToleranceBoolean", gap * size)
                 return _alone(solids), _left_out(whole)
         for gap in gaps:
             if solids := _healed(gap * size):
                 return _alone(solids), _left_out(whole)
     raise InputError(
-        f"'{path}' has {count} faces and curves, but no solid, and they enclose none, even "
-        f"with gaps up to {gaps[-1]:g} of their size closed; sew them to solids in the CAD "
+        f"'{path}' has {count} faces and curves, but no solid, and the faces enclose no volume, "
+        f"even if gaps up to {gaps[-1]:g} of their size are closed; sew them to solids in the CAD "
         "system."
     )
 
@@ -107,27 +109,27 @@ def _area(faces: Sequence[int]) -> float:
 
 
 def _left_out(whole: float) -> list[str]:
-    """Return a sentence on omitted faces, if their area matters.
+    """Return a list with a remark on omitted faces if their area is not negligible.
 
     Args:
         whole: Area of all faces of the file.
     """
-    matters = 1e-3  # relative to the area of all faces: sewing moves edges by less
+    matters = 1e-3  # relative to the area of all faces; sewing changes areas by less
     lost = 1 - _area([tag for _, tag in gmsh.model.getEntities(2)]) / whole
     if lost < matters:
         return []
     return [
-        f"faces with {100 * lost:.2g} % of the total area enclose no solid and are left "
-        "out; sew them in the CAD system if they belong to a body"
+        f"faces with {100 * lost:.2g} % of the total area enclose no solid and are ignored; sew "
+        "them in the CAD system if they belong to a body"
     ]
 
 
 def _filled(shells: Sequence[Sequence[int]], gap: float) -> list[int]:
-    """Return the solids that shells enclose, each sewn separately; an empty list if one fails.
+    """Return the solids that shells enclose, each sewn separately; an empty list after a failure.
 
     Args:
         shells: Faces of the shells.
-        gap: Width of gaps between faces that are closed.
+        gap: Width up to which gaps between faces are closed.
     """
     occ = gmsh.model.occ
     before = gmsh.option.getNumber("Geometry.Tolerance")
@@ -135,7 +137,7 @@ def _filled(shells: Sequence[Sequence[int]], gap: float) -> list[int]:
     try:
         made = [(3, occ.addVolume([occ.addSurfaceLoop(it, sewing=True)])) for it in shells]
         occ.healShapes(made, gap, True, True, True, True, True)
-        # surfaces of revolution that are cut along each other must be converted for meshing
+        # surfaces of revolution must be converted, or gmsh could not mesh them after cuts
         occ.convertToNURBS(made)
     except Exception:  # gmsh raises no more specific exception; a larger gap may succeed
         occ.remove(occ.getEntities(3))
@@ -146,10 +148,10 @@ def _filled(shells: Sequence[Sequence[int]], gap: float) -> list[int]:
 
 
 def _healed(gap: float) -> list[int]:
-    """Return the solids of all faces, sewn together and healed; empty if they enclose nothing.
+    """Return the solids after sewing all faces together; an empty list if they enclose no volume.
 
     Args:
-        gap: Width of gaps between faces that are closed.
+        gap: Width up to which gaps between faces are closed.
     """
     try:
         gmsh.model.occ.healShapes([], gap, True, True, True, True, True)
@@ -160,14 +162,14 @@ def _healed(gap: float) -> list[int]:
 
 
 def _solids(least: int) -> list[int]:
-    """Return the solids of gmsh's model, if there are enough and each has a volume."""
+    """Return the solids in gmsh's model if there are at least ``least`` and each has a volume."""
     solids = [tag for _, tag in gmsh.model.getEntities(3)]
     whole = len(solids) >= least and all(gmsh.model.occ.getMass(3, tag) > 0 for tag in solids)
     return solids if whole else []
 
 
 def _alone(solids: list[int]) -> list[int]:
-    """Return the solids, after removing faces and curves outside them."""
+    """Remove faces, curves and points outside the solids, and return the solids."""
     occ = gmsh.model.occ
     for dim in (2, 1, 0):
         loose = [
@@ -183,10 +185,10 @@ def _alone(solids: list[int]) -> list[int]:
 NO_NAME = re.compile(
     r"^the product name$|open cascade step translator|^=>|^\[?\d+[:.\d\]]*$", re.IGNORECASE
 )
-"""Names that writers of STEP files give to unnamed parts."""
+"""Pattern of names that programs give to unnamed parts in STEP files."""
 
 ENTITY = ("point", "curve", "surface", "volume")
-"""Gmsh's words for entities, by their dimension."""
+"""Gmsh's words for entities, by dimension."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,7 @@ class Part:
     Attributes:
         name: Name in the mesh.
         label: Name in the file.
-        tags: Its entities.
+        tags: Tags of the entities of the body.
     """
 
     name: str
@@ -206,13 +208,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Bodies, remarks and names of a geometry file.
+    """The content of a geometry file: bodies, remarks and names.
 
     Attributes:
-        dim: 3 for solids or 2 for faces of a plane model.
+        dim: 3 for solids, 2 for faces of a plane model.
         parts: The bodies.
         remarks: Remarks for the user, one sentence each.
-        named: Faces (in the plane curves) by the names of a script's physical groups.
+        named: Tags of faces (in the plane of curves) by names of physical groups in a script.
     """
 
     dim: int
@@ -222,17 +224,17 @@ class Drawing:
 
 
 def read_parts(path: Path) -> Drawing:
-    """Read a geometry file, checked by :func:`~geometry_file.check_file`, into gmsh's model.
+    """Read a file that :func:`~geometry_file.check_file` has checked into gmsh's current model.
 
     Raises:
-        InputError: If the file cannot be read, or if it contains no solid.
+        InputError: If the file cannot be read, or if it contains no body.
     """
     if is_script(path):
         return _read_script(path)
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     if (
         IMPORTED[path.suffix.lower()].pattern == STEP
-    ):  # other formats have no units, or gmsh does not read them
+    ):  # other formats have no units, or gmsh does not read their units
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
@@ -256,13 +258,13 @@ def read_parts(path: Path) -> Drawing:
 
 
 def _leaf(label: str) -> str:
-    """Return the part's own name in a path of names."""
+    """Return the name of a part from a path of names in an assembly."""
     last = label.rpartition("/")[2].strip()
     return "part" if NO_NAME.search(last) else last
 
 
 def _read_script(path: Path) -> Drawing:
-    """Read gmsh's own geometry: physical groups are bodies, if there are any."""
+    """Read a gmsh script; if it has physical groups, they are the bodies."""
     try:
         gmsh.merge(str(path))
         gmsh.model.geo.synchronize()
@@ -287,15 +289,15 @@ def _read_script(path: Path) -> Drawing:
     entities = [*groups.values(), *((tag,) for tag in alone)]
     named = _physical_groups(dim - 1)
     remarks = [
-        f"the physical {ENTITY[of]} {', '.join(map(repr, left))} of '{path.name}' is left out:"
-        f" supports and loads act on {ENTITY[dim - 1]}s"
+        f"the physical {ENTITY[of]} {', '.join(map(repr, left))} of '{path.name}' is ignored, "
+        f"because supports and loads act on {ENTITY[dim - 1]}s"
         for of in range(dim - 1)
         if (left := _physical_groups(of))
     ]
     given = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()]
     numbers = {str(tag) for _, tag in gmsh.model.getPhysicalGroups(dim)} - {*given}
     gmsh.model.removePhysicalGroups()
-    for name in given:  # gmsh keeps such a name and gives it to no other group
+    for name in given:  # otherwise gmsh keeps the name, and gives it to no other group
         gmsh.model.removePhysicalName(name)
     names = unique_names(labels)
     names = [lab if lab in numbers else name for lab, name in zip(labels, names, strict=True)]
@@ -309,7 +311,7 @@ def _read_script(path: Path) -> Drawing:
 
 
 def _physical_groups(dim: int) -> dict[str, tuple[int, ...]]:
-    """Return the entities of each physical group, by its name or otherwise its number."""
+    """Return the entities of each physical group by its name, or by its number without a name."""
     found: dict[str, tuple[int, ...]] = {}
     for _, group in gmsh.model.getPhysicalGroups(dim):
         name = gmsh.model.getPhysicalName(dim, group) or str(group)

@@ -27,9 +27,9 @@ class PlaneFace:
     Attributes:
         loops: Edges in order along its outer boundary and along those of its holes. Edge e is e + 1
             from its first to its second point, and -(e + 1) in the other direction.
-        inside: Edges inside it that do not divide it.
-        point: A point inside it, shape (2,).
-        area: Area without its holes.
+        inside: Edges inside the face that do not divide it.
+        point: A point inside the face, shape (2,).
+        area: Area of the face without its holes.
     """
 
     loops: tuple[tuple[int, ...], ...]
@@ -40,16 +40,16 @@ class PlaneFace:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Lines that meet only at their ends, and the faces between them.
+    """Edges that meet only at their ends, and the faces between them.
 
     Attributes:
         points: Ends of the edges, shape (num_points, 2).
-        edges: Their two points, shape (num_edges, 2).
-        owners: Which given lines lie on each edge, shape (num_edges, num_owners).
+        edges: Indices of the two points of each edge, shape (num_edges, 2).
+        owners: Flags of the given lines that lie on each edge, shape (num_edges, num_owners).
         faces: The bounded faces.
-        sides: The faces on the left and on the right of each edge, shape (num_edges, 2); -1 for the
-            outside.
-        outer: Loops of edges around all faces, one for each connected part.
+        sides: Indices of the faces on the left and right of each edge, shape (num_edges, 2); -1 for
+            the outside.
+        outer: Outer loops of edges, one around each connected part.
     """
 
     points: Floats
@@ -61,7 +61,7 @@ class Arrangement:
 
 
 def arrange(segments: Floats, owner: Sequence[int]) -> Arrangement:
-    """Return the arrangement of straight lines.
+    """Return the arrangement that straight lines form.
 
     Args:
         segments: Ends of the lines, shape (num_segments, 2, 2).
@@ -113,10 +113,10 @@ def arrange(segments: Floats, owner: Sequence[int]) -> Arrangement:
 
 
 def within(polygon: Floats, points: Floats) -> npt.NDArray[np.bool_]:
-    """Return which points lie in a closed polygon, by crossings of a ray.
+    """Return which points lie inside a polygon, from the number of crossings of a ray.
 
     Args:
-        polygon: Its corners in order, shape (n, 2).
+        polygon: Corners of the polygon in order, shape (n, 2).
         points: Points that are not on the polygon, shape (m, 2).
     """
     (x0, y0), (x1, y1) = polygon.T, np.roll(polygon, -1, axis=0).T
@@ -129,7 +129,7 @@ def within(polygon: Floats, points: Floats) -> npt.NDArray[np.bool_]:
 
 
 def crossings(segments: Floats) -> Iterator[tuple[int, int, Floats]]:
-    """Yield pairs of lines that meet and are not parallel, with their common point.
+    """Yield pairs of lines that meet but are not parallel, with their common point.
 
     Args:
         segments: Ends of the lines, shape (num_segments, 2, 2).
@@ -153,7 +153,7 @@ def _size(segments: Floats) -> float:
 
 
 def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray[np.bool_]]:
-    """Return points, edges between them, and the owners of each edge."""
+    """Return points, the edges between them, and the owners of each edge."""
     tolerance = ROUNDING * _size(segments)
     met = np.array([point for _, _, point in crossings(segments)]).reshape(-1, 2)
     points = np.concatenate([segments.reshape(-1, 2), met])
@@ -161,7 +161,7 @@ def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
     _, label = connected_components(graph, directed=False)
     _, first = np.unique(label, return_index=True)
-    points = points[np.sort(first)]  # of merged points, the first given one
+    points = points[np.sort(first)]  # the first given one of each group of merged points
     found: dict[tuple[int, int], set[int]] = {}
     starts, ways = segments[:, 0], segments[:, 1] - segments[:, 0]
     for k, own in enumerate(owner):
@@ -181,11 +181,11 @@ def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray
 
 
 def _loops(points: Floats, edges: Longs) -> tuple[Longs, list[list[int]]]:
-    """Return the loops with a face on their left, and the loops of each edge.
+    """Return loops of edges, each with a face on its left, and the loops of each edge.
 
     Returns:
-        The loop on the left and on the right of each edge, shape (num_edges, 2), and each loop as
-        signed edges.
+        Indices of the loops on the left and right of each edge, shape (num_edges, 2); and the
+        signed edges of each loop.
     """
     count = len(edges)
     starts = np.concatenate([edges[:, 0], edges[:, 1]])
@@ -215,7 +215,7 @@ def _loops(points: Floats, edges: Longs) -> tuple[Longs, list[list[int]]]:
 
 
 def _corners(edges: Longs, loop: Sequence[int]) -> list[int]:
-    """Return the points of a loop in order."""
+    """Return the indices of the points on a loop in order."""
     return [int(edges[abs(e) - 1][0 if e > 0 else 1]) for e in loop]
 
 
@@ -231,7 +231,7 @@ def _smallest_around(
     areas: Sequence[float],
     own: set[int],
 ) -> int | None:
-    """Return the smallest loop around a point, of those without a common corner."""
+    """Return the smallest loop around a point, without loops that have a corner in ``own``."""
     found = None
     for k, (loop, area) in enumerate(zip(corners, areas, strict=True)):
         if area <= 0 or own & {*loop} or (found is not None and area >= areas[found]):
@@ -242,13 +242,13 @@ def _smallest_around(
 
 
 def _point_in(points: Floats, rings: Sequence[list[int]]) -> Floats:
-    """Return a point in a face with holes."""
+    """Return a point inside a face, which may have holes."""
     around = rings[0]
     k = min(range(len(around)), key=lambda at: tuple(points[around[at]]))
     v, a, b = (points[around[at % len(around)]] for at in (k, k - 1, k + 1))
     others = points[[at for ring in rings for at in ring]]
     to_base = np.linalg.solve(np.column_stack([a - v, b - v]), (others - v).T)
-    near = 1e-12  # excludes the corners of the triangle itself
+    near = 1e-12  # this tolerance excludes the corners of the triangle
     inside = (to_base >= -near).all(axis=0) & (to_base.sum(axis=0) < 1 - near)
     inside &= to_base.sum(axis=0) > near
     if not inside.any():

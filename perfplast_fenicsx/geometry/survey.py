@@ -1,4 +1,4 @@
-"""Store the survey of a geometry: bodies, joints, near misses, and free faces."""
+"""Define the survey of a geometry: bodies, joints, near misses and free faces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Body:
-    """A solid; in the plane a face.
+    """A body: a solid, or in the plane a face.
 
     Attributes:
-        name: Its physical name in the mesh.
-        label: Its name in the file, with those of its assemblies.
-        volume: Volume of its mesh (in the plane its area).
+        name: Name in the mesh.
+        label: Name in the file, with the names of its assemblies.
+        volume: Volume (in the plane area) of the mesh.
         low: Smallest coordinates.
         high: Largest coordinates.
         cells: Number of elements.
-        worst: Quality of the worst element, 1 for an equilateral one, 0 for a flat one.
-        cad: Its volume (in the plane its area) in the file; None if it is unknown.
+        worst: Quality of the worst element: 1 for an equilateral element, 0 for a flat one.
+        cad: Volume (in the plane area) in the file; None if it is unknown.
     """
 
     name: str
@@ -31,16 +31,16 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint where two bodies touch.
+    """The place where two bodies touch.
 
     Attributes:
         bodies: Their names.
-        surfaces: The names of both sides in the mesh.
-        area: Area of the contact (in the plane its length).
-        shapes: Shapes of its faces, such as "flat" or "cylindrical".
-        shared: Whether the bodies share these faces in the drawing, as layers of one ground do;
+        surfaces: Names of both sides in the mesh.
+        area: Area (in the plane length) at which the bodies touch, in the mesh.
+        shapes: Shapes of the faces, such as "flat" or "cylindrical".
+        shared: Whether the bodies share these faces in the drawing, like layers of ground;
             otherwise they touch as separate solids.
-        cad: The area in the file; None where that is not known.
+        cad: Area in the file; None if it is unknown.
     """
 
     bodies: tuple[str, str]
@@ -57,14 +57,14 @@ class Face:
 
     Attributes:
         number: Number in the picture.
-        name: Its own name in the mesh.
-        body: Its body.
-        shape: Such as "flat".
-        area: Area of its mesh.
-        centre: Centroid of its mesh.
-        cad: Its area in the file; None if it is unknown.
-        round_of: Radius and axis direction of a cylinder, such as "R 5, along z"; empty for other
-            faces.
+        name: Name of this face alone in the mesh.
+        body: Name of the body.
+        shape: Shape in words, such as "flat".
+        area: Area (in the plane length) of the mesh.
+        centre: Centroid of the mesh.
+        cad: Area in the file; None if it is unknown.
+        round_of: Radius and direction of the axis for a cylinder, such as "R 5, along z"; "" for
+            other faces.
     """
 
     number: int
@@ -79,15 +79,15 @@ class Face:
 
 @dataclass(frozen=True)
 class NamedFaces:
-    """Free faces with a common name in addition to their own names.
+    """Free faces that have a common name, in addition to their separate names.
 
     Attributes:
-        number: Number in the list; 0 if the file or the user gives the name.
+        number: Number of the set in the list; 0 if the file or the user gives the name.
         name: Name in the mesh.
-        faces: Numbers of the faces; empty for a physical group where bodies touch.
+        faces: Numbers of the faces; empty for a physical group at which bodies touch.
         why: Their common property, in words.
-        area: Area of their mesh.
-        cad: Their area in the file; None if it is unknown.
+        area: Area of the mesh of all these faces.
+        cad: Area in the file; None if it is unknown.
     """
 
     number: int
@@ -99,7 +99,7 @@ class NamedFaces:
 
 
 def listed(numbers: Sequence[int]) -> str:
-    """Return the number of faces and their numbers, such as "3: 4-5, 9"."""
+    """Return the count of faces and their numbers as text, such as "3: 4-5, 9"."""
     runs = list[list[int]]()
     for number in sorted(numbers):
         if runs and number == runs[-1][-1] + 1:
@@ -107,18 +107,18 @@ def listed(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     words = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    most = 8  # largest number of listed ranges
+    most = 8  # largest number of ranges in the text
     more = [f"and {len(words) - most} more"] if len(words) > most else []
     return f"{len(numbers)}: {', '.join(words[:most] + more)}" if words else "-"
 
 
 @dataclass(frozen=True)
 class Near:
-    """Two bodies that nearly touch, or touch without a common face.
+    """Two bodies that nearly touch, or that touch without a common face.
 
     Attributes:
         bodies: Their names.
-        gap: The smallest distance between them, 0 if they share an edge or a point.
+        gap: Smallest distance between the bodies; 0 if they touch at an edge or a point.
     """
 
     bodies: tuple[str, str]
@@ -127,19 +127,19 @@ class Near:
 
 @dataclass(frozen=True)
 class Survey:
-    """The survey of a meshed geometry.
+    """The survey of a geometry after meshing.
 
     Attributes:
         dim: 3 for solids, 2 for a plane model.
-        degree: Degree of the elements' geometry.
-        nodes: Number of nodes of the mesh, counting both sides of joints.
-        bodies: At least one.
-        joints: Joints of bodies that touch.
+        degree: Degree of the element geometry.
+        nodes: Number of nodes in the mesh; nodes on joints count on both sides.
+        bodies: The bodies, at least one.
+        joints: Places where bodies touch.
         near: Pairs of bodies that nearly touch.
         faces: Free faces, sorted by body and number.
         sets: Sets of faces with common names.
         remarks: Remarks for the user, one sentence each.
-        size: Requested largest edge length.
+        size: Largest edge length that was given to the mesher.
     """
 
     dim: int
@@ -154,13 +154,13 @@ class Survey:
     sets: list[NamedFaces] = field(default_factory=list)
 
     def drawn_areas(self) -> dict[str, float]:
-        """Return the area that the file gives each surface of the mesh, where it is known."""
+        """Return the areas of surfaces in the file by name, as far as they are known."""
         areas = {name: joint.cad for joint in self.joints for name in joint.surfaces}
         areas |= {one.name: one.cad for one in self.faces}
         areas |= {one.name: one.cad for one in self.sets}
         return {name: area for name, area in areas.items() if area is not None}
 
     def faces_of(self, name: str) -> list[Face]:
-        """Return the free faces with a name, their own or a common one."""
+        """Return the free faces that have a name alone or in common."""
         numbers = {number for one in self.sets if one.name == name for number in one.faces}
         return [face for face in self.faces if face.name == name or face.number in numbers]

@@ -1,9 +1,9 @@
-"""Split a mesh barycentrically: each cell into as many parts as facets, from its centre.
+"""Split each cell of a mesh from its centre into one part per facet (Alfeld split).
 
 On such split tetrahedra, quadratic velocities can preserve the volume everywhere, and linear
 stresses can satisfy equilibrium everywhere (P. Alfeld, A trivariate Clough–Tocher scheme for
 tetrahedral data, Comput. Aided Geom. Des. 1 (1984), 169). Facets of the given mesh are not divided,
-so that matching surfaces still match.
+so matching surfaces still match.
 """
 
 from dataclasses import dataclass, field
@@ -23,17 +23,17 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, cell_meshtags, distri
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AlfeldSplit(TaggedMesh):
-    """A mesh whose cells are parts of the cells of another mesh, with the same names.
+    """A mesh whose cells are parts of the cells of another mesh; the names are the same.
 
     Attributes:
-        parents: Local index of the parent cell of each local cell.
+        parents: For each local cell the local index of its parent cell.
     """
 
     parents: Ints = field(kw_only=True)
 
 
 def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
-    """Return the mesh with each cell split from its centre; its parts remain on its rank.
+    """Return the mesh with each cell split from its centre; the parts stay on the cell's rank.
 
     Collective.
 
@@ -46,7 +46,7 @@ def alfeld_split(tagged_mesh: TaggedMesh) -> AlfeldSplit:
     mesh = tagged_mesh.mesh
     if has_curved_cells(mesh):
         raise InputError(
-            "cells are curved, but only straight ones can be split; save the mesh with "
+            "cells are curved, but only straight cells can be split; save the mesh with "
             "first-order elements."
         )
     comm, topology = mesh.comm, mesh.topology

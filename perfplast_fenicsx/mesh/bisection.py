@@ -1,10 +1,11 @@
-"""Cut simplices at the midpoints of marked edges, as arrays.
+"""Cut simplices, given as arrays, at the midpoints of marked edges.
 
-The algorithm cuts a simplex at its marked edge with the highest order, then its two parts at their
-remaining marked edges, and so on. A face shared by two simplices is cut in the same way in both,
-since its edges have the same order. So the parts conform whatever edges are marked, in the plane
-and in space. If edges are ordered by length, and the longest edge of every cut triangle is marked,
-this is the skeleton-based refinement of Plaza and Carey, doi:10.1016/S0168-9274(99)00022-7.
+The algorithm cuts a simplex at its marked edge with the highest order, then both parts at their
+remaining marked edges, and so on. Two simplices cut their common face in the same way, because the
+edges of the face have the same order in both. So the parts conform for any marked edges, in the
+plane and in space. If edges are ordered by length, and the longest edge of every cut triangle is
+marked, the algorithm is the skeleton-based refinement of Plaza and Carey,
+doi:10.1016/S0168-9274(99)00022-7.
 """
 
 from collections.abc import Sequence
@@ -24,10 +25,10 @@ class Parts:
     """The parts of cut simplices.
 
     Attributes:
-        cells: Their vertices, shape (num_parts, dim + 1).
-        facets: Tags of their facets, with the facet opposite vertex k in column k, shape
-            (num_parts, dim + 1).
-        parents: The simplex of each part, shape (num_parts,).
+        cells: Vertices of the parts, shape (num_parts, dim + 1).
+        facets: Tags of the facets of the parts, shape (num_parts, dim + 1); column k has the facet
+            opposite vertex k.
+        parents: Index of the simplex from which each part comes, shape (num_parts,).
     """
 
     cells: Longs
@@ -36,28 +37,29 @@ class Parts:
 
 
 def edges_of_simplex(dim: int) -> Longs:
-    """Return local vertices of a simplex's edges in DOLFINx's order, shape (num_edges, 2)."""
+    """Return the local vertices of a simplex's edges in DOLFINx's order, shape (num_edges, 2)."""
     return np.array(basix.topology(SIMPLEX[dim])[1])
 
 
 def edges_of_faces(dim: int) -> Longs:
-    """Return the three edges of each triangle of a simplex, shape (num_faces, 3)."""
+    """Return the local edges of each triangular face of a simplex, shape (num_faces, 3)."""
     edges = edges_of_simplex(dim)
     faces = np.array(basix.topology(SIMPLEX[dim])[2])
     return np.array([np.flatnonzero(np.isin(edges, face).all(axis=1)) for face in faces])
 
 
 def cut(cells: Longs, facets: Ints, middles: Longs, order: Longs, inner: int) -> Parts:
-    """Return the parts of simplices cut at the marked edges.
+    """Return the parts of simplices that are cut at marked edges.
 
     Args:
         cells: Vertices of each simplex, shape (n, dim + 1).
-        facets: Tags of its facets, shape (n, dim + 1).
-        middles: Index of the vertex on each of its edges, −1 for unmarked edges; shape (n,
-            num_edges).
-        order: Order of the edges, of which the largest is cut first; distinct in a simplex and
-            equal in all simplices that share the edge; shape (n, num_edges).
-        inner: The tag of facets between parts of one simplex.
+        facets: Tags of the facets of each simplex, shape (n, dim + 1).
+        middles: Index of the new vertex on each edge of each simplex, −1 for unmarked edges, shape
+            (n, num_edges).
+        order: Order of the edges, shape (n, num_edges); the edge with the largest number is cut
+            first. The numbers differ within a simplex, and an edge has the same number in all
+            simplices that share it.
+        inner: Tag of the facets between parts of one simplex.
     """
     size = cells.shape[1]
     one, other = edges_of_simplex(size - 1).T
@@ -83,12 +85,13 @@ def cut(cells: Longs, facets: Ints, middles: Longs, order: Longs, inner: int) ->
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Simplices with their remaining cuts.
+    """Simplices with the cuts that remain to be made.
 
     Attributes:
-        cells: As for :class:`Parts`, also ``facets`` and ``parents``.
-        middle: The vertex between two vertices, −1 for none, shape (n, dim + 1, dim + 1).
-        rank: Order of the edges, of which the largest is cut first; same shape.
+        cells: As in :class:`Parts`, like ``facets`` and ``parents``.
+        middle: Index of the new vertex between two vertices, −1 without one, shape (n, dim + 1, dim
+            + 1).
+        rank: Order of the edges, of the same shape; the edge with the largest number is cut first.
     """
 
     cells: Longs
@@ -102,9 +105,9 @@ class _Pieces:
         return _Pieces(*(getattr(self, name)[which] for name in _NAMES))
 
     def half(self, kept: Longs, moved: Longs, inner: int) -> "_Pieces":
-        """Return the half of each simplex that keeps one end of an edge.
+        """Return the half of each simplex that keeps one end of the cut edge.
 
-        The other end moves to the middle.
+        The other end is replaced by the midpoint.
         """
         row = np.arange(len(self.cells))
         half = _Pieces(*(getattr(self, name).copy() for name in _NAMES))

@@ -1,4 +1,4 @@
-"""Find bodies as connected sets of cells, with their names and rigid motions."""
+"""Find the bodies of a mesh as connected sets of cells, with their names and rigid motions."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ class Bodies:
     Attributes:
         count: Number of bodies on all ranks.
         of_node: Index of the body of each local (owned and ghost) block dof, shape (num_nodes,).
-        centre: Centre of the bodies, shape (3,).
-        size: Diagonal of the box around the bodies (length).
+        centre: Centre of the box around all bodies, shape (3,).
+        size: Diagonal of the box around all bodies (length).
         gdim: Geometric dimension.
-        kinematics: The meaning of the coordinates, which defines rigid motions.
+        kinematics: The meaning of the coordinates, which defines the rigid motions.
     """
 
     count: int
@@ -40,7 +40,7 @@ class Bodies:
 
     @property
     def num_modes(self) -> int:
-        """Return the number of rigid motions: 6 in space, 3 in plane strain, 1 in axisymmetry."""
+        """Return the number of rigid motions: 6 in space, 3 in the plane, 1 in axisymmetry."""
         return len(self.kinematics.motions)
 
     def rigid_modes(self, x: Floats) -> Floats:
@@ -61,7 +61,7 @@ class Bodies:
         x: Floats,
         rows: Floats,
     ) -> Floats:
-        """Return functionals ``rows``·u(x) in terms of all bodies' rigid motions.
+        """Return the functionals ``rows``·u(x) for unit rigid motions of all bodies.
 
         Args:
             body: The body of each displacement, shape (n,).
@@ -69,7 +69,7 @@ class Bodies:
             rows: Coefficients of the displacement, shape (n, gdim).
 
         Returns:
-            Functionals, shape (n, count * num_modes).
+            Values of the functionals, shape (n, count * num_modes).
         """
         values = np.einsum("ni,nim->nm", rows, self.rigid_modes(x))
         columns = body[:, None] * self.num_modes + np.arange(self.num_modes)
@@ -79,7 +79,7 @@ class Bodies:
 
 
 def find_bodies(V: fem.FunctionSpace, kinematics: Kinematics) -> Bodies:
-    """Return the bodies of V's mesh. Collective."""
+    """Return the bodies of the mesh of ``V``. Collective."""
     comm = V.mesh.comm
     count, of_node = components(comm, V.dofmap.index_map, V.dofmap.list)
     x = V.tabulate_dof_coordinates()
@@ -91,8 +91,8 @@ def find_bodies(V: fem.FunctionSpace, kinematics: Kinematics) -> Bodies:
 def components(comm: MPI.Intracomm, index_map: IndexMap, cells: Ints) -> tuple[int, Ints]:
     """Return the number of connected components, and the component of each entity. Collective.
 
-    Each rank finds its own components. A ghost connects its component on this rank to its component
-    on the owner; only these few connections are shared by all ranks.
+    Each rank finds the components of its cells. A ghost connects its component on this rank to its
+    component on the owner's rank. The ranks exchange only these few connections.
 
     Args:
         comm: The ranks.
@@ -124,7 +124,7 @@ def components(comm: MPI.Intracomm, index_map: IndexMap, cells: Ints) -> tuple[i
 
 
 def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) -> list[str]:
-    """Return a name for each body, the same on every rank. Collective.
+    """Return a name for each body; the names are the same on every rank. Collective.
 
     Args:
         V: Displacement space.
@@ -132,8 +132,9 @@ def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) ->
         bodies: The bodies of the mesh.
 
     Returns:
-        Such as "'pin'"; "'bolts' about (0.5, 2.5)" with its middle, if several bodies share a name;
-        all names if volumes with several names form one body.
+        Names such as "'pin'". If several bodies have the same name, the centre is added: "'bolts'
+        about (0.5, 2.5)". If volumes with several names form one body, its name contains all of
+        them.
     """
     topology, tags = tagged_mesh.mesh.topology, tagged_mesh.cell_tags
     owned = tags.indices < topology.index_map(topology.dim).size_local

@@ -1,8 +1,9 @@
-"""Move inner vertices of a plane mesh at which two straight lines nearly cross.
+"""Move inner vertices of a plane mesh where the edges of four triangles nearly form two lines.
 
-Where four triangles meet whose edges form two straight lines, one condition on a stress that is
-linear in each of them follows from the others. If the lines are straight up to the rounding of a
-mesh generator, this holds approximately, and no factorisation resolves the remaining part.
+If four triangles meet at a vertex and their edges form two straight lines, the equilibrium
+conditions for a stress that is linear in each triangle are linearly dependent. If the lines are
+straight up to the rounding errors of a mesh generator, the conditions are nearly dependent, and no
+factorisation is accurate enough to resolve the difference.
 """
 
 import numpy as np
@@ -16,14 +17,14 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None = None) -> int:
-    """Move such vertices slightly, in the given mesh. Collective.
+    """Move these vertices slightly, in the given mesh, and return their number. Collective.
 
-    Surfaces and the shapes of bodies do not change: vertices on them are not moved.
+    Vertices on surfaces and boundaries are not moved, so the shapes of bodies do not change.
 
     Args:
         tagged_mesh: Mesh of straight triangles.
-        stays: Local vertices that are not moved, because lines on which loads depend run through
-            them.
+        stays: Flags of local vertices that must not move, for example because a load depends on a
+            line through them.
 
     Returns:
         Number of moved vertices on all ranks.
@@ -61,21 +62,24 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     sums.scatter_forward()
     cells = table[:, 3]
     alike = np.abs(cells * table[:, 5] - table[:, 4] ** 2) < 0.5
-    bend = np.linalg.norm(table[:, :2], axis=1) / 2  # each edge belongs to two triangles
-    # Largest sum of the four unit vectors of exactly crossing lines: rounding.
+    # divided by 2, because each edge belongs to two triangles
+    bend = np.linalg.norm(table[:, :2], axis=1) / 2
+    # up to this length of the sum of the four unit vectors, lines are exactly straight
     rounding = 1e-13
-    clear = 1e-3  # smallest sum at which edges count as bent
+    clear = 1e-3  # from this length on, edges count as clearly bent
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
-    shifted = 0.05  # displacement of a vertex, relative to the harmonic mean length of its edges
+    # displacement of a vertex, relative to the harmonic mean of the lengths of its edges
+    shifted = 0.05
     nearly &= True if stays is None else ~stays
-    # No triangle folds: the sum of the inverse heights is at least that of the least height.
+    # This limit prevents folds: the sum of inverse heights is at least the inverse of the least
+    # height.
     within = 0.3
     far = np.minimum(
         shifted * 8 / np.maximum(table[:, 2], 1e-300), within / np.maximum(table[:, 7], 1e-300)
     )
     step = np.where(nearly, far, 0.0)
     nodes = entity_nodes(mesh, 0, np.arange(count, dtype=np.int32)).reshape(-1)
-    # Direction of the displacement; any direction bends one of the lines.
+    # direction of the displacement; any direction bends at least one of the lines
     way = np.array([0.8, 0.6])
     mesh.geometry.x[nodes, :2] += step[:, None] * way
     moved: int = comm.allreduce(int(nearly[: index_map.size_local].sum()))

@@ -1,12 +1,12 @@
-"""Divide cells of plane bodies at a surface where nodes of another surface lie on it.
+"""Divide cells of plane bodies at a surface on which nodes of another surface lie.
 
-A cell is divided from its opposite vertex, so that the rest of the mesh does not change. After a
-division on both sides of an interface, their facets match.
+A cell is divided from the vertex opposite the surface, so the rest of the mesh does not change.
+After a division on both sides of an interface, the facets of both sides match.
 
-Find points on the chords of a plane surface, or next to them as on a curve.
-Two polygons that approximate one curve have their vertices on it, and differ between them. A point
-counts as a point of the curve next to a chord if it lies on the bulging side, within the distance
-of an arc that turns as the chords do.
+The surface may also approximate a curve by chords. Two polygons that approximate the same curve
+have their vertices on the curve, but differ between the vertices. So a point next to a chord counts
+as a point of the curve if two conditions hold. The point lies on the convex side, and its distance
+from the chord is at most that of an arc that turns by the same angles as the chords.
 """
 
 import basix.ufl
@@ -25,17 +25,18 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, cell_meshtags, distri
 
 
 def bulges(ends: Floats, every: Floats) -> Floats:
-    """Return by how much chords turn into their neighbours, to either side.
+    """Return the angles by which chords turn into their neighbours, for both sides.
 
     Args:
         ends: Ends of some chords, shape (n, 2, 2).
         every: Ends of all chords of the surface, shape (m, 2, 2).
 
     Returns:
-        Sines of the larger angle by which the surface bends away from the left of a chord, and from
-        the right; 0 without a bend and next to corners. Shape (n, 2).
+        Sines of the larger of the two angles at the ends of each chord, shape (n, 2). In column 0
+        for a bend that is convex to the left of the chord, in column 1 to the right; 0 without a
+        bend and next to corners.
     """
-    corner = 0.6  # sine of an angle that does not approximate a curve
+    corner = 0.6  # from this sine on, the angle is a corner and does not approximate a curve
     found = np.zeros((len(ends), 2))
     if not len(every):
         return found
@@ -46,7 +47,8 @@ def bulges(ends: Floats, every: Floats) -> Floats:
     for end in (0, 1):
         here = ends[:, end]
         apart, which = tree.query(here, k=2)
-        # this chord and, except at an end of the surface, the next one
+        # the nearest ends are those of this chord and, except at an end of the surface, of the next
+        # one
         near = apart <= _off_by_rounding(lengths)[:, None]
         far = every[which // 2, 1 - which % 2] - here[:, None]
         reach = np.where(near, np.linalg.norm(far, axis=2), 1.0)
@@ -59,17 +61,19 @@ def bulges(ends: Floats, every: Floats) -> Floats:
 
 
 def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, Longs, Floats]:
-    """Return chords with points on or next to them, and the positions between their ends.
+    """Return pairs of a chord and a point on it or next to it, with the position along the chord.
 
     Points near the ends of a chord are ignored.
 
     Args:
         ends: Ends of the chords, shape (n, 2, 2).
-        bulging: Their :func:`bulges`, shape (n, 2); 0 for points exactly on the chords only.
+        bulging: The :func:`bulges` of the chords, shape (n, 2); 0 finds only points exactly on the
+            chords.
         points: Points, shape (m, 2).
 
     Returns:
-        Chords, points and positions as shares of the chord, sorted by chord and position.
+        Indices of chords, indices of points, and positions as fractions of the chord; sorted by
+        chord and position.
     """
     nothing = np.zeros(0, dtype=np.int64)
     if not len(ends) or not len(points):
@@ -83,10 +87,10 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
     e, length = along[chord] / lengths[chord, None], lengths[chord]
     at = np.einsum("ni,ni->n", offset, e) / length
     off = (offset[:, 1] * e[:, 0] - offset[:, 0] * e[:, 1]) / length
-    # Distance from an end of a chord, relative to the chord, at which a point equals the end.
+    # A point counts as an end of a chord up to this distance, relative to the chord's length.
     at_end = 1e-6
-    # Largest distance of an arc that turns by a chord's angle at its ends, over that angle: an
-    # eighth at its middle, or a quarter if its neighbour is far shorter.
+    # Largest distance of the arc from the chord, relative to the chord's length and to the turning
+    # angle: at the middle an eighth, or a quarter if the neighbour is far shorter.
     most = 1.25 * at * (1 - at)
     left, right = bulging[chord].T * most + _off_by_rounding(np.ones(len(at)))
     good = (off <= left) & (off >= -right) & (at > at_end) & (at < 1 - at_end)
@@ -98,14 +102,15 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
 
 
 def farthest(every: Floats, points: Floats) -> float | None:
-    """Return the distance of points from the chords of a surface (length); 0 if all lie on it.
+    """Return the largest distance of points from the chords of a surface (length).
 
     Args:
-        every: Ends of all its chords, shape (n, 2, 2).
+        every: Ends of all chords of the surface, shape (n, 2, 2).
         points: Points, shape (m, 2).
 
     Returns:
-        None if a point is neither on a chord nor next to one.
+        The distance, 0 if all points lie on chords; None if a point is neither on a chord nor next
+        to a chord.
     """
     if not len(every) or not len(points):
         return None
@@ -125,15 +130,15 @@ def farthest(every: Floats, points: Floats) -> float | None:
 
 
 def _off_by_rounding(lengths: Floats) -> Floats:
-    """Return the rounding error of a point on a chord, or at its end, by the chord's length."""
+    """Return the distance up to which a point counts as lying on a chord or at its end."""
     return 1e-8 * lengths
 
 
 def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
-    """Return the ends of the outer facets of a plane surface on all ranks. Collective.
+    """Return the ends of all outer facets of a surface in the plane. Collective.
 
     Returns:
-        Ends, shape (num_facets, 2, 2), the same on each rank.
+        The ends, shape (num_facets, 2, 2), the same on each rank.
     """
     outer = outer_facets(tagged_mesh.mesh)
     ends, _ = _facets(tagged_mesh, outer, surface)
@@ -143,22 +148,22 @@ def surface_ends(tagged_mesh: TaggedMesh, surface: str) -> Floats:
 def divided(
     tagged_mesh: TaggedMesh, surface: str, points: Floats, every: Floats | None = None
 ) -> TaggedMesh:
-    """Return the mesh with cells divided where points lie inside facets of a surface. Collective.
+    """Return the mesh with cells divided at points on the facets of a surface. Collective.
 
-    A cell with two facets there is not divided. Points near the ends of a facet are ignored.
+    A cell with two facets on the surface is not divided. Points near ends of facets are ignored.
 
     Args:
         tagged_mesh: Plane bodies of straight cells, without ghost cells.
         surface: The surface.
-        points: The same on each rank, shape (num_points, 2).
-        every: Ends of all facets of the surface, shape (num_facets, 2, 2), if points next to them,
-            as on a curve, become vertices too.
+        points: Points, the same on each rank, shape (num_points, 2).
+        every: Ends of all facets of the surface, shape (num_facets, 2, 2). If given, points next to
+            facets that lie on the approximated curve become vertices too.
 
     Returns:
-        The mesh, with cells on the same ranks; the given mesh if nothing is divided.
+        The mesh, with the cells on the same ranks; the given mesh if no cell is divided.
 
     Raises:
-        InputError: If a cell is thinner than the bend of its facet.
+        InputError: If a division would fold a thin cell over.
     """
     mesh = tagged_mesh.mesh
     comm, topology = mesh.comm, mesh.topology
@@ -223,7 +228,7 @@ def divided(
 
 
 def _numbers(vertices: IndexMap, first: int) -> Longs:
-    """Return numbers of the vertices that this rank knows, those of each rank from its first on.
+    """Return new global numbers of the local vertices; those of each rank begin at its ``first``.
 
     Collective.
     """
@@ -242,14 +247,15 @@ def _tags(tagged_mesh: TaggedMesh, count: int) -> Ints:
 
 
 def _snapped(places: Floats, points: Floats) -> Floats:
-    """Return positions moved onto coinciding points, so that both sides have one number.
+    """Return positions moved onto points that coincide with them up to rounding.
 
-    Surfaces that are meshed apart differ by the rounding of their file, such as 3e-12. With
-    pressures of a hundred times the strength, no stress satisfies equilibrium over such a step.
+    The coordinates of surfaces that are meshed separately differ by rounding errors, such as 3e-12.
+    With pressures of a hundred times the strength, no admissible stress satisfies equilibrium
+    across such a step.
 
     Args:
         places: Positions, shape (n, 2).
-        points: Points, shape (num_points, 2), at least one.
+        points: Points, at least one, shape (num_points, 2).
     """
     same = 1e-9 * float(np.ptp(points, axis=0).max())
     apart, nearest = cKDTree(points).query(places, distance_upper_bound=same)
@@ -260,7 +266,7 @@ def _snapped(places: Floats, points: Floats) -> Floats:
 
 
 def _facets(tagged_mesh: TaggedMesh, outer: OuterFacets, surface: str) -> tuple[Floats, Longs]:
-    """Return ends of a surface's owned outer facets, shape (n, 2, 2), and indices in ``outer``."""
+    """Return the ends of a surface's owned facets, shape (n, 2, 2), and indices in ``outer``."""
     topology = tagged_mesh.mesh.topology
     owned = outer.facets < topology.index_map(1).size_local
     chosen = np.flatnonzero(owned & np.isin(outer.facets, tagged_mesh.facets(surface)))
@@ -269,13 +275,13 @@ def _facets(tagged_mesh: TaggedMesh, outer: OuterFacets, surface: str) -> tuple[
 
 
 def _ends(cells: Ints | Longs, places: Ints) -> Longs:
-    """Return vertices of the facets opposite to places in cells, shape (n, 2)."""
+    """Return the vertices of the facets opposite the local vertices ``places``, shape (n, 2)."""
     others = np.column_stack([(places + 1) % 3, (places + 2) % 3])
     return np.take_along_axis(cells.astype(np.int64), others.astype(np.int64), axis=1)
 
 
 def _folded(surface: str, ends: Floats, new: Floats, opposite: Floats) -> str | None:
-    """Return a message if a new vertex lies on the wrong side of the opposite vertex, else None."""
+    """Return a message if a division folds a cell over, otherwise None."""
 
     def turn(a: Floats, b: Floats) -> Floats:
         one, other = a - opposite, b - opposite
@@ -285,19 +291,19 @@ def _folded(surface: str, ends: Floats, new: Floats, opposite: Floats) -> str | 
     if all((part * whole > 0).all() for part in (turn(ends[:, 0], new), turn(new, ends[:, 1]))):
         return None
     return (
-        f"a cell at '{surface}' is thinner than the curve beside its facet is high; refine the mesh"
-        " there, or give both surfaces the same nodes."
+        f"a cell at '{surface}' is too thin for the curvature of the surface; refine the mesh at "
+        "this surface, or give both surfaces the same nodes."
     )
 
 
 def _chains(cells: Longs, places: Ints, counts: Longs, first: int) -> Longs:
-    """Return parts of cells: the ends of their facet, and the opposite vertex.
+    """Return the parts of divided cells: two vertices on the facet, and the opposite vertex.
 
     Args:
         cells: Vertices of the cells, shape (n, 3).
-        places: Index of the vertex opposite the divided facet.
-        counts: Number of new vertices on it, at least 1.
-        first: Index of the first new vertex.
+        places: Local index of the vertex opposite the divided facet.
+        counts: Number of new vertices on each facet, at least 1.
+        first: Number of the first new vertex.
     """
     ends = _ends(cells, places)
     opposite = np.take_along_axis(cells, places[:, None].astype(np.int64), axis=1)[:, 0]

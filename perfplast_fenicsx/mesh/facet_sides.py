@@ -1,4 +1,4 @@
-"""Count cells on both sides of facets: a folded mesh has two cells on one side."""
+"""Count cells on both sides of facets, to detect folded meshes: they have two cells on one side."""
 
 from dataclasses import dataclass
 
@@ -16,13 +16,13 @@ from perfplast_fenicsx.mesh.straight_geometry import corners
 
 @dataclass(frozen=True)
 class Sides:
-    """The number of cells of each facet, and their sides.
+    """The number of cells at each facet, and the sides on which they lie.
 
     Attributes:
-        of_cell: Local facets of each owned cell, with facet i opposite vertex i, shape (n, tdim +
-            1).
-        count: Number of cells of each local facet on all ranks, shape (num_facets,).
-        signs: Sum over these cells of 1 for one side and −1 for the other, shape (num_facets,).
+        of_cell: Local facets of each owned cell, shape (n, tdim + 1); facet i is opposite vertex i.
+        count: For each local facet the number of its cells on all ranks, shape (num_facets,).
+        signs: Sum over these cells: 1 for a cell on one side and −1 on the other, shape
+            (num_facets,).
     """
 
     of_cell: Ints
@@ -31,7 +31,7 @@ class Sides:
 
 
 def sides_of_facets(mesh: Mesh) -> Sides:
-    """Return the cells on each side of all facets; the order of sides is arbitrary. Collective."""
+    """Return the numbers of cells on the sides of facets; the sign is arbitrary. Collective."""
     topology, tdim = mesh.topology, mesh.topology.dim
     for pair in ((tdim - 1, tdim), (tdim, tdim - 1), (tdim - 1, 0)):
         topology.create_connectivity(*pair)
@@ -44,7 +44,7 @@ def sides_of_facets(mesh: Mesh) -> Sides:
     seen[:] = 0
     for place in range(tdim + 1):
         others = np.delete(np.arange(tdim + 1), place)
-        # all ranks and both cells use the order of the facet's global vertex numbers
+        # sorted by global numbers, the vertices have the same order on all ranks and in both cells
         order = np.argsort(number[:, others], axis=1)
         corner = np.take_along_axis(cells[:, others], order, axis=1)
         edges = np.concatenate([x[corner[:, 1:]], x[cells[:, [place]]]], axis=1) - x[corner[:, :1]]
@@ -56,17 +56,17 @@ def sides_of_facets(mesh: Mesh) -> Sides:
 
 
 def check_sides(mesh: Mesh) -> None:
-    """Refuse cells on the same side of a facet, and curved cells that fold. Collective.
+    """Raise an error if two cells lie on one side of a facet, or if curved cells fold. Collective.
 
     Raises:
-        InputError: With the number of such places, and one of them.
+        InputError: If there are such cells; the message has their number and one place.
     """
     sides = sides_of_facets(mesh)
     cells, x = corners(mesh)
     owned = mesh.topology.index_map(mesh.topology.dim - 1).size_local
     mine = sides.of_cell < owned
     folded = mine & ((sides.count == 2) & (abs(sides.signs) == 2))[sides.of_cell]
-    what = "inner facets have both of their cells on the same side"
+    what = "inner facets have both cells on the same side"
     _refuse(mesh, x[cells], folded, what, sides.of_cell)
     _refuse(mesh, x[cells], _inside_out(mesh)[:, None], "curved cells fold over")
 
@@ -74,9 +74,9 @@ def check_sides(mesh: Mesh) -> None:
 def _refuse(
     mesh: Mesh, x: Floats, wrong: npt.NDArray[np.bool_], what: str, numbers: Ints | None = None
 ) -> None:
-    """Refuse the mesh if a cell is wrong, and name one place. Collective.
+    """Raise an error with one place if a cell is wrong. Collective.
 
-    ``wrong`` has a row for each cell, and equal ``numbers`` identify the same fault.
+    ``wrong`` has a row of flags for each cell; flags with equal ``numbers`` count as one fault.
     """
     count = len(np.unique(numbers[wrong])) if numbers is not None else int(wrong.sum())
     total, message = mesh.comm.allreduce(count), None
@@ -91,7 +91,7 @@ def _refuse(
 
 
 def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """Return owned cells whose Jacobian changes sign, tested at points of a lattice."""
+    """Return which owned cells have a Jacobian that changes sign, tested at lattice points."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     owned = mesh.topology.index_map(tdim).size_local
     if cmap.degree == 1:
@@ -100,7 +100,7 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
     element = basix.create_element(
         basix.ElementFamily.P, kind, cmap.degree, basix.LagrangeVariant.equispaced
     )
-    # a polynomial of degree tdim (degree - 1), which so many points determine
+    # the Jacobian is a polynomial of degree tdim (degree - 1), which these points determine
     points = basix.create_lattice(
         kind, tdim * (cmap.degree - 1), basix.LatticeType.equispaced, True
     )
@@ -109,6 +109,6 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
     x = x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
     size = np.linalg.det(np.einsum("jpn,cni->cpij", slopes, x))
     size *= np.where(size.sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    # A curved cell is folded if its Jacobian is somewhere below this share of its largest value.
+    # A curved cell counts as folded if its least Jacobian, relative to the largest, is below this.
     folded = 1e-9
     return np.asarray(size.min(axis=1) <= folded * size.max(axis=1))

@@ -1,9 +1,9 @@
-"""Order cells and nodes independently of the distribution of the mesh.
+"""Define an order of cells and nodes that does not depend on the distribution of the mesh.
 
-Cells are numbered as in the input, nodes by the first cell that contains them and their position in
-it. Files use this order: a run on any number of ranks writes the same files, and reads those of any
-other run. Each rank stores a block of consecutive numbers. All-to-all communication moves values
-between this block and the owners of the cells and nodes.
+Cells are numbered as in the input. Nodes are numbered by the first cell that contains them and by
+their position in this cell. Files use this order, so runs on any number of ranks write the same
+files and read each other's files. Each rank stores a block of consecutive numbers. All-to-all
+communication moves values between these blocks and the owners of the cells and nodes.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from perfplast_fenicsx.parallel import exchange_rows, send_rows
 
 
 class Ordering:
-    """The order of entities by a key.
+    """An order of distributed entities by a key.
 
     Attributes:
         first: Number of the first entity in this rank's block.
@@ -30,11 +30,11 @@ class Ordering:
     """
 
     def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
-        """Determine the order. Collective.
+        """Sort the entities of all ranks. Collective.
 
         Args:
             comm: The ranks.
-            keys: Keys of the entities owned by this rank, at least 0; they are unique over all
+            keys: Keys of the entities that this rank owns, at least 0. No key occurs twice on all
                 ranks.
         """
         self._comm = comm
@@ -50,14 +50,14 @@ class Ordering:
         self.total: int = comm.allreduce(self.count)
 
     def to_blocks(self, values: npt.NDArray) -> npt.NDArray:
-        """Return values of owned entities, shape (n, ...), as those of this rank's block.
+        """Return the values of this rank's block from values of owned entities, shape (n, ...).
 
         Collective.
         """
         return self._to_keepers(values)[self._sorting]
 
     def from_blocks(self, values: npt.NDArray) -> npt.NDArray:
-        """Return values of this rank's block, shape (count, ...), as those of owned entities.
+        """Return the values of owned entities from values of this rank's block, shape (count, ...).
 
         Collective.
         """
@@ -68,11 +68,11 @@ class Ordering:
         return owned
 
     def numbers(self) -> Longs:
-        """Return the numbers of the owned entities. Collective."""
+        """Return the numbers of the owned entities in the order. Collective."""
         return self.from_blocks(np.arange(self.first, self.first + self.count))
 
     def _to_keepers(self, values: npt.NDArray) -> npt.NDArray:
-        """Return rows of owned entities on the ranks that store their keys. Collective."""
+        """Send rows of owned entities to the ranks that store them. Collective."""
         return exchange_rows(self._comm, values[self._by_keeper], self._owned, self._kept)
 
 
@@ -81,9 +81,9 @@ class Block:
     """This rank's rows of an array.
 
     Attributes:
-        values: Shape (count, ...), with the same other dimensions on every rank.
+        values: The rows, shape (count, ...); the other dimensions are the same on every rank.
         first: Number of the first row.
-        total: Rows on all ranks.
+        total: Number of rows on all ranks.
     """
 
     values: npt.NDArray
@@ -97,23 +97,23 @@ class Block:
 
 
 def block(ordering: Ordering, values: npt.NDArray) -> Block:
-    """Return values of owned entities as this rank's block of the whole array. Collective."""
+    """Return this rank's block of an array from the values of owned entities. Collective."""
     values = np.ascontiguousarray(ordering.to_blocks(values))
     return Block(values, ordering.first, ordering.total)
 
 
 def cell_ordering(mesh: Mesh) -> Ordering:
-    """Return the input order of a mesh's owned cells. Collective."""
+    """Return the order of a mesh's cells in the input. Collective."""
     return Ordering(mesh.comm, _input_cells(mesh))
 
 
 def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
-    """Return the order of owned nodes by their first cell. Collective.
+    """Return the order of nodes by the first cell that contains them. Collective.
 
     Args:
         mesh: The mesh.
         cells: Local nodes of each local cell, shape (num_cells, nodes_per_cell).
-        index_map: Index map of the nodes, of the geometry or of displacements.
+        index_map: Index map of the nodes: those of the geometry or of the displacements.
     """
     owned, per_cell = index_map.size_local, cells.shape[1]
     cells = cells[: len(_input_cells(mesh))]
@@ -128,7 +128,7 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
 
 
 def with_ghosts(index_map: IndexMap, owned: Longs) -> Longs:
-    """Return integers of owned nodes, completed by those of the ghosts. Collective."""
+    """Return integers of local nodes from those of owned nodes. Collective."""
     vector = la.vector(index_map, 1, dtype=np.int64)
     vector.array[: index_map.size_local] = owned
     vector.scatter_forward()

@@ -1,4 +1,4 @@
-"""Merge glued bodies with coinciding vertices into one body with the same cells."""
+"""Merge glued bodies with matching vertices into one body with the same cells."""
 
 from collections.abc import Collection
 
@@ -16,19 +16,19 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, cell_meshtags, distri
 
 
 def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> TaggedMesh | None:
-    """Return the mesh with one vertex instead of each pair of vertices. Collective.
+    """Return the mesh with each pair of vertices merged into one vertex. Collective.
 
-    Cells remain on their ranks, and names do not change; but the glued surfaces have no facets any
-    more.
+    Cells stay on their ranks, and names do not change, but the glued surfaces no longer have
+    facets.
 
     Args:
         tagged_mesh: Bodies of straight cells, without ghost cells.
-        pairs: Global numbers of coinciding vertices, on any rank, shape (num_pairs, 2).
+        pairs: Pairs of coinciding vertices by global numbers, each on any rank, shape (num_pairs,
+            2).
         surfaces: Names of the glued surfaces.
 
     Returns:
-        The mesh; None if a facet of these surfaces has no opposite facet, so that they do not
-        match.
+        The mesh; None if the surfaces do not match, because a facet has no opposite facet.
     """
     mesh = tagged_mesh.mesh
     comm, topology = mesh.comm, mesh.topology
@@ -75,7 +75,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
 
 
 def _merged(pairs: Longs) -> Longs:
-    """Return numbers in pairs, sorted, and the least number of each one's group, as columns."""
+    """Return two columns: the sorted numbers in pairs, and the least number in each one's group."""
     numbers, at = np.unique(pairs, return_inverse=True)
     one, other = at.reshape(-1, 2).T
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(numbers),) * 2)
@@ -86,7 +86,7 @@ def _merged(pairs: Longs) -> Longs:
 
 
 def _renumbered(numbers: Longs, merged: Longs) -> Longs:
-    """Return numbers with pairs merged, renumbered without gaps."""
+    """Return the numbers after merging pairs, renumbered without gaps."""
     found: Longs = numbers.copy()
     chosen = np.isin(numbers, merged[:, 0])
     found[chosen] = merged[np.searchsorted(merged[:, 0], numbers[chosen]), 1]

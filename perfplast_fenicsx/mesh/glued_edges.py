@@ -1,7 +1,7 @@
-"""Identify coinciding edges of a mesh of bodies that share no node.
+"""Identify coinciding edges of bodies that share no node.
 
-Where bodies are in contact, their surfaces have the same edges twice. A decision for one of them
-must hold for the other, so that the nodes of the surfaces still match.
+Where bodies touch, each edge occurs twice: once in the surface of each body. If one of the two
+edges is cut, the other must be cut too, so that the nodes of the surfaces still match.
 """
 
 from mpi4py import MPI
@@ -17,16 +17,16 @@ from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows
 
 
 class GluedEdges:
-    """Local edges of a straight mesh, in an order on which all ranks and both sides agree.
+    """Local edges of a straight mesh, in an order that is the same on all ranks and both sides.
 
     Attributes:
         of_cell: Local edges of each owned cell, shape (num_cells, edges_per_cell).
         vertices: Local vertices of each local edge, shape (num_edges, 2).
-        middles: Midpoints, shape (num_edges, gdim).
-        order: A number for each local edge, larger for longer edges and distinct in a cell. The
-            order of two edges of a cell is the same on every rank, and on the other side of a
-            contact.
-        length: Length that defines ``order``, shape (num_edges,).
+        middles: Midpoints of the edges, shape (num_edges, gdim).
+        order: A number for each local edge, shape (num_edges,); longer edges have larger numbers,
+            and numbers within a cell differ. The order of two edges of a cell is the same on every
+            rank and on both sides of a contact.
+        length: Lengths that define ``order``, shape (num_edges,).
     """
 
     def __init__(
@@ -41,13 +41,14 @@ class GluedEdges:
 
         Args:
             mesh: Triangles or tetrahedra of first order.
-            opposite: Pairs of coinciding vertices by global numbers, any of them on any rank, shape
+            opposite: Pairs of coinciding vertices by global numbers, each on any rank, shape
                 (num_pairs, 2).
-            metric: Metric M of each owned cell, shape (num_cells, gdim, gdim), for the length
-                √(e·Me) of an edge e, averaged over its cells; the default is the identity.
-            stretches: Factors of the lengths of local edges for their order; 1 by default.
-            shapeless: Owned cells whose shape does not matter, shape (num_cells,). Edges of such
-                cells alone count as short, and edges of others as if these cells were not there.
+            metric: Metric M of each owned cell, shape (num_cells, gdim, gdim). The length of an
+                edge e is √(e·Me), averaged over its cells; the default is the identity.
+            stretches: Factors on the lengths of local edges for their order; the default is 1.
+            shapeless: Flags of owned cells whose shape does not matter, shape (num_cells,). Edges
+                that belong only to such cells count as short. For other edges such cells are
+                ignored.
         """
         topology, comm, tdim = mesh.topology, mesh.comm, mesh.topology.dim
         topology.create_entities(1)
@@ -81,7 +82,7 @@ class GluedEdges:
         self.order[np.lexsort((number, place, length))] = np.arange(num_edges)
 
     def anywhere(self, marks: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return edges that are marked on any rank or on either side. Collective.
+        """Return which local edges are marked on any rank or on either side. Collective.
 
         Args:
             marks: Marks of the local edges, shape (num_edges,).
@@ -93,11 +94,11 @@ class GluedEdges:
         return found
 
     def new_numbers(self, marks: npt.NDArray[np.bool_], first: int) -> Longs:
-        """Return the indices of new vertices on marked edges, −1 on the others. Collective.
+        """Return the numbers of new vertices on marked edges, and −1 for other edges. Collective.
 
         Args:
             marks: Result of :meth:`anywhere`.
-            first: The first index on this rank.
+            first: The first number on this rank.
         """
         mine = marks[: self._owned]
         vector = la.vector(self._map, 1, dtype=np.int64)
@@ -106,16 +107,16 @@ class GluedEdges:
         return vector.array.copy()
 
     def new_points(self, marks: npt.NDArray[np.bool_]) -> Floats:
-        """Return the points with these indices, in their order, shape (num_new, 3)."""
+        """Return the new points on owned marked edges, in their order, shape (num_new, gdim)."""
         return self.middles[: self._owned][marks[: self._owned]]
 
     def _mean(
         self, along: Floats, metric: Floats | None, shapeless: npt.NDArray[np.bool_] | None
     ) -> Floats:
-        """Return lengths of owned edges, averaged over the metrics of their cells. Collective.
+        """Return the lengths of owned edges, averaged over their cells. Collective.
 
         Args:
-            along: Vectors from end to end of local edges, shape (num_edges, gdim).
+            along: Vectors along local edges, from end to end, shape (num_edges, gdim).
             metric: See the constructor.
             shapeless: See the constructor.
         """
@@ -124,7 +125,7 @@ class GluedEdges:
             lengths = np.linalg.norm(edges, axis=2)
         else:
             lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
-        short = 1e-6  # factor of the length of edges of such cells alone
+        short = 1e-6  # factor on the length of edges that belong only to such cells
         weights = np.ones_like(lengths)
         if shapeless is not None:
             weights[shapeless] = short
@@ -134,12 +135,12 @@ class GluedEdges:
         np.add.at(table, self.of_cell, np.stack(columns, axis=2))
         sums.scatter_reverse(la.InsertMode.add)
         total, weight, count = table[: self._owned].T
-        shaped = weight > 0.5  # at least one cell whose shape matters
+        shaped = weight > 0.5  # true if the shape of at least one cell matters
         mean: Floats = total / np.where(shaped, weight, count)
         return mean
 
     def _largest(self, values: Floats) -> Floats:
-        """Return values of owned edges extended to local ones, the larger of both sides."""
+        """Return values for local edges from those of owned edges, the larger of both sides."""
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[: self._owned] = values
         vector.array[self._twins] = self._meeting.largest(values[self._twins])
@@ -148,21 +149,22 @@ class GluedEdges:
 
 
 def _place(middles: Floats) -> Floats:
-    """Return numbers that order edges of equal length, independent of the ranks."""
-    # A direction along which hardly any two edges have middles at the same position.
+    """Return numbers that order edges of equal length in the same way on all ranks."""
+    # along this direction hardly any two midpoints of edges have the same position
     irrational = np.array([0.754877666, 0.569840291, 0.328125733])
     place: Floats = (middles * irrational[: middles.shape[1]]).sum(axis=1)
     return place
 
 
 def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
-    """Return the smallest number among coinciding vertices, for each local vertex.
+    """Return for each local vertex the smallest number among the vertices that coincide with it.
 
-    Several vertices may coincide, at edges where more than two bodies meet; so the number is
-    propagated until nothing changes.
+    At edges of more than two bodies several vertices coincide, so the number is propagated until
+    nothing changes.
 
     Returns:
-        The numbers, and whether another vertex coincides, shape (num_vertices,).
+        The numbers, and whether another vertex coincides with each one, each of shape
+        (num_vertices,).
     """
     comm, vertices = mesh.comm, mesh.topology.index_map(0)
     first, last = vertices.local_range
@@ -186,10 +188,10 @@ def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
 
 
 class _Meeting:
-    """Rows of all ranks with equal keys, brought together on one rank."""
+    """Gathers the rows of all ranks that have equal keys on one rank."""
 
     def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
-        """Send the keys to their common ranks. Collective.
+        """Send each key to the rank for this key. Collective.
 
         Args:
             comm: The ranks.
@@ -200,7 +202,7 @@ class _Meeting:
         self._group, self._count = group.ravel(), len(met)
 
     def largest(self, values: Floats) -> Floats:
-        """Return for each row the largest value of the rows with its key. Collective."""
+        """Return for each row the largest value of all rows with the same key. Collective."""
         top = np.full(self._count, -np.inf)
         np.maximum.at(top, self._group, self._exchange.forward(values))
         return self._exchange.back(top[self._group])

@@ -1,7 +1,8 @@
-"""Dump a .msh file, read by gmsh in a separate program, to an .npz file.
+"""Read a .msh file with gmsh and write its content to an .npz file, as a separate program.
 
-Broken files make gmsh crash, run forever or allocate without limit. This ends only this process,
-not the ranks. The program imports nothing of this package, since that would start MPI.
+A damaged file may make gmsh crash, run without end or allocate memory without limit. Then only this
+process ends, not the ranks. The program imports nothing from this package, because this would start
+MPI.
 
     python3 -P gmsh_dump.py FILE.msh TARGET.npz
 """
@@ -17,8 +18,8 @@ import numpy as np
 
 
 def limit(size: int) -> None:
-    """Limit the memory and time of this process, for a file of ``size`` bytes."""
-    # Processor time for gmsh; good files need less than a tenth.
+    """Limit the memory and the processor time of this process, for a file of ``size`` bytes."""
+    # processor time for gmsh; undamaged files need less than a tenth of it
     least_seconds, seconds_per_mb = 30, 5
     seconds = least_seconds + seconds_per_mb * (size >> 20)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
@@ -30,7 +31,7 @@ def limit(size: int) -> None:
 
 
 def dump(source: str, target: str) -> None:
-    """Read a gmsh file, and write its arrays, groups and first error to another file."""
+    """Read a .msh file, and write its arrays, its groups and the first error to an .npz file."""
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.logger.start()
@@ -61,7 +62,8 @@ def dump(source: str, target: str) -> None:
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         arrays |= {"tags": tags, "coordinates": coordinates.reshape(-1, 3)}
     about = {"fault": fault, "blocks": blocks, "groups": groups, "types": types}
-    with open(target, "wb") as file:  # after an error gmsh may crash at its end
+    # no gmsh.finalize() follows: after an error, gmsh may crash in it
+    with open(target, "wb") as file:
         np.savez(file, about=json.dumps(about), **arrays)
 
 

@@ -1,4 +1,4 @@
-"""Use gmsh: run a quiet session on one process, and read a .msh file in a separate process.
+"""Open gmsh sessions, and read .msh files by gmsh in a separate process.
 
 This module does not use MPI.
 """
@@ -23,32 +23,32 @@ from perfplast_fenicsx.environment import environment_for_gmsh
 from perfplast_fenicsx.errors import LARGEST, InputError, place_of
 
 NO_GMSH = (
-    "gmsh's Python module cannot be loaded; install it (pip install gmsh, or Debian's"
-    " python3-gmsh), and see perfplast doctor"
+    "gmsh's Python module cannot be loaded; install it (pip install gmsh, or Debian's package "
+    "python3-gmsh), then test it with perfplast doctor"
 )
 
 
-CONVERT = "convert it by meshio, as docs/howto/mesh_formats.md shows under 'Other formats'"
-MODEL = "convert it to a mesh and a case by perfplast mesh"
+CONVERT = "convert it with meshio, as docs/howto/mesh_formats.md shows under 'Other formats'"
+MODEL = "convert it to a mesh and a case with perfplast mesh"
 
 REMEDIES = {
     **dict.fromkeys((".e", ".exo"), CONVERT),
     **dict.fromkeys((".inp", ".med", ".unv", ".bdf", ".nas", ".fem", ".vtu", ".vtk"), MODEL),
     **dict.fromkeys(
-        (".xdmf", ".h5"), "convert it by meshes/from_xdmf.py (docs/howto/mesh_formats.md)"
+        (".xdmf", ".h5"), "convert it with meshes/from_xdmf.py (docs/howto/mesh_formats.md)"
     ),
     **dict.fromkeys(
         (".step", ".stp", ".brep", ".iges", ".igs", ".geo"),
-        "give it as file of a [geometry] instead of a [mesh], or mesh it by perfplast mesh",
+        "give it as file under [geometry] instead of [mesh], or mesh it with perfplast mesh",
     ),
-    ".py": "it is a program, which perfplast never runs; run it, and give the mesh that it writes",
+    ".py": "perfplast does not run programs; run it yourself, and give the mesh that it writes",
 }
-"""Remedies for files of other kinds, by suffix."""
+"""Remedies for other kinds of files, by suffix."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Elements of one entity and type: nodes (gmsh's tags), shape (num_elements, ·)."""
+    """Elements of one type in one entity: nodes by gmsh's tags, shape (num_elements, ·)."""
 
     dim: int
     entity: int
@@ -59,10 +59,10 @@ class Block:
 
 @dataclass(frozen=True)
 class Content:
-    """The content of a mesh file, read by :mod:`perfplast_fenicsx.mesh.gmsh_dump`.
+    """The content of a mesh file, which :mod:`perfplast_fenicsx.mesh.gmsh_dump` has read.
 
     Attributes:
-        blocks: Its elements.
+        blocks: The elements in blocks.
         groups: Dimension, tag and name of the physical groups.
         types: Name and number of nodes of each element type.
         tags: Tags of the nodes, shape (num_nodes,).
@@ -77,17 +77,17 @@ class Content:
 
 
 def read_content(path: Path) -> Content:
-    """Let gmsh read a file in a separate process.
+    """Return the content of a file, which gmsh reads in a separate process.
 
     Raises:
-        InputError: If the file is missing or not gmsh's, or if gmsh is not installed, finds a fault
-            or crashes.
+        InputError: If the file is missing or is not a .msh file, or if gmsh is not installed,
+            reports an error or crashes.
     """
     _check_header(path)
     program = Path(__file__).with_name("gmsh_dump.py")
     with tempfile.TemporaryDirectory() as folder:
-        # Gmsh selects the format by the file's name, and runs the options of a script FILE.msh.opt
-        # next to it.
+        # Gmsh selects the format by the name of the file, and would run a script FILE.msh.opt next
+        # to it.
         alone, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
         alone.symlink_to(path.absolute())
         command = [sys.executable, "-P", str(program), str(alone), str(target)]
@@ -102,7 +102,7 @@ def read_content(path: Path) -> Content:
             )
         except OSError as error:
             raise InputError(f"gmsh cannot be started to read '{path}': {error}") from error
-        if b"    import gmsh" in done.stderr:  # the line at which it crashed
+        if b"    import gmsh" in done.stderr:  # the line at which the program failed
             raise InputError(NO_GMSH)
         if not target.exists() or done.returncode:
             end = f"exit status {done.returncode}"
@@ -127,18 +127,18 @@ def read_content(path: Path) -> Content:
 
 
 def windows_path(path: Path) -> str:
-    """Return the remedy for a missing file of this name."""
+    """Return a remedy for a file name that does not exist."""
     name = str(path)
-    if not name.isprintable():  # "C:\temp\new.msh" contains a tab and a new line
+    if not name.isprintable():  # "C:\temp\new.msh" contains a tab and a line break
         return (
-            "in double quotes \\ is an escape: write / in the path, or put the path in "
+            "in double quotes \\ is an escape character: write / in the path, or put the path in "
             "single quotes"
         )
     return "write / for \\ in the path" if "\\" in name else "check the path"
 
 
 def _check_header(path: Path) -> None:
-    # Gmsh would run any other text file as a script, and wait at a FIFO.
+    # Gmsh would run any other text file as a script, and would wait for the writer of a FIFO.
     try:
         mode = path.stat().st_mode
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
@@ -147,7 +147,7 @@ def _check_header(path: Path) -> None:
             head = file.read(11)
     except FileNotFoundError as error:
         raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}") from error
-    except (OSError, ValueError) as error:  # ValueError occurs for names that no file can have
+    except (OSError, ValueError) as error:  # names that no file can have raise a ValueError
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
@@ -157,7 +157,7 @@ def _check_header(path: Path) -> None:
         raise InputError(f"'{path}' is not a gmsh .msh file; {remedy}")
 
 
-# Gmsh element type to polynomial degree, by dimension.
+# polynomial degree by gmsh's element type, for each dimension
 SIMPLICES = {1: {1: 1, 8: 2}, 2: {2: 1, 9: 2}, 3: {4: 1, 11: 2}}
 _ENTITY = ("point", "curve", "surface", "volume")
 _SIMPLEX = ("points", "lines", "triangles", "tetrahedra")
@@ -165,21 +165,21 @@ _SIMPLEX = ("points", "lines", "triangles", "tetrahedra")
 
 @dataclass(frozen=True)
 class GmshMesh:
-    """Named simplices of one .msh file, nodes numbered 0, 1, … without gaps.
+    """Named simplices of one .msh file; the nodes are numbered 0, 1, … without gaps.
 
     Attributes:
         gdim: 3 for tetrahedra, 2 for triangles.
         degree: Degree of the geometry, 1 or 2.
         points: Node coordinates, shape (num_nodes, 3).
         cells: Nodes of each cell in gmsh's order, shape (num_cells, nodes_per_cell).
-        cell_values: Tag of each cell's name, shape (num_cells,); 0 without a name.
+        cell_values: Tag of each cell, shape (num_cells,); 0 for a cell without a name.
         facets: Nodes of each named facet, shape (num_facets, nodes_per_facet).
-        facet_values: Tag of each named facet, shape (num_facets,): of its physical group, or a
-            separate tag if it is in several groups.
+        facet_values: Tag of each named facet, shape (num_facets,): the tag of its physical group,
+            or a separate tag if the facet is in several groups.
         facet_count: Number of named facets in the file, including those that belong to no cell.
-        volumes: Name to tag of the cells.
-        surfaces: Name to tag of the facets, or to several tags if some facets are in other groups
-            too. A group without a name is named by its number.
+        volumes: Tags of the cells by name.
+        surfaces: Tags of the facets by name; several tags if some facets are also in other groups.
+            A group without a name has its number as name.
         remarks: Remarks on omitted parts of the file, one sentence each.
     """
 
@@ -196,14 +196,14 @@ class GmshMesh:
     remarks: tuple[str, ...] = ()
 
     def without_arrays(self) -> "GmshMesh":
-        """Return the same mesh with empty arrays, for ranks that read nothing."""
+        """Return the same mesh with empty arrays, for ranks that do not read the file."""
         arrays = ("points", "cells", "cell_values", "facets", "facet_values")
         return replace(self, **{name: getattr(self, name)[:0] for name in arrays})
 
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
-    """Open a quiet gmsh session with an empty model; a gmsh already in use is not changed.
+    """Open a silent gmsh session with an empty model; restore a gmsh that is already in use.
 
     Raises:
         InputError: If gmsh's Python module is not installed.
@@ -232,22 +232,25 @@ def gmsh_session() -> Iterator[ModuleType]:
 
 
 def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
-    """Read the simplices of the largest dimension and their named facets.
+    """Return the simplices of the largest dimension in a .msh file, and their named facets.
 
     Args:
         path: A .msh file with physical groups: tetrahedra, or triangles in a plane z = const.
-        gdim: 3 or 2, if only such a mesh is accepted.
+        gdim: 3 or 2 to accept only a mesh of this dimension; None to accept both.
 
     Raises:
-        InputError: If the file is missing, is not gmsh's, has no simplices of that dimension or
-            other elements, no physical group of bodies, repeated names, or a body in two groups.
+        InputError: If the file is missing or is not a .msh file, or if it has no simplices of this
+            dimension, other elements, no physical group of bodies, repeated names, or a body in two
+            groups.
     """
     content = read_content(Path(path))
     gdim = _dimension(content, path, gdim)
     volumes = _names(content, path, gdim)
     if not volumes:
         entity = _ENTITY[gdim]
-        raise InputError(f"'{path}' has no physical {entity}; name each body by one in gmsh")
+        raise InputError(
+            f"'{path}' has no physical {entity}; define a physical {entity} for each body in gmsh"
+        )
     names = _names(content, path, gdim - 1)
     blocks = [block for block in content.blocks if block.dim == gdim]
     degree, cells = _elements(content, path, gdim)
@@ -259,13 +262,13 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     tags, coordinates = content.tags, content.coordinates
     named = facet_values > 0
     facets, facet_values = _once(facets[named], facet_values[named])
-    # Nodes of geometry points, unnamed surfaces and so on are omitted.
+    # Nodes that belong to no cell, such as those of geometry points, are omitted.
     used = np.unique(cells)
     order = np.argsort(tags)
     if not np.isin(used, tags).all():
         raise InputError(
-            f"elements of '{path}' refer to nodes that the file does not contain; "
-            "save the whole mesh"
+            f"elements in '{path}' refer to nodes that the file does not contain; save the whole "
+            "mesh"
         )
     points = coordinates[order[np.searchsorted(tags[order], used)]]
     if gdim == 2 and np.ptp(points[:, 2]) > 1e-12 * np.ptp(points):
@@ -277,8 +280,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     doubled = len(corners) - len(np.unique(corners, axis=0))
     if doubled:
         raise InputError(
-            f"{doubled} of the {len(facets)} named surface elements of '{path}' occur "
-            "twice, in different surfaces; mesh the model again"
+            f"{doubled} of the {len(facets)} named surface elements in '{path}' occur twice, in "
+            "different surfaces; mesh the model again"
         )
     on_cells = np.isin(facets, used).all(axis=1)
     return GmshMesh(
@@ -297,8 +300,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
 
 
 def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
-    """Refuse nodes without finite coordinates, and cells without volume."""
-    wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # includes NaN
+    """Raise an error for nodes without finite coordinates, and for cells without volume."""
+    wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # true also for NaN
     if wrong.size:
         raise InputError(
             f"'{path}' has {wrong.size} nodes with coordinates such as"
@@ -308,8 +311,8 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
     longest = np.abs(edges).max(axis=(1, 2), initial=0)
     if (longest > 0).all():
-        # Cells are flat if their volume is below this share of that of a cube on their longest
-        # edge.
+        # A cell counts as flat if its volume, relative to the cube of its longest edge, is below
+        # this.
         least_volume = 1e-12
         flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < least_volume
     else:
@@ -317,16 +320,17 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     if flat.any():
         at = place_of(first[np.argmax(flat)])
         raise InputError(
-            f"{np.count_nonzero(flat)} cells of '{path}' have no volume, the first at {at}; mesh"
-            " the bodies again"
+            f"{np.count_nonzero(flat)} cells in '{path}' have no volume, the first at {at}; mesh "
+            "the bodies again"
         )
 
 
 def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
-    """Refuse facets of more than two cells, on which DOLFINx fails."""
+    """Raise an error for facets of more than two cells, on which DOLFINx fails."""
     places = [np.delete(np.arange(gdim + 1), place) for place in range(gdim + 1)]
     facets = np.sort(np.concatenate([cells[:, place] for place in places]), axis=1)
-    if float(len(points)) ** gdim < 2.0**63:  # rows as single numbers, which sort much faster
+    # rows are coded as single numbers, which sort much faster
+    if float(len(points)) ** gdim < 2.0**63:
         numbers = facets @ len(points) ** np.arange(gdim, dtype=np.int64)
         _, first, counts = np.unique(numbers, return_index=True, return_counts=True)
     else:
@@ -335,16 +339,16 @@ def _check_facets(path: str | Path, points: Floats, cells: Longs, gdim: int) -> 
         middle = points[facets[first[np.argmax(counts)]], :gdim].mean(axis=0)
         at = place_of(middle)
         raise InputError(
-            f"{np.count_nonzero(counts > 2)} facets of '{path}' belong to more than two "
-            f"cells (one is at {at}): cells are repeated or overlap; mesh the bodies again."
+            f"{np.count_nonzero(counts > 2)} facets in '{path}' belong to more than two cells (one "
+            f"is at {at}), so cells are repeated or overlap; mesh the bodies again."
         )
 
 
 def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
-    """Return the dimension of the mesh, which must be ``gdim`` if that is given."""
+    """Return the dimension of the mesh, after checking it against ``gdim`` if given."""
     dims = [block.dim for block in content.blocks]
     if not dims:
-        raise InputError(f"'{path}' has no elements; mesh the model in gmsh before saving")
+        raise InputError(f"'{path}' has no elements; mesh the model in gmsh before you save it")
     if max(dims) < 2 or gdim not in (None, max(dims)):
         needed = _SIMPLEX[gdim] if gdim else "triangles or tetrahedra"
         raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]}, but {needed} are needed")
@@ -352,32 +356,33 @@ def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
 
 
 def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
-    """Return name to tag of the physical groups of a dimension.
+    """Return the tags of the physical groups of a dimension by name.
 
-    Unnamed groups have their tag as name.
+    A group without a name has its tag as name.
 
     Raises:
-        InputError: If two groups share a name.
+        InputError: If two groups have the same name.
     """
     names: dict[str, int] = {}
     for tag, name in [(tag, name or str(tag)) for of, tag, name in content.groups if of == dim]:
         if name in names:
             raise InputError(
                 f"physical {_ENTITY[dim]}s {names[name]} and {tag} of '{path}' are both named "
-                f"'{name}'; make them one group"
+                f"'{name}'; join them in one group"
             )
         names[name] = tag
     return names
 
 
 def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs]:
-    """Return degree and nodes (gmsh's tags) of the elements of a dimension."""
+    """Return the degree and the nodes (gmsh's tags) of all elements of a dimension."""
     blocks = [block for block in content.blocks if block.dim == dim]
     types = {block.kind for block in blocks}
     if len(types) > 1 or not types <= SIMPLICES[dim].keys():
         names = ", ".join(content.types[kind][0] for kind in sorted(types))
         raise InputError(
-            f"'{path}' has the elements {names}; all must be {_SIMPLEX[dim]} of one degree, 1 or 2"
+            f"'{path}' has elements of type {names}, but all must be {_SIMPLEX[dim]} of one "
+            "degree, 1 or 2; mesh the model again"
         )
     kind = types.pop() if types else min(SIMPLICES[dim])
     size = content.types[kind][1] if blocks else dim + 1
@@ -386,16 +391,16 @@ def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs]
 
 
 def _values(blocks: Sequence[Block], tags: Sequence[int]) -> Ints:
-    """Return the tag of each element of blocks."""
+    """Return the tag of each element from the tags of the blocks."""
     counts = [len(block.nodes) for block in blocks]
     return np.repeat(np.array(tags, dtype=np.int32), np.array(counts, dtype=np.int64))
 
 
 def _body_of(block: Block, content: Content, path: str | Path) -> int:
-    """Return the physical group of cells, 0 without one.
+    """Return the physical group of a block of cells; 0 without a group.
 
     Raises:
-        InputError: If they are in several groups.
+        InputError: If the cells are in several groups.
     """
     if len(block.groups) > 1:
         known = {tag: name or str(tag) for of, tag, name in content.groups if of == block.dim}
@@ -410,12 +415,12 @@ def _body_of(block: Block, content: Content, path: str | Path) -> int:
 def _surface_tags(
     names: dict[str, int], blocks: Sequence[Block]
 ) -> tuple[dict[str, int | tuple[int, ...]], list[int]]:
-    """Return the tags of each surface, and the tag of each block, 0 without a group.
+    """Return the tags of each surface, and the tag of each block (0 without a group).
 
-    Blocks that are in the same several groups share a separate tag.
+    Blocks that are in the same combination of several groups share a separate tag.
 
     Args:
-        names: Name to tag of the physical groups.
+        names: Tags of the physical groups by name.
         blocks: Blocks of facets.
     """
     kinds = [tuple(sorted(block.groups)) for block in blocks]
@@ -435,7 +440,7 @@ def _surface_tags(
 
 
 def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
-    """Return facets and tags without repetition: older files repeat them for each group."""
+    """Return facets and tags without repetition; old files repeat a facet for each group."""
     rows = np.column_stack([np.sort(facets, axis=1), values])
     first = np.sort(np.unique(rows, axis=0, return_index=True)[1])
     return facets[first], values[first]
@@ -444,7 +449,7 @@ def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
 def _left_out(
     content: Content, path: str | Path, gdim: int, surfaces: set[str], cell_values: Ints
 ) -> Iterator[str]:
-    """Yield a sentence on the physical groups of each dimension that name nothing in the mesh."""
+    """Yield a remark for each dimension with physical groups that name nothing in the mesh."""
     for dim in range(gdim + 1):
         names = {name or str(tag): tag for of, tag, name in content.groups if of == dim}
         if dim == gdim:
@@ -456,7 +461,7 @@ def _left_out(
         why = (
             "has no elements"
             if dim >= gdim - 1
-            else f"is left out: supports and loads act on {_ENTITY[gdim - 1]}s"
+            else f"is ignored, because supports and loads act on {_ENTITY[gdim - 1]}s"
         )
         listed = ", ".join(f"'{name}'" for name in names)
         yield f"the physical {_ENTITY[dim]} {listed} of '{path}' {why}"

@@ -1,11 +1,12 @@
 """Define the meaning of mesh coordinates: space, plane strain, plane stress or axisymmetry.
 
-Only this module defines what depends on this meaning: the strain of a displacement, the measure of
-integrals, and the rigid motions.
+Everything that depends on this meaning is defined here: the strain of a displacement, the measure
+of integrals, and the rigid motions.
 
-In axisymmetry the mesh's x is the radius r ≥ 0, its y the axis z, and the out-of-plane component of
-strains and stresses is the hoop component: ε = (u_r,r, u_z,z, u_r/r, √2 ε_rz). Integrals are over
-the full turn, 2πr dr dz and 2πr ds, and so are all forces and works.
+In axisymmetry the coordinate x of the mesh is the radius r ≥ 0, and y is the axial coordinate z.
+The out-of-plane component of strains and stresses is the hoop component: ε = (u_r,r, u_z,z, u_r/r,
+√2 ε_rz). Integrals are over the full turn, with the measures 2πr dr dz and 2πr ds, so all forces
+and works refer to the full turn.
 """
 
 import math
@@ -20,23 +21,26 @@ from ufl.domain import extract_unique_domain
 from perfplast_fenicsx.arrays import Floats
 
 ON_AXIS = 1e-10
-"""Points with a radius below this share of the size of the bodies are on the axis."""
+"""Points count as lying on the axis if their radius, relative to the size of the bodies, is below
+this."""
 
 
 class Kinematics(Protocol):
     """The meaning of the coordinates of a mesh.
 
-    This class defines :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` for
-    Cartesian coordinates.
+    The methods :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` of this class are
+    those for Cartesian coordinates.
 
     Attributes:
         name: The ``kind`` in ``[model]``.
         axes: Letters of the force components in results.
-        whole: Whether bodies are finite in all directions. In plane strain forces and works are per
-            unit of depth, and the out-of-plane stress is in no equation of equilibrium.
-        forces: Reference of forces and works in words; empty if it is obvious.
+        whole: Whether bodies are finite in all directions. In plane strain they are not: forces and
+            works are per unit of depth, and no equilibrium equation contains the out-of-plane
+            stress.
+        forces: The unit of depth or the part of the bodies to which forces and works refer, in
+            words; empty for whole bodies in space.
         motions: The rigid motions in words.
-        thickness: Thickness over which forces on whole surfaces are spread (length); 1 except in
+        thickness: Thickness (length), by which forces on whole surfaces are divided; 1 except in
             plane stress.
     """
 
@@ -48,15 +52,15 @@ class Kinematics(Protocol):
     motions: tuple[str, ...]
 
     def strain(self, u: Any) -> Any:
-        """Return the small strain ε(u) in UFL, a Mandel vector, shape (6,), in the plane (4,)."""
+        """Return the small strain ε(u) in UFL as a Mandel vector, shape (6,), in the plane (4,)."""
         ...
 
     def measure(self, measure: ufl.Measure) -> Any:
-        """Return the measure of the bodies from that of the mesh; a function times it is a form."""
+        """Return the measure on the bodies from one on the mesh; function * measure is a form."""
         return measure
 
     def around(self, x: Floats) -> Floats:
-        """Return the out-of-plane measure of a point: its ring 2πr (length), or 1.
+        """Return the out-of-plane measure at points: the circumference 2πr (length), or 1.
 
         Args:
             x: Points, shape (..., gdim).
@@ -67,7 +71,7 @@ class Kinematics(Protocol):
         return np.ones(x.shape[:-1])
 
     def carried(self, x: Floats) -> Floats:
-        """Return the unknowns at points for a unit displacement of these points.
+        """Return the value of the unknowns at points that have a unit displacement.
 
         Args:
             x: Points, shape (..., gdim).
@@ -89,7 +93,7 @@ class Kinematics(Protocol):
         ...
 
     def held(self, x: Floats, size: float) -> npt.NDArray[np.bool_]:
-        """Return components that are always zero at points: u_r on the axis.
+        """Return which displacement components are always zero at points: u_r on the axis.
 
         Args:
             x: Points, shape (n, 3).
@@ -102,13 +106,13 @@ class Kinematics(Protocol):
 
 
 def divergence(kinematics: Kinematics, v: Any) -> Any:
-    """Return the volume change tr ε(v) in UFL."""
+    """Return the rate of volume change tr ε(v) in UFL."""
     e = kinematics.strain(v)
     return e[0] + e[1] + e[2]
 
 
 class Space(Kinematics):
-    """Bodies of tetrahedra."""
+    """Bodies in space, meshed by tetrahedra."""
 
     name: str = "space"
     axes: str = "xyz"
@@ -132,7 +136,7 @@ class Space(Kinematics):
 
 
 class PlaneStrain(Kinematics):
-    """Triangles that are sections of infinite bodies along z, in which no point moves along z."""
+    """Plane strain: sections of bodies that are infinite along z and do not deform along z."""
 
     name: str = "plane-strain"
     axes: str = "xy"
@@ -150,9 +154,9 @@ class PlaneStrain(Kinematics):
 
 
 class PlaneStress(PlaneStrain):
-    """Triangles that are sheets with a free thickness: no stress acts across them.
+    """Plane stress: sheets whose thickness can change, because no stress acts across them.
 
-    The strain across the sheet is reported as zero, and no law uses it.
+    The strain across the sheet is stored as zero, and no law uses it.
     """
 
     name: str = "plane-stress"
@@ -164,12 +168,12 @@ class PlaneStress(PlaneStrain):
 
 
 class Axisymmetric(Kinematics):
-    """Triangles that are half the section of bodies of revolution: x is r, y the axis z."""
+    """Half sections of bodies of revolution: x is r, and y is the axial coordinate z."""
 
     name: str = "axisymmetric"
     axes: str = "rz"
     whole: bool = True
-    forces: str = "of the full turn (r: outwards, summed all around; z: along the axis)"
+    forces: str = "of the full turn (r: outward, summed around the axis; z: along the axis)"
     motions: tuple[str, ...] = ("translation along the axis",)
 
     def strain(self, u: Any) -> Any:
@@ -200,20 +204,21 @@ class Axisymmetric(Kinematics):
 
 @dataclass(frozen=True)
 class RingFlux(Axisymmetric):
-    """The same bodies in terms of v = ru instead of the displacement u, zero on the axis.
+    """Bodies of revolution with the unknown v = ru in place of the displacement u.
 
-    The volume is preserved if v has no divergence in the plane of the section. Polynomials can
-    satisfy this everywhere, for any flow through a ring. Strains and measures are scaled so that
-    works are those of u: rε and 2π dμ.
+    On the axis v is zero. The volume is preserved if the plane divergence of v in the section is
+    zero. Polynomials can satisfy this condition everywhere, for any flow through a ring. Strains rε
+    and measures 2π dμ replace ε and 2πr dμ, so the works are those of u.
 
     Attributes:
-        shift: Radius of the bodies' centre over their size (:class:`connected_bodies.Bodies`).
+        shift: Radius of the bodies' centre divided by their size
+            (:class:`connected_bodies.Bodies`).
     """
 
     shift: float = 0.0
 
     def strain(self, u: Any) -> Any:
-        """Return rε of v."""
+        """Return rε(u) in terms of v = ru."""
         grad, r = ufl.grad(u), _radius(extract_unique_domain(u))
         shear = (grad[0, 1] + grad[1, 0] - u[1] / r) / math.sqrt(2)
         return ufl.as_vector([grad[0, 0] - u[0] / r, grad[1, 1], u[0] / r, shear])
@@ -234,7 +239,7 @@ class RingFlux(Axisymmetric):
     def rigid_modes(self, r: Floats) -> Floats:
         """Return the rigid motions, see :meth:`Kinematics.rigid_modes`.
 
-        R is measured from the bodies' centre.
+        The coordinates in ``r`` are relative to the centre of the bodies.
         """
         modes = np.zeros((len(r), 2, 1))
         modes[:, 1, 0] = r[:, 0] + self.shift
@@ -248,10 +253,10 @@ class RingFlux(Axisymmetric):
 
 @dataclass(frozen=True)
 class AroundAxis:
-    """The measure 2πr dμ of the full turn, for a measure dμ of the section.
+    """The measure 2πr dμ of the full turn, for a measure dμ on the half section.
 
     Attributes:
-        section: Measure dμ of the section.
+        section: Measure dμ on the half section.
         weighed: Whether the measure contains r; otherwise it is 2π dμ.
     """
 
@@ -264,7 +269,7 @@ class AroundAxis:
         return (2 * math.pi * radius * integrand) * self.section
 
     def __call__(self, *args: Any, **arguments: Any) -> "AroundAxis":
-        """Return the measure of a part of the section, as a :class:`ufl.Measure` does."""
+        """Return the measure on a part of the section, like a call of a :class:`ufl.Measure`."""
         return replace(self, section=self.section(*args, **arguments))
 
     def ufl_domain(self) -> Any:
@@ -275,7 +280,7 @@ class AroundAxis:
 _ALL: tuple[Kinematics, ...] = (Space(), PlaneStrain(), PlaneStress(), Axisymmetric())
 
 KINDS = {one.name: one for one in _ALL}
-"""Plane strain, plane stress and axisymmetry by their names in case files."""
+"""Space, plane strain, plane stress and axisymmetry, by the names in case files."""
 
 
 def _radius(domain: Any) -> Any:

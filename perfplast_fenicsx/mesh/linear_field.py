@@ -1,4 +1,4 @@
-"""Store a function that is linear in each cell of a mesh of straight cells."""
+"""Define a function that is linear in each cell of a mesh with straight cells."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 
 class LinearField:
-    """Values at the vertices of cells, linear between them.
+    """A function that is linear in each cell, given by values at the vertices.
 
-    Each cell has its own values, so that the function may jump between cells.
+    Each cell has separate values, so the function may jump between cells.
     """
 
     def __init__(self, corners: Floats, values: Floats) -> None:
@@ -25,7 +25,7 @@ class LinearField:
         self._search: CellSearch | None = None
 
     def at_corners(self, corners: Floats) -> Floats:
-        """Return the values at the vertices of cells that lie inside cells of the field.
+        """Return the values at the vertices of cells that each lie in a cell of the field.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
@@ -34,7 +34,7 @@ class LinearField:
             Values, shape (n, d + 1).
 
         Raises:
-            InputError: If the middle of a cell lies in no cell of the field.
+            InputError: If the centre of a cell lies in no cell of the field.
         """
         where = self._cells_at(corners.mean(axis=1))
         shares = _shares(self._corners[where], corners)
@@ -42,17 +42,19 @@ class LinearField:
         return found
 
     def _cells_at(self, points: Floats) -> Longs:
-        """Return the cell that contains each point."""
+        """Return the index of the field's cell that contains each point."""
         self._search = self._search or CellSearch(self._corners)
         best, where = np.full(len(points), -np.inf), np.zeros(len(points), dtype=np.int64)
         for point, cell in self._search.near(points, np.zeros(len(points))):
             least = _shares(self._corners[cell], points[point][:, None])[:, 0].min(axis=1)
-            order = np.argsort(least)  # of several values at one point the last one is kept
+            # in an assignment to one point several times, the last value remains
+            order = np.argsort(least)
             point, cell, least = point[order], cell[order], least[order]
             better = least > best[point]
             where[point[better]] = cell[better]
             np.maximum.at(best, point, least)
-        outside = 1e-9  # barycentric coordinate below which a point is outside a cell
+        # a point counts as outside a cell if a barycentric coordinate is below minus this
+        outside = 1e-9
         if (best < -outside).any():
             at = place_of(points[np.argmax(best < -outside)])
             raise InputError(
@@ -66,7 +68,7 @@ def _shares(cells: Floats, points: Floats) -> Floats:
 
     Args:
         cells: Vertices, shape (n, d + 1, d).
-        points: Shape (n, k, d).
+        points: Points for each cell, shape (n, k, d).
 
     Returns:
         Barycentric coordinates, shape (n, k, d + 1).

@@ -1,13 +1,13 @@
-"""Find overlapping cells, and bodies that are cut inside: faults that facets do not show.
+"""Find overlapping bodies, and bodies that are cut inside.
 
-Overlapping bodies have a cell at the surface of one that overlaps a cell of the other; the same
+If two bodies overlap, a cell at the surface of one body overlaps a cell of the other body. The same
 holds for a body that overlaps itself. Facets that approximate curved surfaces may overlap by their
 sagitta.
 
-Measure how deep simplices overlap, by the separating axis theorem.
-S. Gottschalk, M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996, for boxes: two convex polytopes are
-separate if and only if they are separate along a normal of a face of one, or along a cross product
-of two edges.
+Depths of overlaps come from the separating axis theorem (for boxes: S. Gottschalk, M. C. Lin, D.
+Manocha, OBBTree, SIGGRAPH 1996). Two convex polytopes are disjoint if and only if their projections
+on some axis are disjoint. The axis is a normal of a face of one of them, or a cross product of an
+edge of each.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,19 +34,21 @@ AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
 
 
 def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
-    """Return the distance by which one simplex of each pair must move to separate them.
+    """Return for each pair of simplices the smallest displacement that separates them.
 
     Args:
         one: Vertices of one simplex, shape (n, gdim + 1, gdim).
-        other: Vertices of the other one, same shape.
-        least: Depths up to this are ignored, shape (n,).
+        other: Vertices of the other simplex, same shape.
+        least: Largest depth that counts as no overlap, shape (n,).
 
     Returns:
-        Depths, shape (n,), length; 0 for separate simplices.
+        Depths (length), shape (n,); 0 for disjoint simplices.
     """
     depth = np.full(len(one), np.inf)
     left = np.arange(len(one))
-    parallel = 1e-9  # sine of the angle of two edges below which their product is ignored
+    # edges count as parallel, and their product is ignored, if the sine of their angle is below
+    # this
+    parallel = 1e-9
     for axis_of in _axes(one.shape[2]):
         axis, size = axis_of(one[left], other[left])
         length = np.linalg.norm(axis, axis=1)
@@ -63,7 +65,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
 
 
 def _axes(gdim: int) -> Iterator[AxisOf]:
-    """Yield functions that create axes, with the length of an axis if nothing were parallel."""
+    """Yield functions that return axes, and the lengths of axes for perpendicular edges."""
     for which in (0, 1):
         for place in range(gdim + 1):
             yield partial(_face_normal, which, place)
@@ -74,7 +76,7 @@ def _axes(gdim: int) -> Iterator[AxisOf]:
 
 
 def _face_normal(which: int, place: int, *x: Floats) -> tuple[Floats, Floats]:
-    """Return normals of the facet opposite a vertex of one of the simplices, and lengths."""
+    """Return the normals of facets opposite a vertex of one simplex, and their largest lengths."""
     corner, *rest = np.delete(np.arange(x[0].shape[1]), place)
     edges = [x[which][:, other] - x[which][:, corner] for other in rest]
     if len(edges) == 2:
@@ -96,10 +98,10 @@ def _cross(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 class Slabs:
-    """Divides space along its longest extent, with about equally many points in each slab."""
+    """Divides space into one slab per rank, with about the same number of points in each slab."""
 
     def __init__(self, comm: MPI.Intracomm, places: Floats) -> None:
-        """Choose the limits of the slabs. Collective.
+        """Choose the axis and the limits of the slabs. Collective.
 
         Args:
             comm: The ranks.
@@ -108,7 +110,7 @@ class Slabs:
         low, high = bounding_box(comm, places)
         self._comm, self.axis = comm, int(np.argmax(high - low))
         along = np.sort(places[:, self.axis])
-        # Largest number of points from each rank that determine the limits of the slabs.
+        # largest number of points from each rank that determine the limits of the slabs
         samples = 200
         some = along[np.linspace(0, len(along) - 1, min(samples, len(along)), dtype=np.int64)]
         weights = np.full(len(some), len(along) / max(len(some), 1))
@@ -119,12 +121,12 @@ class Slabs:
         self._ends = every[order][np.searchsorted(before, shares)]
 
     def send(self, rows: npt.NDArray, low: Floats, high: Floats) -> npt.NDArray:
-        """Send rows to all ranks whose slabs they intersect. Collective.
+        """Send each row to all ranks whose slabs it intersects; return received rows. Collective.
 
         Args:
             rows: Rows of a structured type, shape (n,).
-            low: Their lower ends along ``axis``, shape (n,).
-            high: Their upper ends.
+            low: Lower ends of the rows' objects along ``axis``, shape (n,).
+            high: Upper ends along ``axis``, shape (n,).
         """
         if self._comm.size == 1:
             return rows
@@ -136,13 +138,13 @@ class Slabs:
 
 
 class CellSearch:
-    """Search for cells by position; one tree for cells of about the same size."""
+    """Finds cells by position; cells of about the same size are in one tree."""
 
     def __init__(self, x: Floats) -> None:
-        """Put cells into trees.
+        """Build the trees.
 
         Args:
-            x: Their vertices, shape (num_cells, gdim + 1, gdim).
+            x: Vertices of the cells, shape (num_cells, gdim + 1, gdim).
         """
         centres = x.mean(axis=1)
         radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
@@ -153,16 +155,16 @@ class CellSearch:
             self._trees.append((KDTree(centres[cells]), cells, float(radii[cells].max())))
 
     def near(self, points: Floats, within: Floats) -> Iterator[tuple[Longs, Longs]]:
-        """Yield pairs of a point and a cell within a distance, and some pairs farther apart.
+        """Yield all pairs of a point and a cell within a distance, and some farther pairs.
 
         Args:
             points: Points, shape (n, gdim).
-            within: Largest distance of each point, shape (n,).
+            within: Distance for each point, shape (n,).
 
         Yields:
-            Indices of points and of cells; each pair occurs once.
+            Arrays of point indices and cell indices; each pair occurs once.
         """
-        # Number of points in one search, which bounds the memory for pairs.
+        # number of points in one search, which limits the memory for pairs
         at_once = 20_000
         for tree, cells, radius in self._trees:
             for first in range(0, len(points), at_once):
@@ -177,24 +179,24 @@ class CellSearch:
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of this rank as rows that travel, and points just outside outer facets."""
+    """Cells of this rank as rows that are sent, and points just outside outer facets."""
 
     rows: npt.NDArray
     outside: npt.NDArray
 
 
 def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
-    """Refuse bodies that overlap or are cut inside. Collective.
+    """Raise an error if bodies overlap or are cut inside. Collective.
 
     Args:
         tagged_mesh: The bodies.
         overlaps: Whether different bodies may overlap, as in a press fit.
 
     Returns:
-        Remarks on bodies that touch without named surfaces.
+        Remarks on bodies that touch at facets without a name.
 
     Raises:
-        InputError: Naming the bodies and the place.
+        InputError: If bodies overlap or are cut inside; the message has the bodies and a place.
     """
     comm, gdim = tagged_mesh.mesh.comm, tagged_mesh.mesh.geometry.dim
     cells = _cells(tagged_mesh)
@@ -215,20 +217,20 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
         place = place_of(cut["point"][number])
         if one == other:
             raise InputError(
-                f"the body '{names[one]}' is cut inside: {count} of its outer facets have "
-                f"cells on their other side that do not share their nodes, one at {place}; "
-                "glue them (in gmsh: Coherence, or remove duplicate nodes), or name the "
+                f"the body '{names[one]}' is cut inside: {count} of its outer facets have a cell "
+                f"of the same body on their other side, which has other nodes (one is at {place}); "
+                "merge the nodes (in gmsh: Coherence, or remove duplicate nodes), or name the "
                 "facets of an intended cut"
             )
         told.append(
-            f"'{names[one]}' touches '{names[other]}' at {count} facets without a name, "
-            f"one at {place}: nothing prevents them from penetrating each other there"
+            f"'{names[one]}' touches '{names[other]}' at {count} facets without a name, one at "
+            f"{place}: the bodies can penetrate each other at these facets"
         )
     return told
 
 
 def _cells(tagged_mesh: TaggedMesh) -> _Cells:
-    """Return the cells with an outer facet on this rank. Collective."""
+    """Return the cells of this rank, and points outside their outer facets. Collective."""
     mesh = tagged_mesh.mesh
     tdim, gdim = mesh.topology.dim, mesh.geometry.dim
     cells, points = corners(mesh)
@@ -262,7 +264,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
     plain = ~named[sides.of_cell[at, place]]
     outside = np.zeros(int(plain.sum()), dtype=[("point", "f8", (gdim,)), ("body", "i8")])
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
-    # Distance outside a facet, relative to its size, at which another cell is sought.
+    # distance outside a facet, relative to its size, of the points where other cells are sought
     margin = 1e-4
     beyond = corner.mean(axis=1) + margin * length[:, None] * normal
     outside["point"], outside["body"] = beyond[plain], rows["body"][at[plain]]
@@ -270,7 +272,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
 
 
 def _area_vectors(corner: Floats) -> Floats:
-    """Return normals of facets with the length of their area, shape (n, gdim)."""
+    """Return the normals of facets, whose lengths are the areas, shape (n, gdim)."""
     edges = corner[:, 1:] - corner[:, :1]
     if edges.shape[1] == 1:
         return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
@@ -280,10 +282,10 @@ def _area_vectors(corner: Floats) -> Floats:
 def _sagittas(
     comm: MPI.Intracomm, vertices: IndexMap, ends: npt.NDArray, area: Floats, length: Floats
 ) -> Floats:
-    """Return the possible distance of facets at each local vertex from the curved surface.
+    """Return the largest possible distance of facets at each local vertex from a curved surface.
 
-    Collective. The distance is zero if all facets are in a plane; with several facets it is about
-    the largest.
+    Collective. The distance is zero if all facets at the vertex lie in one plane; otherwise it is
+    about that of the facet with the largest distance.
     """
     sums = la.vector(vertices, area.shape[1], dtype=np.float64)
     mean = sums.array.reshape(-1, area.shape[1])
@@ -294,14 +296,15 @@ def _sagittas(
     across = np.einsum("nki,ni->nk", mean[ends], area)
     sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
     cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
-    # Facets at a vertex belong to one curved surface if their angle to the mean normal is smaller:
-    # contact treats facets as one surface up to 40°, of which each has half.
+    # Facets at a vertex belong to one curved surface if their angle to the mean normal is below
+    # this. Contact treats two facets as one surface up to 40°, half of which belongs to each facet.
     least_cosine = np.cos(np.deg2rad(25.0))
     aslant = np.where(cosine > least_cosine, np.arccos(cosine), 0.0)
-    caution = 2.0  # factor of sagittas, since mean normals are only approximate
+    caution = 2.0  # factor on sagittas, because mean normals are only approximate
     sagitta = caution * length * np.tan(aslant.max(axis=1, initial=0) / 2) / 2
     longest = comm.allreduce(float(length.max(initial=0)), MPI.MAX) or 1.0
-    powers = la.vector(vertices, 1, dtype=np.float64)  # whose sum is about that of the largest
+    # the sum of high powers is about the power of the largest
+    powers = la.vector(vertices, 1, dtype=np.float64)
     powers.array[:] = 0.0
     np.add.at(powers.array, ends.ravel(), np.repeat((sagitta / longest) ** 8, ends.shape[1]))
     powers.scatter_reverse(la.InsertMode.add)
@@ -312,7 +315,7 @@ def _sagittas(
 def _deepest(
     rows: npt.NDArray, search: CellSearch, names: dict[int, str], extent: float, overlaps: bool
 ) -> str | None:
-    """Return a message on the cells that overlap most, or None."""
+    """Return a message on the cells with the deepest overlap; None without overlaps."""
     outer = np.flatnonzero(rows["outer"])
     x = rows["x"]
     edge = np.linalg.norm(x[:, :, None] - x[:, None], axis=3).max(axis=(1, 2), initial=0)
@@ -320,17 +323,17 @@ def _deepest(
     radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
     low, high = x.min(axis=1), x.max(axis=1)
     worst, said = 0.0, None
-    # Overlaps below this share of a cell's longest edge are ignored, because nodes are not more
+    # Overlaps are ignored below this depth, relative to a cell's longest edge: nodes are not more
     # accurate.
     rounding = 1e-3
-    # Overlaps below this share of the size of all bodies are ignored: surfaces touch within it.
+    # Overlaps are ignored below this depth, relative to the size of all bodies: surfaces touch.
     contact_depth = 1e-6
     for one, other in search.near(centres, radii):
         one = outer[one]
         apart = rows["body"][one] != rows["body"][other]
         asked = one != other
         asked &= ~(overlaps & apart)
-        asked &= ~(rows["outer"][other] & (other < one))  # the pair occurs twice
+        asked &= ~(rows["outer"][other] & (other < one))  # the same pair occurs in both orders
         one, other = one[asked], other[asked]
         least = rounding * np.maximum(edge[one], edge[other]) + contact_depth * extent
         least += rows["allowed"][one] + rows["allowed"][other]
@@ -350,15 +353,14 @@ def _deepest(
         if len(bodies) == 2:
             who = f"the bodies '{bodies[0]}' and '{bodies[1]}' overlap"
         said = (
-            f"{who}: cells around {place_of(x[one[at]].mean(axis=0))} overlap by "
-            f"{worst:.3g}; mesh the bodies so that they only touch, or give their contact "
-            "interference = true"
+            f"{who}: cells around {place_of(x[one[at]].mean(axis=0))} overlap by {worst:.3g}; mesh "
+            "the bodies so that they only touch, or give interference = true in their [[contact]]"
         )
     return said
 
 
 def _covered(rows: npt.NDArray, outside: npt.NDArray, search: CellSearch) -> npt.NDArray:
-    """Return which points outside a body lie in a cell, of the same or of another body."""
+    """Return the points outside facets that lie in a cell, with both bodies."""
     found = [np.zeros(0, dtype=[("one", "i8"), ("other", "i8"), ("point", outside.dtype["point"])])]
     points = outside["point"]
     low, high = rows["x"].min(axis=1), rows["x"].max(axis=1)

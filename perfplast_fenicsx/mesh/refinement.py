@@ -1,11 +1,11 @@
-"""Refine meshes of the same bodies, preserving names and matching surfaces.
+"""Refine meshes; names and matching surfaces are preserved.
 
-Cells are cut at midpoints of edges (:mod:`bisection`): where the error is, with their shape
-preserved, or into fans around points where the stress depends only on the direction.
+Cells are cut at the midpoints of edges (:mod:`bisection`). Cells with large errors are cut so that
+their angles remain bounded. Cells around a point are cut into a fan if the stress at the point
+depends only on the direction.
 
-Lengthen edges of a mesh virtually where a field changes along them.
-Slip bands are thin: cells must be small across them, but not along them. So edges along which
-fields change are cut first, and others later.
+Slip bands are thin: cells must be small across a band, but not along it. So edges along which a
+field changes are cut earlier than other edges of the same length.
 """
 
 from dataclasses import dataclass
@@ -36,16 +36,16 @@ from perfplast_fenicsx.parallel import fetch_rows, send_rows
 
 
 def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
-    """Return factors of the lengths of local edges, the same on all ranks. Collective.
+    """Return factors on the lengths of local edges, which are the same on all ranks. Collective.
 
-    A factor is 1/2 plus the change along the edge relative to its largest possible value for the
-    size of the gradients, averaged over the surrounding cells. So cells become up to about three
-    times as long as they are wide.
+    A factor is 1/2 plus the change of the fields along the edge, relative to the largest possible
+    change for gradients of this size, averaged over the cells at the edge. So cells become up to
+    about three times longer than wide.
 
     Args:
         mesh: Mesh of tetrahedra with straight sides.
-        gradients: Gradients of any fields, constant in each owned cell, ∂f_j/∂x_i in row i, shape
-            (num_cells, 3, m).
+        gradients: Gradients of m fields, constant in each owned cell, with ∂f_j/∂x_i in row i and
+            column j, shape (num_cells, 3, m).
 
     Returns:
         Factors, shape (num_edges,), 0.5 to 1.5.
@@ -70,7 +70,7 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     share = np.divide(table[:, 0], table[:, 1], out=np.zeros(len(table)), where=table[:, 1] > 0)
-    digits = 3  # rounded, so that equal edges have equal factors in any order of summation
+    digits = 3  # rounded so that equal edges have equal factors for any order of summation
     stretches: Floats = 0.5 + np.round(share, digits)
     return stretches
 
@@ -80,8 +80,8 @@ class Refined:
     """A finer mesh.
 
     Attributes:
-        tagged_mesh: The mesh, newly distributed, without ghost cells.
-        parents: Global index in the coarser mesh of the parent of each owned cell; shape
+        tagged_mesh: The finer mesh, in a new distribution without ghost cells.
+        parents: For each owned cell the global index of its parent cell in the coarser mesh, shape
             (num_cells,).
     """
 
@@ -90,15 +90,15 @@ class Refined:
 
 
 def check_refinable(tagged_mesh: TaggedMesh) -> None:
-    """Refuse curved cells. Collective.
+    """Raise an error for curved cells. Collective.
 
     Raises:
-        InputError: If they are not.
+        InputError: If a cell is curved.
     """
     if has_curved_cells(tagged_mesh.mesh):
         raise InputError(
-            "cells are curved, but only straight ones can be refined; save the mesh with "
-            "elements of first order (Mesh.ElementOrder = 1 in gmsh)."
+            "cells are curved, but only straight cells can be refined; save the mesh with "
+            "first-order elements (Mesh.ElementOrder = 1 in gmsh)."
         )
 
 
@@ -110,26 +110,26 @@ def refine(
     gradients: Floats | None = None,
     shapeless: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
-    """Return the mesh with marked cells cut at all their edges, and others so that it conforms.
+    """Return the mesh with marked cells cut at all edges, and others cut so that it conforms.
 
     Collective.
 
-    In every triangle with a cut edge, the longest edge is cut first, so that angles remain bounded
-    under repeated refinement. With a metric, the longest edges are those of the metric. Marked
-    cells are cut at edges of at least half the longest length, and angles remain bounded in the
-    metric. With gradients, edges along them count as longer (:mod:`refinement`), and of the
-    edges of marked cells only the longest one of each side is cut.
+    In every triangle with a cut edge, the longest edge is cut first, so angles remain bounded under
+    repeated refinement. With a metric, lengths are measured in the metric, and angles remain
+    bounded in the metric; marked cells are cut only at edges of at least half the longest length.
+    With gradients, edges along which fields change count as longer (:func:`edge_stretches`), and
+    marked cells are cut only at the longest edge of each face.
 
     Args:
-        tagged_mesh: Bodies of straight cells; midside nodes are not part of the finer mesh.
+        tagged_mesh: Bodies of straight cells; the finer mesh has no midside nodes.
         marked: Marks of the owned cells, shape (num_cells,).
-        opposite: Pairs of coinciding vertices where bodies are in contact, by global numbers, on
-            any rank, shape (num_pairs, 2). They still coincide afterwards, and so do the new
-            vertices on the edges between them.
-        metric: Metric of the owned cells (:class:`glued_edges.GluedEdges`).
-        gradients: Gradients of changing fields in each owned cell, in space, shape (num_cells, 3,
-            m).
-        shapeless: Owned cells whose shape does not matter (:class:`glued_edges.GluedEdges`).
+        opposite: Pairs of coinciding vertices where bodies are in contact, by global numbers, each
+            on any rank, shape (num_pairs, 2). New vertices on edges between coinciding vertices
+            also coincide.
+        metric: Metric of each owned cell (:class:`glued_edges.GluedEdges`).
+        gradients: Gradients of m fields in each owned cell, only in space, shape (num_cells, 3, m).
+        shapeless: Flags of owned cells whose shape does not matter
+            (:class:`glued_edges.GluedEdges`).
 
     Raises:
         InputError: If cells are curved.
@@ -143,7 +143,7 @@ def refine(
     if stretches is None:
         shortest = (
             0.0 if metric is None else 0.5
-        )  # least length of cut edges, relative to the longest of the cell
+        )  # least length of cut edges, relative to the longest edge of the cell
         lengths = edges.length[edges.of_cell]
         long = lengths >= shortest * lengths.max(axis=1, keepdims=True)
         marks[edges.of_cell[long & marked[:, None]]] = True
@@ -161,15 +161,16 @@ def spread(
     opposite: Longs | None = None,
     shapeless: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
-    """Return a plane mesh with cells cut in two at some corners, which keeps them long. Collective.
+    """Return a plane mesh with cells cut in two from some corners, so they stay long. Collective.
 
-    The opposite edges are cut. Cells beyond keep their shape as in :func:`refine`. Other cells at a
-    centre are cut in two as well if the edge opposite it must be cut, and no edge to it is cut.
+    The edge opposite each of these corners is cut. Cells beyond these edges keep bounded angles as
+    in :func:`refine`. Other cells at a centre are only cut in two, and only if the edge opposite
+    the centre must be cut; no edge that ends at the centre is cut.
 
     Args:
         tagged_mesh: Plane mesh, see :func:`refine`.
-        corners_to_cut: Corners of the owned cells, shape (num_cells, 3).
-        centres: Corners at which cells remain long, same shape.
+        corners_to_cut: Flags of the corners of owned cells, shape (num_cells, 3).
+        centres: Flags of the corners at which cells stay long, same shape.
         opposite: See :func:`refine`.
         shapeless: See :func:`refine`.
     """
@@ -189,7 +190,7 @@ def _with_longest(
     marks: npt.NDArray[np.bool_],
     left: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Return marked edges together with the longest edge of each triangle that has a marked one.
+    """Return marks that also include the longest edge of each triangle with a marked edge.
 
     Collective.
 
@@ -198,7 +199,8 @@ def _with_longest(
         edges: Edges of the mesh.
         faces: Edges of each triangle, shape (num_triangles, 3).
         marks: Marks of the local edges.
-        left: Edges of triangles that need no longest edge, same shape as ``faces``.
+        left: Flags of edges that, if marked, do not require the longest edge; same shape as
+            ``faces``.
     """
     longest = faces[np.arange(len(faces)), edges.order[faces].argmax(axis=1)]
     more = True
@@ -212,29 +214,31 @@ def _with_longest(
 
 
 def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) -> Refined:
-    """Return a plane mesh with the cells around points cut in two, at the opposite edges.
+    """Return a plane mesh with the cells around points cut in two at the edges opposite the points.
 
     Collective.
 
     Args:
         tagged_mesh: Plane mesh, see :func:`refine`.
-        points: Local vertices; each must be given on all ranks that have it.
+        points: Local vertices; each must be given on all ranks that have the vertex.
         opposite: See :func:`refine`.
 
     Raises:
-        InputError: If cells are curved, or are not triangles.
+        InputError: If cells are curved or are not triangles.
     """
     check_refinable(tagged_mesh)
     topology = tagged_mesh.mesh.topology
     if topology.dim != 2:
-        raise InputError("fans of cells are made in plane meshes only; refine the mesh instead.")
+        raise InputError(
+            "fans of cells are possible only in plane meshes; refine the mesh instead."
+        )
     edges = GluedEdges(tagged_mesh.mesh, _pairs(opposite))
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)[: len(edges.of_cell)]
     here = np.isin(vertices, points)  # edge k is opposite vertex k
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     marks[edges.of_cell[here]] = True
     marks = edges.anywhere(marks)
-    # in the plane any order in a cell is valid, since cells share at most edges
+    # in the plane any order of the edges is valid, because cells share no faces
     first = edges.order[edges.of_cell] + here * len(edges.order)
     return _cut(tagged_mesh, edges, marks, first)
 
@@ -242,13 +246,13 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
 def fan_around(
     tagged_mesh: TaggedMesh, edges: npt.NDArray[np.bool_], opposite: Longs | None = None
 ) -> Refined:
-    """Return a mesh with tetrahedra cut in two through one of their edges. Collective.
+    """Return a mesh with tetrahedra cut in two by planes through one of their edges. Collective.
 
-    They are cut at the opposite edge, together with the other cells that share it.
+    Each is cut at the opposite edge; other cells that share this edge are cut too.
 
     Args:
         tagged_mesh: Mesh of tetrahedra, see :func:`refine`.
-        edges: Edges of each owned cell around which it is cut, in DOLFINx's order, shape
+        edges: Flags of the edges through which each owned cell is cut, in DOLFINx's order, shape
             (num_cells, 6).
         opposite: See :func:`refine`.
 
@@ -270,7 +274,7 @@ def _pairs(opposite: Longs | None) -> Longs:
 def _cut(
     tagged_mesh: TaggedMesh, edges: GluedEdges, marks: npt.NDArray[np.bool_], order: Longs
 ) -> Refined:
-    """Return the owned cells cut at marked edges, in a new distribution. Collective."""
+    """Return the mesh with the owned cells cut at marked edges, newly distributed. Collective."""
     mesh = tagged_mesh.mesh
     topology, comm = mesh.topology, mesh.comm
     dim, owned = topology.dim, len(edges.of_cell)
@@ -312,11 +316,11 @@ def _cut(
 
 
 def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
-    """Return rows of parts of owned cells, in the order of the file's cells, on any rank.
+    """Return rows of parts of cells, redistributed in the order of the parents in the input.
 
     Collective.
 
-    So cells have the same numbers on any number of ranks.
+    So the new cells have the same numbers on any number of ranks.
     """
     topology, comm = mesh.topology, mesh.comm
     owned = topology.index_map(topology.dim)

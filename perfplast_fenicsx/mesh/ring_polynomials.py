@@ -1,6 +1,6 @@
-"""Represent quadratics on sections of bodies of revolution by Bernstein coefficients.
+"""Represent quadratic functions on half sections of bodies of revolution by Bernstein coefficients.
 
-The coefficients of a cell are those at its vertices, then those at its edges. The Bernstein
+The coefficients of a cell are those of its vertices, followed by those of its edges. The Bernstein
 polynomials B_i are non-negative and sum to 1. This module uses only NumPy.
 """
 
@@ -14,25 +14,24 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.mesh.straight_geometry import gradients
 
 EDGES = ((1, 2), (0, 2), (0, 1))
-"""Ends of the edges, in the order of their coefficients after those of vertices: edge a is the
-facet opposite a."""
+"""Ends of the edges in the order of their coefficients; edge a is opposite vertex a."""
 
 COEFFICIENTS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-"""Index of the coefficient for each pair of vertices."""
+"""Index of the coefficient for each pair of vertices (a pair of equal vertices is the vertex)."""
 
 
 @lru_cache
 def means() -> Floats:
-    """Return means of products of Bernstein polynomials with linear ones, shape (6, 3)."""
+    """Return the means of products of Bernstein and barycentric polynomials, shape (6, 3)."""
     found: Floats = np.concatenate([1 + 2 * np.eye(3), 2 - np.eye(3)]) / 30
     return found
 
 
 def polynomials(places: Floats) -> Floats:
-    """Return the values of Bernstein polynomials, shape (num_places, 6).
+    """Return the values of the Bernstein polynomials at points, shape (num_places, 6).
 
     Args:
-        places: Barycentric coordinates, shape (num_places, 3).
+        places: Barycentric coordinates of the points, shape (num_places, 3).
     """
     a, b = np.array(EDGES).T
     return np.hstack([places**2, 2 * places[:, a] * places[:, b]])
@@ -50,11 +49,11 @@ def coefficients_of_radius(x: Floats) -> Floats:
 
 
 def coefficients_of_product(radii: Floats, values: Floats) -> Floats:
-    """Return the coefficients of r times linear functions in cells, shape (num_cells, 6, k).
+    """Return the coefficients of r times k linear functions in cells, shape (num_cells, 6, k).
 
     Args:
         radii: Radii at the vertices, shape (num_cells, 3).
-        values: Values at the vertices, shape (num_cells, 3, k).
+        values: Values of the linear functions at the vertices, shape (num_cells, 3, k).
     """
     a, b = np.array(EDGES).T
     between = radii[:, a, None] * values[:, b] + radii[:, b, None] * values[:, a]
@@ -62,11 +61,12 @@ def coefficients_of_product(radii: Floats, values: Floats) -> Floats:
 
 
 def of_parts(stress: Floats, corners: Floats) -> Floats:
-    """Return coefficients of the same polynomials on parts of cells.
+    """Return the coefficients of polynomials on parts of cells.
 
     Args:
-        stress: Coefficients on the parent cell of each part, shape (num_parts, 6, m).
-        corners: Barycentric coordinates of each part's vertices in its parent, shape (num_parts, 3,
+        stress: Coefficients of the polynomials on the parent cell of each part, shape (num_parts,
+            6, m).
+        corners: Barycentric coordinates of each part's vertices in the parent, shape (num_parts, 3,
             3).
     """
     whole = stress[:, COEFFICIENTS]
@@ -76,17 +76,18 @@ def of_parts(stress: Floats, corners: Floats) -> Floats:
 
 
 def ring_rates(x: Floats, v: Floats) -> Floats:
-    """Return coefficients of r²ε as Mandel vectors, shape (num_cells, 6, 4).
+    """Return the coefficients of r²ε as Mandel vectors, shape (num_cells, 6, 4).
 
     Args:
         x: Vertices of cells, shape (num_cells, 3, 2).
-        v: Values at vertices and midpoints, in the order of :data:`EDGES`, shape (num_cells, 6, 2).
+        v: Values of v = ru at vertices and midpoints, in the order of :data:`EDGES`, shape
+            (num_cells, 6, 2).
     """
     ends = np.array(EDGES)
     bernstein = v.copy()
     bernstein[:, 3:] = 2 * v[:, 3:] - v[:, ends].mean(axis=2)
     slopes, _ = gradients(x)
-    # ∂_k v_i at vertices
+    # ∂_k v_i at the vertices
     grad = 2 * np.einsum("cbk,cabi->caik", slopes, bernstein[:, COEFFICIENTS])
     r_grad = coefficients_of_product(x[..., 0], grad.reshape(len(x), 3, 4)).reshape(-1, 6, 2, 2)
     shear = r_grad[..., 0, 1] + r_grad[..., 1, 0] - bernstein[..., 1]
@@ -102,11 +103,11 @@ def ring_rates(x: Floats, v: Floats) -> Floats:
 
 
 def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
-    """Return upper bounds of ∫ B_i/r over triangles, 0 for coefficients that are zero on the axis.
+    """Return upper bounds of ∫ B_i/r over triangles; 0 for coefficients on the axis, which are 0.
 
     Args:
-        radii: Radii at their vertices, shape (n, 3).
-        areas: Areas, shape (n,).
+        radii: Radii at the vertices of the triangles, shape (n, 3).
+        areas: Areas of the triangles, shape (n,).
 
     Returns:
         Bounds, shape (n, 6).
@@ -131,7 +132,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
 
 
 def equal_parts(count: int) -> list[Floats]:
-    """Return barycentric coordinates of equal parts of a triangle, exactly 0 on its edges."""
+    """Return barycentric coordinates of equal parts of a triangle; they are exactly 0 on edges."""
     parts = []
     for i, j in product(range(count), repeat=2):
         low = np.array([[i, j], [i + 1, j], [i, j + 1]])

@@ -1,10 +1,10 @@
-"""Build structured assemblies by name: ``two_blocks``, ``punch``, ``l_plate``, ``stacked_blocks``.
+"""Build structured sample meshes: ``two_blocks``, ``punch``, ``l_plate``, ``stacked_blocks``.
 
-Mesh assemblies of boxes with cubes and tetrahedra; each rank creates its own part.
-Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is divided into the
-tetrahedra 1246 1456 4568 2346 3674 4678. The ends of each edge have exactly the given coordinates,
-and points between them are rounded once. So surfaces are found by exact comparison and the vertices
-of two touching surfaces coincide exactly.
+Each assembly consists of boxes, which are divided into cubes and tetrahedra; each rank creates a
+part of the cells. Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is
+divided into the tetrahedra 1246 1456 4568 2346 3674 4678. Points at the ends of each edge of a box
+have exactly the given coordinates, and points between them are rounded only once. So surfaces are
+found by exact comparison, and the vertices of two touching surfaces coincide exactly.
 """
 
 import inspect
@@ -40,15 +40,15 @@ TETRAHEDRA = np.array(
 
 @dataclass(frozen=True)
 class Box:
-    """One body: a box of cubes.
+    """One body: a box that is divided into cubes.
 
     Attributes:
         name: Name of the volume.
-        lower: Its corner with the smallest coordinates, shape (3,).
+        lower: Corner of the box with the smallest coordinates, shape (3,).
         upper: The opposite corner, shape (3,).
         counts: Number of cubes along each axis.
-        keep: Which cubes to keep, by their indices along the axes, shape (3, num_cubes); None for
-            all.
+        keep: Function that returns which cubes to keep, from their indices along the axes, shape
+            (3, num_cubes); None keeps all.
     """
 
     name: str
@@ -59,16 +59,16 @@ class Box:
 
     @property
     def num_cubes(self) -> int:
-        """Return the number of cubes, kept or not."""
+        """Return the number of cubes in the box, including those that are not kept."""
         return math.prod(self.counts)
 
     @property
     def num_vertices(self) -> int:
-        """Return the number of vertices of all cubes, kept or not."""
+        """Return the number of vertices of all cubes, including those that are not kept."""
         return math.prod(count + 1 for count in self.counts)
 
     def points(self, vertices: Longs) -> Floats:
-        """Return coordinates of vertices by index, the x axis fastest, shape (num_vertices, 3)."""
+        """Return coordinates of vertices from indices (x varies fastest), shape (·, 3)."""
         shape = [count + 1 for count in self.counts]
         steps = np.stack(np.unravel_index(vertices, shape, order="F"), axis=1)
         lower, upper = np.array(self.lower), np.array(self.upper)
@@ -76,7 +76,7 @@ class Box:
         return np.where(steps == self.counts, upper, inner)
 
     def tetrahedra(self, cubes: Longs) -> Longs:
-        """Return vertex indices of the tetrahedra of the kept cubes, shape (·, 4)."""
+        """Return the vertex indices of all tetrahedra in the kept cubes, shape (·, 4)."""
         steps = np.stack(np.unravel_index(cubes, self.counts, order="F"))
         if self.keep is not None:
             steps = steps[:, self.keep(steps)]
@@ -87,12 +87,12 @@ class Box:
 
 @dataclass(frozen=True)
 class Surface:
-    """The exterior facets of some bodies with all vertices where ``where`` is true.
+    """The exterior facets of some bodies for whose vertices ``where`` is true.
 
     Attributes:
         name: Name of the surface.
         bodies: Names of the volumes.
-        where: Function that marks points of shape (3, num_points).
+        where: Function that returns marks for points of shape (3, num_points).
     """
 
     name: str
@@ -106,17 +106,17 @@ def structured_mesh(
     surfaces: Sequence[Surface],
     rank_of: Callable[[Floats], Ints] | None = None,
 ) -> TaggedMesh:
-    """Return a mesh of boxes that share no vertices, with named surfaces. Collective.
+    """Return a mesh of boxes that share no vertex, with named surfaces. Collective.
 
-    Each rank creates an equal share of the cubes and of the vertices; DOLFINx then distributes the
-    cells. Vertices of cubes that are not kept are not part of the mesh.
+    Each rank creates an equal share of the cubes and of the vertices; then DOLFINx distributes the
+    cells. Vertices that belong to no kept cube are not part of the mesh.
 
     Args:
-        comm: Communicator of the mesh, which gets no ghost cells.
+        comm: Communicator of the mesh. The mesh has no ghost cells.
         boxes: The bodies.
-        surfaces: Their named surfaces, which must not overlap.
-        rank_of: Function that returns the ranks of cells from their middles, shape (num_cells, 3);
-            None for DOLFINx's partitioner.
+        surfaces: The named surfaces of the bodies, which must not overlap.
+        rank_of: Function that returns the ranks of cells from their centres, shape (num_cells, 3);
+            None uses DOLFINx's partitioner.
 
     Raises:
         InputError: If the mesh would not fit into the memory of the machines.
@@ -167,21 +167,21 @@ def structured_mesh(
 
 
 def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
-    """Refuse meshes that are too large for memory, before they are allocated. Collective."""
+    """Raise an error if a mesh is too large for the memory, before its allocation. Collective."""
     cubes = sum(box.num_cubes for box in boxes)
-    # Least number of bytes for a tetrahedron while the mesh is created.
+    # least number of bytes per tetrahedron during the creation of the mesh
     least_memory = 200
     needed = cubes * len(TETRAHEDRA) * least_memory
     enough, _, available = has_memory(comm, needed / comm.size)
     if not enough:
         raise InputError(
-            f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the available "
-            f"{available / 2**30:.3g} GiB of memory; choose a smaller n"
+            f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the "
+            f"{available / 2**30:.3g} GiB of available memory; give a smaller n"
         )
 
 
 def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[Longs]:
-    """Return this rank's part of consecutive ranges of given sizes, as local indices."""
+    """Return this rank's share of consecutive ranges, as indices in each range."""
     total = sum(sizes)
     start, stop = total * comm.rank // comm.size, total * (comm.rank + 1) // comm.size
     firsts = np.cumsum([0, *sizes[:-1]])
@@ -192,12 +192,13 @@ def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[Longs]:
 
 
 def two_blocks(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """Return blocks (0,3)×(0,1)×(0,1) and the same on top, with ``n`` cubes per unit length.
+    """Return a block (0,3)×(0,1)×(0,1) and an equal block on top, with ``n`` cubes per unit length.
 
     Collective.
 
-    Volumes ``lower`` and ``upper``; surfaces ``left`` (x = 0, both), ``top`` (z = 2 and x ≥ 1.5;
-    for odd n only its whole cubes), ``upper_bottom`` and ``lower_top`` (z = 1).
+    Volumes ``lower`` and ``upper``; surfaces ``left`` (x = 0, both bodies), ``top`` (z = 2 and x ≥
+    1.5; for odd n without the cubes that reach below x = 1.5), ``upper_bottom`` and ``lower_top``
+    (z = 1).
 
     Args:
         comm: Communicator of the mesh.
@@ -224,15 +225,15 @@ def two_blocks(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
 
 def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """Return a quarter of a square punch (0,½)²×(1,1½) on a base (0,1)³. Collective.
+    """Return a quarter of a square punch, (0,½)²×(1,1½), on a base (0,1)³. Collective.
 
     Volumes ``base`` and ``punch``; surfaces ``x0``, ``y0`` (both bodies), ``bottom`` (z = 0),
-    ``top`` (z = 1½), ``punch_bottom`` and ``base_top``, which is only the part under the punch
+    ``top`` (z = 1½), ``punch_bottom``, and ``base_top``, which covers only the base under the punch
     (z = 1, x ≤ ½, y ≤ ½).
 
     Args:
         comm: Communicator of the mesh.
-        n: Cubes per unit length, an even number.
+        n: Cubes per unit length; an even number.
 
     Raises:
         InputError: If ``n`` is not a positive even number.
@@ -267,7 +268,7 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
     Args:
         comm: Communicator of the mesh.
-        n: Cubes per unit length: 2^level for the level of the published meshes.
+        n: Cubes per unit length; the published mesh of a level has n = 2^level.
 
     Raises:
         InputError: If ``n`` is not a positive integer.
@@ -293,18 +294,19 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 def stacked_blocks(
     comm: MPI.Intracomm, n: int, heights: Sequence[float] = (1.0, 1.0)
 ) -> TaggedMesh:
-    """Return two blocks of section 1×1 on top of each other. Collective.
+    """Return two blocks with the cross-section 1×1 on top of each other. Collective.
 
-    Volumes ``lower`` and ``upper``; surfaces ``x0``, ``y0`` (both), ``bottom``, ``top``,
+    Volumes ``lower`` and ``upper``; surfaces ``x0``, ``y0`` (both bodies), ``bottom``, ``top``,
     ``upper_bottom`` and ``lower_top``.
 
     Args:
         comm: Communicator of the mesh.
-        n: Cubes along each edge of each block, at least 1, stretched to its height.
+        n: Number of cubes along each edge of each block, at least 1; cubes are stretched to the
+            height.
         heights: Heights of the lower and the upper block, from 1e-6 to 1e6.
 
     Raises:
-        InputError: If ``n`` is not a positive integer, or if a height is out of its range.
+        InputError: If ``n`` is not a positive integer, or if a height is out of range.
     """
     _check_n("stacked_blocks", n)
     if not (
@@ -341,16 +343,16 @@ BUILDERS: dict[str, Callable[..., TaggedMesh]] = {
 
 
 def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
-    """Build a mesh by the name and arguments of a case file. Collective.
+    """Return the mesh of a builder, from its name and arguments in a case file. Collective.
 
     Args:
         comm: Communicator of the mesh.
-        name: One of :data:`BUILDERS`.
+        name: Name of a builder in :data:`BUILDERS`.
         arguments: Arguments of the builder besides ``comm``.
 
     Raises:
-        InputError: For an unknown builder, an unknown or missing argument, or an error of the
-            builder itself.
+        InputError: If the builder is unknown, if an argument is unknown or missing, or if the
+            builder refuses an argument.
     """
     if name not in BUILDERS:
         raise InputError(f"there is no builder '{name}'; {nearest(name, BUILDERS)}")
@@ -359,11 +361,13 @@ def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
     for argument in arguments:
         if argument not in parameters:
             raise InputError(
-                f"builder '{name}' takes no '{argument}'; {nearest(argument, parameters)}"
+                f"builder '{name}' has no argument '{argument}'; {nearest(argument, parameters)}"
             )
     for key, parameter in parameters.items():
         if parameter.default is inspect.Parameter.empty and key not in arguments:
-            raise InputError(f"builder '{name}' needs '{key}'; give it, e.g. {key} = 4")
+            raise InputError(
+                f"builder '{name}' needs the argument '{key}'; give for example {key} = 4"
+            )
     return BUILDERS[name](comm, **arguments)
 
 

@@ -1,8 +1,9 @@
-"""Split one conforming gmsh mesh into bodies that share no node, with matching contact surfaces.
+"""Split a conforming gmsh mesh into bodies that share no node, with matching contact surfaces.
 
-Bodies cut from one geometry by ``gmsh.model.occ.fragment`` are meshed together and share the nodes
-of their interfaces. :func:`write_split` numbers the nodes of each body separately. The two sides of
-an interface then have the same nodes twice, for any geometry, and contact pairs match exactly.
+Bodies that ``gmsh.model.occ.fragment`` cuts from one geometry are meshed together and share the
+nodes on their interfaces. :func:`write_split` numbers the nodes of each body separately. So the two
+sides of an interface have separate nodes at the same points, for any geometry, and contact pairs
+match exactly.
 """
 
 from collections.abc import Sequence
@@ -21,18 +22,18 @@ from perfplast_fenicsx.errors import InputError
 Tags = npt.NDArray[np.uint64]
 
 TRIANGLES = {2: ((0, 1), (1, 2), (2, 0)), 9: ((0, 1, 3), (1, 2, 4), (2, 0, 5))}
-"""Nodes of the edges of gmsh's triangles of both orders, by the type of element."""
+"""Local nodes of the edges of gmsh's triangles of first and second order, by element type."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Elements of one body, or of one side of a surface, in the nodes of the shared mesh.
+    """Elements of one body, or of one side of a surface, by the nodes of the conforming mesh.
 
     Attributes:
         dim: Dimension of the elements.
         body: Tag of the physical volume of the body.
-        names: Physical names to write.
-        elements: Gmsh element type and node tags, shape (num_elements, nodes_per_element).
+        names: Names of the physical groups to write.
+        elements: Gmsh's element types with node tags, shape (num_elements, nodes_per_element).
     """
 
     dim: int
@@ -42,27 +43,27 @@ class _Part:
 
 
 def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> None:
-    """Write gmsh's current mesh as a .msh file (version 4.1) whose bodies share no node.
+    """Write gmsh's current mesh as a .msh file (version 4.1) in which bodies share no node.
 
-    Each physical volume of the model is a body (in a plane model each physical surface). Parts of
-    physical surfaces (curves) that bound one body keep their name. Parts between two bodies are
-    written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and ``upper``
-    becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups without a
-    name are named by their number. Bodies are also separated along interfaces without a name. The
-    function supports first and second order and any kind of element. It is not collective and runs
-    on one process.
+    Each physical volume (in a plane model each physical surface) is a body. Parts of physical
+    surfaces (in a plane model curves) that bound one body keep their name. Parts between two bodies
+    are written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and
+    ``upper`` becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups
+    without a name have their number as name. Bodies are also separated along interfaces without a
+    name. The function supports first and second order and any kind of element. It is not collective
+    and runs on one process.
 
-    Open cracks are curves inside plane bodies. Their nodes are doubled, except for tips inside the
-    body.
+    Open cracks are curves inside plane bodies. Their nodes are doubled, except at crack tips inside
+    the body.
 
     Args:
         path: The file to write.
-        cracks: Names of both sides of each open crack, which have the same curves: the side on the
-            left of the curves' direction first.
+        cracks: Names of both sides of each open crack. Both names have the same curves; the first
+            name is that of the side on the left along the direction of the curves.
 
     Raises:
-        InputError: If the model has no physical volumes, if a volume is in none of them or in two,
-            or if a named surface bounds no body.
+        InputError: If the model has no physical volume, if a volume is in no physical volume or in
+            two of them, or if a named surface bounds no body.
     """
     dim = gmsh.model.getDimension()
     bodies = _groups(dim)
@@ -73,7 +74,7 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
         own = bodies.get(entity, ())
         if len(own) != 1:
             how = f"in {len(own)} physical volumes" if own else "in no physical volume"
-            raise InputError(f"volume {entity} of the gmsh model is {how}; put it in one")
+            raise InputError(f"volume {entity} of the gmsh model is {how}; put it in exactly one")
         parts.append(_Part(dim, own[0], (_name(dim, own[0]),), _elements(dim, entity)))
     for entity, groups in _groups(dim - 1).items():
         names = [_name(dim - 1, group) for group in groups]
@@ -84,8 +85,8 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
         sides = sorted({bodies[int(volume)][0] for volume in adjacent})
         if not sides:
             raise InputError(
-                f"'{names[0]}' names an entity of the gmsh model that bounds no body; remove the"
-                " name, or name a surface of a body."
+                f"'{names[0]}' is the name of an entity of the gmsh model that bounds no body; "
+                "remove the name, or name a surface of a body."
             )
         for tag in sides:
             body = f"{_name(dim, tag)}_" if len(sides) > 1 else ""
@@ -100,7 +101,7 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
 
 
 def on_plane(dim: int, axis: int, value: float) -> list[int]:
-    """Return tags of the entities of dimension ``dim`` in the plane x_axis = value.
+    """Return the tags of the entities of dimension ``dim`` in the plane x_axis = value.
 
     Args:
         dim: Dimension of the entities.
@@ -117,13 +118,13 @@ def _entities(dim: int) -> list[int]:
 
 
 def _groups(dim: int) -> dict[int, tuple[int, ...]]:
-    """Return the physical tags of each entity that has any."""
+    """Return the tags of the physical groups of each entity that is in a group."""
     every = {e: gmsh.model.getPhysicalGroupsForEntity(dim, e) for e in _entities(dim)}
     return {entity: tuple(map(int, tags)) for entity, tags in every.items() if len(tags)}
 
 
 def _name(dim: int, group: int) -> str:
-    """Return the name of a physical group, or its number without a name."""
+    """Return the name of a physical group; its number if it has no name."""
     return str(gmsh.model.getPhysicalName(dim, group)) or str(group)
 
 
@@ -142,8 +143,8 @@ def _opened(
     """Return parts, node tags and coordinates after doubling the nodes of cracks.
 
     Args:
-        parts: Bodies, and pieces of their boundary.
-        slits: Curves of cracks, with the names of their sides, the left one first.
+        parts: Bodies and parts of their boundaries.
+        slits: Curves of cracks with the names of both sides, the left side first.
         tags: Tags of the nodes, sorted.
         coordinates: Coordinates of the nodes, shape (num_nodes, 3).
 
@@ -184,16 +185,16 @@ def _opened(
 
 
 def _doubled(cells: Tags, local: Longs, cut: Tags, first: int) -> tuple[Tags, Tags]:
-    """Return cells with copies of the nodes of a crack, and the node of each copy.
+    """Return cells with copied nodes at a crack, and the original node of each copy.
 
-    Cells around a node that are connected across edges other than those of the crack have the node
-    in common. Each further group of cells around it has a copy.
+    At a node of the crack, cells that are connected across edges outside the crack share one node.
+    Each further group of connected cells around the node gets a copy.
 
     Args:
         cells: Nodes of the triangles, shape (num_cells, k).
-        local: Local nodes of their edges, ends first, shape (3, e).
+        local: Local nodes of the triangles' edges, ends first, shape (3, e).
         cut: Nodes of the crack's edges, shape (num_edges, e).
-        first: Number of the first copy.
+        first: Tag of the first copy.
     """
     size = local.shape[1]
     corners = np.arange(cells.size).reshape(cells.shape)[:, local].reshape(-1, size)
@@ -216,14 +217,14 @@ def _doubled(cells: Tags, local: Longs, cut: Tags, first: int) -> tuple[Tags, Ta
 
 
 class _Beside:
-    """Finds the cells on both sides of edges, and their nodes."""
+    """Finds the nodes of edges in the cells on both sides."""
 
     def __init__(self, cells: Tags, opened: Tags, places: Floats, local: Longs) -> None:
-        """Sort the edges of the cells.
+        """Sort the edges of all cells.
 
         Args:
             cells: Nodes of the triangles, shape (num_cells, k).
-            opened: The same with copies.
+            opened: The same triangles with copied nodes.
             places: Coordinates of the nodes, shape (num_cells, k, 2).
             local: Local nodes of the edges, ends first, shape (3, e).
         """
@@ -236,10 +237,11 @@ class _Beside:
         self._middles = np.repeat(places[:, :3].mean(axis=1), len(local), axis=0)
 
     def of(self, edges: Tags) -> tuple[Tags, Tags]:
-        """Return the nodes of edges in the cells on the left and on the right of them.
+        """Return the nodes of edges in the cells on their left and on their right.
 
         Args:
-            edges: Nodes, shape (n, e); an edge of the boundary has the same cell on both sides.
+            edges: Nodes of the edges, shape (n, e); a boundary edge has the same cell on both
+                sides.
         """
         keys = _keys(edges)
         at = [
@@ -258,7 +260,7 @@ class _Beside:
 
 
 def _keys(edges: Tags) -> Longs:
-    """Return a number for each edge by its ends, in either direction."""
+    """Return a number for each edge that depends only on its ends, not on its direction."""
     ends = np.sort(edges[:, :2].astype(np.int64), axis=1)
     return np.asarray(ends[:, 0] * (1 << 31) + ends[:, 1])
 

@@ -1,4 +1,4 @@
-"""Return vertices of straight cells, their shapes and their outer facets, as arrays."""
+"""Return arrays with the vertices, shape functions and outer facets of straight cells."""
 
 import math
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from perfplast_fenicsx.compat import coordinate_map, entity_nodes, geometry_dofm
 
 
 def corners(mesh: Mesh) -> tuple[Ints, Floats]:
-    """Return the vertices of this rank's cells. Not collective, except for the connectivities.
+    """Return the vertices of this rank's cells. Collective only if connectivities are missing.
 
     Returns:
-        Local vertices of each owned cell, shape (num_cells, tdim + 1), and coordinates of all local
-        vertices.
+        The local vertices of each owned cell, shape (num_cells, tdim + 1), and the coordinates of
+        all local vertices.
     """
     topology = mesh.topology
     tdim = topology.dim
@@ -32,12 +32,12 @@ def corners(mesh: Mesh) -> tuple[Ints, Floats]:
 
 @dataclass(frozen=True)
 class OuterFacets:
-    """Facets of only one cell that this rank owns.
+    """The facets on this rank that belong to only one cell.
 
     Attributes:
-        facets: Local indices, sorted.
-        cells: Their cells.
-        places: Their index in the cell: facet i of a simplex is opposite vertex i.
+        facets: Local indices of the facets, sorted.
+        cells: The cell of each facet.
+        places: Index of each facet in its cell; facet i of a simplex is opposite vertex i.
         normals: Outward unit normals, shape (num_facets, gdim).
     """
 
@@ -48,7 +48,7 @@ class OuterFacets:
 
 
 def gradients(x: Floats) -> tuple[Floats, Floats]:
-    """Return gradients of barycentric coordinates and volumes of simplices.
+    """Return the gradients of barycentric coordinates, and the volumes of simplices.
 
     Args:
         x: Vertices, shape (..., d + 1, d).
@@ -65,7 +65,7 @@ def gradients(x: Floats) -> tuple[Floats, Floats]:
 
 
 def outer_facets(mesh: Mesh) -> OuterFacets:
-    """Return the outer facets of this rank. Collective."""
+    """Return the outer facets on this rank. Collective."""
     topology = mesh.topology
     tdim = topology.dim
     topology.create_connectivity(tdim - 1, tdim)
@@ -83,7 +83,7 @@ def outer_facets(mesh: Mesh) -> OuterFacets:
 
 
 def has_curved_cells(mesh: Mesh) -> bool:
-    """Return whether any cell is curved. Collective."""
+    """Return whether any cell of the mesh is curved. Collective."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     if cmap.degree == 1:
         return False
@@ -92,7 +92,7 @@ def has_curved_cells(mesh: Mesh) -> bool:
     layout = cmap.create_dof_layout()
     size = np.ptp(vertices, axis=1).max(axis=1)
     curved = False
-    # Distance of a midside node from the middle that counts as rounding, relative to the cell.
+    # A midside node counts as lying at the middle up to this distance, relative to the cell's size.
     rounding = 1e-10
     for edge in range(3 if tdim == 2 else 6):
         ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]

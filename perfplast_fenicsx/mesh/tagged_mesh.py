@@ -1,4 +1,4 @@
-"""Store bodies in one mesh with names, and read them from a gmsh file on any number of ranks."""
+"""Store bodies with names in one mesh, and read such a mesh from a gmsh file."""
 
 import math
 import re
@@ -25,31 +25,33 @@ from perfplast_fenicsx.mesh.kinematics import KINDS, ON_AXIS, Axisymmetric, Kine
 from perfplast_fenicsx.parallel import bounding_box
 
 Tags = int | tuple[int, ...]
-"""The tag of a surface; several tags if it shares facets with others or consists of several."""
+"""The tag of a surface, or several tags if it has several parts or shares facets with others."""
 
 _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
 
 
 @dataclass(frozen=True, eq=False)
 class TaggedMesh:
-    """Bodies in one mesh, with names.
+    """Bodies with names in one mesh.
 
-    The bodies share no vertex. In a plane mesh the "volumes" are areas and the "surfaces" curves.
+    The bodies share no vertex. In a plane mesh the "volumes" are areas, and the "surfaces" are
+    curves.
 
     Attributes:
         mesh: Mesh of triangles or tetrahedra.
-        cell_tags: Tag of the volume of each local cell, owned and ghost.
+        cell_tags: For each local cell, owned or ghost, the tag of its volume.
         facet_tags: Tags of the named facets.
-        volumes: Name to tag, the same on all ranks.
-        surfaces: Name to tag, or to several tags, the same on all ranks. Surfaces that have facets
-            in common have the tags of these in common.
-        section: What the plane of a mesh of triangles is: plane strain, or half a section of bodies
-            of revolution (:meth:`turned`), or sheets (:meth:`thin`).
-        remarks: Remarks on the mesh for the user, a sentence each.
-        glued: Pairs of surfaces of bodies that share faces in the drawing: they are tied where
-            neither a contact nor a tie of theirs is given.
-        taken: Differences between its bodies and those of the given mesh, in clauses.
-        drawn: The area that each surface has in the drawing, in the plane its length, where that is
+        volumes: Tags of the volumes by name, the same on all ranks.
+        surfaces: Tag or tags of the surfaces by name, the same on all ranks. Surfaces with common
+            facets share the tags of these facets.
+        section: Meaning of a mesh of triangles: plane strain, the half section of bodies of
+            revolution (:meth:`turned`), or sheets in plane stress (:meth:`thin`).
+        remarks: Remarks on the mesh for the user, each a sentence.
+        glued: Pairs of surfaces of bodies that share a face in the drawing. A pair is tied if no
+            contact or tie names its surfaces.
+        taken: Differences between the bodies of this mesh and those of the given mesh, each a
+            clause.
+        drawn: Areas (in the plane lengths) of surfaces in the drawing by name, as far as they are
             known.
     """
 
@@ -73,33 +75,34 @@ class TaggedMesh:
         volumes: Mapping[str, int],
         surfaces: Mapping[str, Tags],
     ) -> "TaggedMesh":
-        """Return a DOLFINx mesh with names for its tags. Collective.
+        """Return a tagged mesh from a DOLFINx mesh and names for its tags. Collective.
 
-        The sentence in ``remarks`` lists facets whose tag has no name.
+        If facets have tags without a name, a sentence in ``remarks`` lists these tags.
 
         Args:
             mesh: Triangles in the plane, or tetrahedra.
-            cell_tags: A tag for each cell; it is enough if one rank with the cell has it.
-            facet_tags: Tags of facets, at least of the named ones; one rank is enough as well.
+            cell_tags: A tag for each cell; it suffices if one of the ranks that have the cell gives
+                the tag.
+            facet_tags: Tags of at least the named facets; one rank suffices here too.
             volumes: The tag of each body.
-            surfaces: The tag of each surface; several tags for a surface of several parts.
+            surfaces: The tag of each surface, or several tags for a surface with several parts.
 
         Raises:
-            InputError: On every rank, if cells or tags have another type or dimension, a tag is not
-                an integer, two volumes share a tag, no cell or facet has the tag of a name, or
-                cells belong to no volume.
+            InputError: On every rank, if cells or tags have a wrong type or dimension, if a tag is
+                missing in the mesh or is not an integer, if two volumes share a tag, or if cells
+                belong to no volume.
         """
         dim = mesh.topology.dim
         if mesh.geometry.dim != dim:
             raise InputError(
-                f"the mesh has cells of dimension {dim} in {mesh.geometry.dim} coordinates; give"
-                " one of triangles with gdim=2, or of tetrahedra."
+                f"the mesh has cells of dimension {dim} in {mesh.geometry.dim} coordinates; give a "
+                "mesh of triangles with gdim=2, or of tetrahedra."
             )
         for what, tags, wanted in (("cell", cell_tags, dim), ("facet", facet_tags, dim - 1)):
             if tags.dim != wanted:
                 raise InputError(
-                    f"the {what} tags are of entities of dimension {tags.dim}, but {what}s of this"
-                    f" mesh have dimension {wanted}; give the tags of {what}s."
+                    f"the {what} tags belong to entities of dimension {tags.dim}, but the {what}s "
+                    f"of this mesh have dimension {wanted}; give tags of {what}s."
                 )
         one, several = _numbers("volume", volumes), _numbers("surface", surfaces)
         for name, own in one.items():
@@ -107,13 +110,13 @@ class TaggedMesh:
             if len(own) > 1 or first != name:
                 what = f"the tag {own[0]} of '{first}'" if first != name else f"the tags {own}"
                 raise InputError(
-                    f"the volume '{name}' has {what}; give each volume one tag of its own."
+                    f"the volume '{name}' has {what}; give each volume a separate tag."
                 )
         _check_found(mesh, ("volume", "cell"), cell_tags, one)
         _check_found(mesh, ("surface", "facet"), facet_tags, several)
         named = [tag for tags in several.values() for tag in tags]
         unnamed = [tag for tag in _tags_in(mesh, facet_tags) if tag not in named]
-        left = f"facets with the tags {str(unnamed)[1:-1]} have no name and are not used"
+        left = f"facets with the tags {str(unnamed)[1:-1]} have no name and are ignored"
         tagged_mesh = cls(
             mesh=mesh,
             cell_tags=_on_all_ranks(mesh, cell_tags),
@@ -137,86 +140,87 @@ class TaggedMesh:
 
     @property
     def kinematics(self) -> Kinematics:
-        """Return the meaning of the coordinates."""
+        """Return the kinematics, which define the meaning of the coordinates."""
         return KINDS["space"] if self.mesh.geometry.dim == 3 else self.section
 
     @property
     def axisymmetric(self) -> bool:
-        """Return whether the mesh is half a section of bodies of revolution."""
+        """Return whether the mesh is the half section of bodies of revolution."""
         return isinstance(self.section, Axisymmetric)
 
     @property
     def is_thin(self) -> bool:
-        """Return whether bodies are sheets in plane stress."""
+        """Return whether the bodies are sheets in plane stress."""
         return isinstance(self.kinematics, PlaneStress)
 
     def turned(self) -> "TaggedMesh":
-        """Return the same mesh as half a section of bodies of revolution: x is r, y the axis z.
+        """Return the same mesh as half section of bodies of revolution: x is r, y the axis z.
 
-        Vertices close to the axis are moved onto it. Collective.
+        Vertices close to the axis are moved onto the axis. Collective.
 
         Raises:
             InputError: If the mesh has tetrahedra, or reaches negative radii.
         """
         if self.mesh.geometry.dim == 3:
             raise InputError(
-                "axisymmetric bodies need a mesh of triangles, half their section with x "
-                "as radius and y along the axis, but this one has tetrahedra; give such a "
-                "mesh, or remove kind."
+                "kind = 'axisymmetric' needs a mesh of triangles, but this mesh has tetrahedra; "
+                "give the half section of the bodies with x as radius and y along the axis, or "
+                "remove kind."
             )
         radii = self.mesh.geometry.x[:, 0]
         low, high = bounding_box(self.mesh.comm, self.mesh.geometry.x.astype(np.float64))
         axis = ON_AXIS * float(np.linalg.norm(high - low))
         if low[0] < -axis:
             raise InputError(
-                f"the mesh reaches x = {low[0]:.4g}, but x is the radius in axisymmetry; "
-                "give half the section, where x >= 0."
+                f"the mesh reaches x = {low[0]:.4g}, but x is the radius in axisymmetry; give only "
+                "the half section, where x >= 0."
             )
         radii[np.abs(radii) <= axis] = 0.0
-        return replace(self, section=KINDS["axisymmetric"], drawn={})  # which are lengths
+        # these areas are lengths in the plane
+        return replace(self, section=KINDS["axisymmetric"], drawn={})
 
     def thin(self, thickness: float = 1.0) -> "TaggedMesh":
         """Return the same mesh as sheets in plane stress.
 
         Args:
-            thickness: Thickness over which forces on whole surfaces are spread (length).
+            thickness: Thickness (length), by which forces on whole surfaces are divided.
 
         Raises:
             InputError: If the mesh has tetrahedra, or if the thickness is not positive.
         """
         if self.mesh.geometry.dim == 3:
             raise InputError(
-                "plane stress needs a mesh of triangles, but this one has tetrahedra; "
-                "give a mesh of the middle plane, or remove kind."
+                "plane stress needs a mesh of triangles, but this mesh has tetrahedra; give a "
+                "mesh of the middle plane, or remove kind."
             )
         if not (thickness > 0 and math.isfinite(thickness)):
             raise InputError(
-                f"thickness = {thickness} is not a positive length; give a positive one."
+                f"thickness = {thickness} is not a positive length; give a positive number."
             )
         return replace(self, section=PlaneStress(thickness))
 
     def cells(self, name: str) -> Ints:
-        """Return local indices of a volume's cells, sorted; empty on ranks without any.
+        """Return the local indices of a volume's cells, sorted; none on ranks without such cells.
 
         Raises:
-            InputError: If the volume does not exist, on every rank.
+            InputError: On every rank, if the volume does not exist.
         """
         return self.cell_tags.find(_tag("volume", name, self.volumes, self.surfaces))
 
     def facets(self, name: str) -> Ints:
-        """Return local indices of a surface's facets, sorted; empty on ranks without any.
+        """Return the local indices of a surface's facets, sorted; none on ranks without any.
 
         Raises:
-            InputError: If the surface does not exist, on every rank.
+            InputError: On every rank, if the surface does not exist.
         """
         tags = _tag("surface", name, self.surfaces, self.volumes)
         return self.facet_tags.indices[np.isin(self.facet_tags.values, tags)]
 
     def tags_of(self, names: Iterable[str]) -> tuple[int, ...]:
-        """Return the tags of several surfaces, sorted, each once.
+        """Return the tags of several surfaces, sorted and without repetition.
 
         Raises:
-            InputError: If a surface does not exist, on every rank.
+            InputError: On every rank, if a surface does not exist.
         """
         tags = [_tag("surface", name, self.surfaces, self.volumes) for name in names]
         return tuple(int(tag) for tag in np.unique(np.concatenate([[], *map(np.atleast_1d, tags)])))
@@ -224,18 +228,18 @@ class TaggedMesh:
     def left_glued(
         self, named: Iterable[str], cracks: Iterable[str] = ()
     ) -> tuple["TaggedMesh", list[tuple[str, str]]]:
-        """Return the glued pairs that contacts and ties do not name, without cracks.
+        """Return the glued pairs that no contact or tie names, without their cracks.
 
         Args:
-            named: The surfaces of contacts and ties; unknown names are ignored.
-            cracks: Surfaces that are not glued.
+            named: Names of the surfaces of contacts and ties; unknown names are ignored.
+            cracks: Names of surfaces that are not glued.
 
         Returns:
-            The mesh, with the names ``A_rest`` and ``B_rest`` for the parts of a pair A and B
-            outside cracks; and the pairs.
+            The mesh, with names such as ``A_rest`` and ``B_rest`` for the parts outside cracks of a
+            pair A and B; and the pairs of names.
 
         Raises:
-            InputError: If a contact or tie names a part of a pair.
+            InputError: If a contact or tie names only a part of a pair.
         """
         used = {*self.tags_of(name for name in named if name in self.surfaces)}
         open_ = {*self.tags_of(cracks)}
@@ -245,9 +249,9 @@ class TaggedMesh:
             taken = [tags & used for tags in own]
             if any(taken) and taken != own:
                 raise InputError(
-                    f"a contact or tie names a part of '{pair[0]}' or '{pair[1]}', and the rest "
-                    "is glued, so the nodes between these parts would belong to both; name both "
-                    "sides completely, or give crack = true in the [[line]] of an open crack."
+                    f"a contact or tie names only a part of '{pair[0]}' or '{pair[1]}', but the "
+                    "rest is glued, and both parts share nodes; name both sides completely, or "
+                    "give crack = true in the [[line]] of an open crack."
                 )
             if any(taken) or not all(own):
                 continue
@@ -260,16 +264,16 @@ class TaggedMesh:
         return replace(self, surfaces=surfaces), pairs
 
     def check_tagged(self) -> None:
-        """Check that cells are simplices, each of a named volume. Collective.
+        """Check that all cells are simplices and belong to a named volume. Collective.
 
         Raises:
-            InputError: Naming the kind of the cells, or the number of cells outside volumes.
+            InputError: If cells have another kind, or if cells belong to no volume.
         """
         kind = self.mesh.topology.cell_name()
         if kind not in ("triangle", "tetrahedron"):
             raise InputError(
-                f"the mesh has cells of the kind {kind}, but only triangles and tetrahedra "
-                "are supported; divide them, for instance by CellType.triangle of DOLFINx."
+                f"the mesh has cells of the kind {kind}, but only triangles and tetrahedra are "
+                "supported; divide the cells, for example with CellType.triangle in DOLFINx."
             )
         tags = list(self.volumes.values())
         named = self.cell_tags.indices[np.isin(self.cell_tags.values, tags)]
@@ -278,17 +282,15 @@ class TaggedMesh:
         if missing:
             wrong = np.setdiff1d(self.cell_tags.values, tags)
             found = np.unique(np.concatenate(self.mesh.comm.allgather(wrong))).tolist()
-            told = (
-                f" (the mesh has the tags {str(found)[1:-1]}, which no volume has)" if found else ""
-            )
+            told = f" (no volume has the tags {str(found)[1:-1]} of the mesh)" if found else ""
             raise InputError(f"{missing} cells belong to no named volume{told}; name every body")
 
 
 def _numbers(kind: str, names: Mapping[str, Tags]) -> dict[str, tuple[int, ...]]:
-    """Return the tags of each name.
+    """Return the tags of each name as a tuple.
 
     Raises:
-        InputError: If one is not an integer, or if a name has no tag.
+        InputError: If a tag is not an integer, or if a name has no tag.
     """
     found = {}
     for name, given in names.items():
@@ -304,11 +306,11 @@ def _numbers(kind: str, names: Mapping[str, Tags]) -> dict[str, tuple[int, ...]]
 def _check_found(
     mesh: Mesh, what: tuple[str, str], tags: MeshTags, names: Mapping[str, tuple[int, ...]]
 ) -> None:
-    """Refuse names with tags that no cell or facet has. Collective.
+    """Raise an error for a name with a tag that no cell or facet has. Collective.
 
     Args:
         mesh: The mesh.
-        what: Kinds of the named and of the tagged objects: ("volume", "cell").
+        what: Kinds of the named and of the tagged objects, such as ("volume", "cell").
         tags: Tags in the mesh.
         names: The tags of each name.
     """
@@ -325,13 +327,13 @@ def _check_found(
 
 
 def _tags_in(mesh: Mesh, tags: MeshTags) -> list[int]:
-    """Return the tags that any rank has, sorted. Collective."""
+    """Return the tags on all ranks, sorted. Collective."""
     found: list[int] = np.unique(np.concatenate(mesh.comm.allgather(tags.values))).tolist()
     return found
 
 
 def _on_all_ranks(mesh: Mesh, tags: MeshTags) -> MeshTags:
-    """Return tags known to every rank with the entity, if any rank knows them. Collective."""
+    """Return tags completed on all ranks that have the tagged entities. Collective."""
     mesh.topology.create_entities(tags.dim)
     mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
     vector = la.vector(mesh.topology.index_map(tags.dim), 2, dtype=np.int64)
@@ -341,7 +343,8 @@ def _on_all_ranks(mesh: Mesh, tags: MeshTags) -> MeshTags:
     vector.scatter_reverse(la.InsertMode.add)
     vector.scatter_forward()
     tagged = np.flatnonzero(seen[:, 0]).astype(np.int32)
-    values = seen[tagged, 1] // seen[tagged, 0]  # several ranks may have given the same tag
+    # the mean, because several ranks may have given the same tag
+    values = seen[tagged, 1] // seen[tagged, 0]
     return meshtags(mesh, tags.dim, tagged, values.astype(np.int32))
 
 
@@ -360,18 +363,18 @@ def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Ta
 
 
 def _hint(name: str, tags: Mapping[str, Tags]) -> str:
-    """Return the remedy for a name of several faces or of a part of a side; empty otherwise."""
+    """Return a remedy for names that a new version of the mesh splits or joins, otherwise ""."""
     if several := re.fullmatch(r"(.+)_face_(\d+)_*", name):
         for kind in ("plane", "cylinder"):
             whole = f"{several[1]}_{kind}_{several[2]}"
             if whole in tags:
                 return (
-                    f". Several faces lie in one {kind} there: '{whole}' contains all of "
-                    "them, and perfplast mesh lists the name of each"
+                    f". Several faces lie in this {kind}: '{whole}' contains all of them, and "
+                    "perfplast mesh lists the name of each face"
                 )
     if side := re.fullmatch(r"(.+)_([xyz])_(low|high)", name):
         return (
-            f". Faces on that side of '{side[1]}' have their own names; [[geometry.face]] "
+            f". The faces on this side of '{side[1]}' have separate names; [[geometry.face]] "
             f'with plane = {{{side[2]} = ...}} and body = "{side[1]}" names the whole '
             "side"
         )
@@ -379,22 +382,23 @@ def _hint(name: str, tags: Mapping[str, Tags]) -> str:
 
 
 def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) -> TaggedMesh:
-    """Read a .msh file whose physical groups name the bodies and surfaces. Collective.
+    """Return the mesh in a .msh file; physical groups name bodies and surfaces. Collective.
 
-    A group without a name is named by its number. Surfaces may overlap, as gmsh's groups may.
+    A group without a name has its number as name. Surfaces may overlap, because gmsh's groups may
+    overlap.
 
-    Rank 0 reads; the mesh is then distributed over ``comm`` without ghost cells. Second-order
-    geometry is preserved. Surfaces inside a body may be named too.
+    Rank 0 reads the file; then the mesh is distributed over ``comm`` without ghost cells.
+    Second-order geometry is preserved. Surfaces inside a body may be named too.
 
     Args:
         comm: Communicator of the mesh.
         path: The file.
-        gdim: 3 if only tetrahedra are accepted, 2 if only triangles in a plane z = const; None for
-            either.
+        gdim: 3 to accept only tetrahedra, 2 to accept only triangles in a plane z = const, None to
+            accept both.
 
     Raises:
-        InputError: On every rank, for errors of :func:`gmsh_reader.read_msh`, cells without a name,
-            named facets that are not facets of cells, and a mesh that is folded over itself.
+        InputError: On every rank, as for :func:`gmsh_reader.read_msh`; also for cells without a
+            name, named facets that are not facets of cells, and a folded mesh.
     """
     data: GmshMesh | None = on_rank0(comm, lambda: read_msh(path, gdim))
     without_arrays = comm.bcast(data.without_arrays() if data else None)
@@ -425,22 +429,21 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
     found = comm.allreduce(np.count_nonzero(tagged_mesh.facet_tags.indices < owned))
     if found != data.facet_count:
         raise InputError(
-            f"{data.facet_count - found} of the {data.facet_count} named surface elements "
-            f"of '{path}' are not facets of cells, or are named twice; save the whole of "
-            "one mesh"
+            f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
+            f"'{path}' are not facets of cells, or occur twice; save the whole mesh again"
         )
     check_sides(mesh)
     return tagged_mesh
 
 
 def _reordered(nodes: Longs, dim: int) -> Longs:
-    """Return the nodes of simplices from gmsh's order to DOLFINx's."""
+    """Return the nodes of simplices in DOLFINx's order from gmsh's order."""
     order = np.asarray(cell_perm_gmsh(_CELLS[dim], nodes.shape[1]))
     return np.ascontiguousarray(nodes[:, order])
 
 
 def distributed_tags(mesh: Mesh, dim: int, nodes: Longs, values: Ints) -> MeshTags:
-    """Return tags of entities given by their input nodes on any rank. Collective."""
+    """Return tags of entities, which any rank may give by their input nodes. Collective."""
     entities, local_values = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
@@ -453,14 +456,14 @@ UNNAMED = np.iinfo(np.int32).min
 
 
 def values_of(tags: MeshTags, count: int) -> Ints:
-    """Return the tag of each of the first local entities; ``UNNAMED`` without a tag."""
+    """Return the tags of the first ``count`` local entities; ``UNNAMED`` without a tag."""
     values = np.full(max(count, tags.indices.max(initial=-1) + 1), UNNAMED, dtype=np.int32)
     values[tags.indices] = tags.values
     return values[:count]
 
 
 def facet_tags_of(tagged_mesh: TaggedMesh, owned: int) -> Ints:
-    """Return tags of the facets of the first cells, shape (owned, dim + 1).
+    """Return the tags of the facets of the first ``owned`` cells, shape (owned, dim + 1).
 
     The first call is collective.
     """
@@ -474,12 +477,12 @@ def facet_tags_of(tagged_mesh: TaggedMesh, owned: int) -> Ints:
 
 
 def cell_meshtags(mesh: Mesh, values: Ints) -> MeshTags:
-    """Return the tags of all local cells, shape (num_cells,)."""
+    """Return DOLFINx tags of all local cells from their values, shape (num_cells,)."""
     return meshtags(mesh, mesh.topology.dim, np.arange(len(values), dtype=np.int32), values)
 
 
 def facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
-    """Return tags of facets given by cell, as from :func:`facet_tags_of`. Collective."""
+    """Return DOLFINx tags of facets from values by cell (:func:`facet_tags_of`). Collective."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -491,7 +494,7 @@ def facet_meshtags(mesh: Mesh, of_cell: Ints) -> MeshTags:
 
 
 def element_size(tagged_mesh: TaggedMesh) -> float:
-    """Return the mean of the longest edges of the cells (length). Collective."""
+    """Return the mean over all cells of their longest edge (length). Collective."""
     mesh = tagged_mesh.mesh
     tdim = mesh.topology.dim
     count = mesh.topology.index_map(tdim).size_local

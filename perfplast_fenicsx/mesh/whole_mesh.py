@@ -1,4 +1,4 @@
-"""Copy a distributed mesh as a whole to each rank, for independent computations."""
+"""Copy a whole distributed mesh to each rank, for independent computations."""
 
 from dataclasses import dataclass, field
 
@@ -23,20 +23,20 @@ from perfplast_fenicsx.mesh.tagged_mesh import (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WholeMesh(TaggedMesh):
-    """A mesh that only this rank holds, with all cells of a shared mesh.
+    """A copy of a distributed mesh on one rank, with all cells.
 
     Attributes:
-        numbers: Global index of each cell in the shared mesh, shape (num_cells,).
+        numbers: Global index of each cell in the distributed mesh, shape (num_cells,).
     """
 
     numbers: Longs = field(kw_only=True)
 
 
 def whole_mesh(shared: TaggedMesh) -> WholeMesh:
-    """Return a copy on each rank, with the vertices of each cell in the same order. Collective.
+    """Return a copy on each rank; the vertices in each cell keep their order. Collective.
 
     Args:
-        shared: Mesh of straight cells, without ghosts.
+        shared: Distributed mesh of straight cells, without ghost cells.
     """
     mesh = shared.mesh
     comm, topology = mesh.comm, mesh.topology
@@ -69,16 +69,16 @@ def whole_mesh(shared: TaggedMesh) -> WholeMesh:
 def to_owners(
     shared: TaggedMesh, copy: WholeMesh, root: int, rows: dict[str, npt.NDArray]
 ) -> dict[str, npt.NDArray]:
-    """Send results of one rank on its copy to the ranks that own the cells. Collective.
+    """Send one rank's results on its copy to the ranks that own the cells. Collective.
 
     Args:
-        shared: The mesh that ranks share.
-        copy: The copy on this rank.
-        root: The rank with the results.
-        rows: Arrays with a row for each cell of its copy; other ranks' arrays are ignored.
+        shared: The distributed mesh.
+        copy: The copy of the mesh on this rank.
+        root: The rank that has the results.
+        rows: Arrays by name with a row for each cell of the copy; only those on ``root`` are used.
 
     Returns:
-        Arrays with a row for each owned cell.
+        Arrays by name with a row for each owned cell.
     """
     topology = shared.mesh.topology
     comm, count = shared.mesh.comm, topology.index_map(topology.dim).size_local
@@ -94,6 +94,6 @@ def to_owners(
 
 
 def _of_all(comm: MPI.Intracomm, rows: npt.NDArray) -> npt.NDArray:
-    """Return the rows of all ranks, one rank after another. Collective."""
+    """Return the rows of all ranks in rank order. Collective."""
     found: npt.NDArray = np.concatenate(comm.allgather(rows))
     return found

@@ -1,7 +1,7 @@
-"""Read a bulk data file of Nastran (``.bdf``, ``.nas``, ``.fem``) as a mesh with groups.
+"""Read a Nastran bulk data file (``.bdf``, ``.nas``, ``.fem``) as a mesh with groups.
 
-Cards are read in fields of 8 or 16 characters or between commas (MSC Nastran's quick reference
-guide). Properties become bodies; supports are reported as groups of nodes.
+The fields of a card have 8 or 16 characters, or are separated by commas (MSC Nastran's quick
+reference guide). Properties become bodies, and supports become groups of nodes.
 """
 
 import re
@@ -37,7 +37,7 @@ ELEMENTS: dict[str, tuple[Shape, int]] = {
     "CQUAD4": (QUADRILATERAL, 4),
     "CQUAD8": (QUADRILATERAL, 8),
 }
-"""Shape of each card, and number of nodes of a quadratic element."""
+"""Shape of the elements of each card, and number of nodes of a quadratic element."""
 
 TAKEN = {*ELEMENTS, "GRID", "PSOLID", "PSHELL", "MAT1", "SPC", "SPC1"}
 
@@ -46,11 +46,11 @@ NAMES = re.compile(
     r"| *Femap Property (\d+) : (.+))",
     re.MULTILINE | re.IGNORECASE,
 )
-"""Names of properties, which HyperMesh, ANSA and Femap write into comments."""
+"""Pattern of the comments in which HyperMesh, ANSA and Femap write names of properties."""
 
 
 EXPONENT = re.compile(r"(?<=[\d.])([+-]\d)")
-"""Exponent of a number such as 2.1+5, which has no letter before it."""
+"""Pattern of an exponent without a letter before it, as in 2.1+5."""
 
 Cards = dict[str, list[list[str]]]
 
@@ -59,7 +59,7 @@ def read_bdf(path: Path) -> ForeignModel:
     """Return the model of a file.
 
     Raises:
-        InputError: If it cannot be read, is damaged, or has no solids.
+        InputError: If the file cannot be read, is damaged, or has no solid elements.
     """
     text = text_of(path)
     try:
@@ -71,7 +71,9 @@ def read_bdf(path: Path) -> ForeignModel:
 def _mesh(text: str) -> GroupedMesh:
     cards = _cards(text)
     if "GRID" not in cards:
-        raise InputError("there are no nodes (GRID), so this is not a bulk data file of Nastran.")
+        raise InputError(
+            "there are no nodes (GRID), so this is not a Nastran bulk data file; give another file."
+        )
     ids = _whole(cards["GRID"], 1, 2)[:, 0]
     systems = {row[2] for row in cards["GRID"] if len(row) > 2} - {"", "0"}
     if systems:
@@ -91,21 +93,22 @@ def _mesh(text: str) -> GroupedMesh:
     for card in ("SPC", "SPC1"):
         _supports(card, cards.get(card, []), index, found)
     unknown = Counter({card: len(rows) for card, rows in cards.items() if card not in TAKEN})
-    # Cards that are read, and that do not affect a limit load.
+    # cards that do not affect a limit load
     silent = {"BEGIN", "BEGIN BULK", "ENDDATA", "PARAM", "CORD2R", "SPCADD", "EIGRL"}
     for card, number in unknown.items():
         if card not in silent:
-            found.remarks.append(f"{card} ({number} cards) has no counterpart and is left out")
+            found.remarks.append(f"{card} ({number} cards) has no counterpart and is ignored")
     return found
 
 
 def _cards(text: str) -> Cards:
-    """Return the fields of all cards by name; field 0 is the name."""
+    """Return the fields of all cards by name of the card; field 0 is the name."""
     begin = re.search(r"(?im)^\s*BEGIN\b.*$", text)
     lines = text[begin.end() if begin else 0 :].splitlines()
     cards: Cards = {}
     row: list[str] | None = None
-    small, large, last = 8, 16, 72  # characters of a field, and of all fields of a line
+    # characters in a small or large field, and in all fields of a line
+    small, large, last = 8, 16, 72
     for line in lines:
         body = line.split("$", 1)[0].rstrip().expandtabs(small)
         if not body:
@@ -124,7 +127,8 @@ def _cards(text: str) -> Cards:
         if first[:1] in ("", "+", "*"):
             if row is None:
                 raise InputError(
-                    f"the line '{line[:30]}' continues no line before it; the file is damaged."
+                    f"the line '{line[:30]}' is a continuation line without a line before it; the "
+                    "file is damaged."
                 )
             row += fields
         else:
@@ -141,7 +145,7 @@ def _elements(
     names: dict[str, str],
     found: GroupedMesh,
 ) -> None:
-    """Read the elements of a card; those with all midsides, and those without."""
+    """Add the elements of a card, in one block with all midside nodes and one block without."""
     quadratic = [len(row) > most + 2 and all(row[3 : most + 3]) for row in rows]
     for whole in (True, False):
         mine = [row for row, full in zip(rows, quadratic, strict=True) if full == whole]
@@ -150,7 +154,8 @@ def _elements(
         count = most if whole else shape.corners
         table = _whole(mine, 2, count + 3)
         nodes = index.of(table[:, 1:])
-        if count in (15, 20):  # Nastran lists the midsides along the height before those on top
+        # Nastran lists the midside nodes of the vertical edges before those of the top face
+        if count in (15, 20):
             base, edges = shape.corners, shape.corners // 2
             tops = [*range(base + 2 * edges, base + 3 * edges)]
             nodes = nodes[:, [*range(base + edges), *tops, *range(base + edges, base + 2 * edges)]]
@@ -163,7 +168,7 @@ def _elements(
 
 
 def _materials(cards: Cards, names: dict[str, str], found: GroupedMesh) -> None:
-    """Assign MAT1 materials to the properties that refer to them."""
+    """Add the MAT1 materials to which properties refer, by names of bodies."""
     known = {}
     for row in cards.get("MAT1", []):
         young, shear, poisson, density, expansion = _real([row], 2, 7)[0]
@@ -179,7 +184,7 @@ def _materials(cards: Cards, names: dict[str, str], found: GroupedMesh) -> None:
 
 
 def _supports(card: str, rows: list[list[str]], index: NumberIndex, found: GroupedMesh) -> None:
-    """Store held nodes as groups; the case has to declare their supports."""
+    """Add held nodes as groups; the user declares the supports in the case."""
     for row in rows:
         cells = [cell for cell in row[2:] if cell]
         if card == "SPC":
@@ -191,7 +196,10 @@ def _supports(card: str, rows: list[list[str]], index: NumberIndex, found: Group
             some = [(cells[0], cells[1:])] if cells else []
         for components, nodes in some:
             if not _are_whole(nodes) or not components.isdigit():
-                raise InputError(f"{card} has '{' '.join(cells)[:40]}' where numbers are expected.")
+                raise InputError(
+                    f"{card} has '{' '.join(cells)[:40]}' where numbers are expected; "
+                    "the file is damaged."
+                )
             name = f"held_{components}_of_set_{row[1]}"
             own = index.of(np.array(nodes, dtype=np.int64), missing_is_fine=True)
             found.node_groups[name] = np.union1d(found.node_groups.get(name, own), own)
@@ -202,23 +210,27 @@ def _are_whole(cells: list[str]) -> bool:
 
 
 def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
-    """Return fields as integers, empty ones as 0, shape (rows, last - first)."""
+    """Return fields as integers, with 0 for empty fields, shape (rows, last - first)."""
     try:
         table = [[int(cell or 0) for cell in row[first:last]] for row in rows]
         return np.array(table, dtype=np.int64).reshape(len(rows), last - first)
     except ValueError as error:
-        raise InputError(f"{rows[0][0]} has fields that are not numbers ({error}).") from error
+        raise InputError(
+            f"{rows[0][0]} has fields that are not numbers ({error}); the file is damaged."
+        ) from error
 
 
 def _real(rows: list[list[str]], first: int, last: int) -> Floats:
-    """Return fields as numbers, empty ones as 0, shape (rows, last - first)."""
+    """Return fields as numbers, with 0 for empty fields, shape (rows, last - first)."""
     try:
         table = [[_number(cell) for cell in (row + [""] * last)[first:last]] for row in rows]
     except ValueError as error:
-        raise InputError(f"{rows[0][0]} has fields that are not numbers ({error}).") from error
+        raise InputError(
+            f"{rows[0][0]} has fields that are not numbers ({error}); the file is damaged."
+        ) from error
     found = np.array(table)
     if not np.isfinite(found).all():
-        raise InputError(f"{rows[0][0]} has numbers that are not finite.")
+        raise InputError(f"{rows[0][0]} has numbers that are not finite; the file is damaged.")
     return found
 
 

@@ -1,4 +1,4 @@
-"""The elements of Abaqus and CalculiX: corners, faces, midsides, by the names of their types."""
+"""Define the element types of Abaqus and CalculiX: corners, faces and midside nodes."""
 
 import re
 from dataclasses import dataclass
@@ -10,13 +10,14 @@ Faces = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Shape:
-    """Data that all elements of a shape share; indices start at 0.
+    """The data of all elements with the same shape; indices start at 0.
 
     Attributes:
-        dim: Dimension: 3 for solids, 2 for flat elements, 1 for lines.
+        dim: 3 for solids, 2 for flat elements, 1 for lines.
         corners: Number of vertices.
-        faces: Corners of each face S1, S2, ..., in circular order.
-        midsides: Two ends of each midside node, which follow the corners of a quadratic element.
+        faces: Corners of each face S1, S2, ..., in order around the face.
+        midsides: Both ends of the edge of each midside node. The midside nodes of a quadratic
+            element follow its corners.
     """
 
     dim: int
@@ -76,23 +77,23 @@ SOLIDS = {
     20: HEXAHEDRON,
 }
 FLAT = {3: TRIANGLE, 6: TRIANGLE, 4: QUADRILATERAL, 8: QUADRILATERAL}
-"""Flat shapes by the number of nodes."""
+"""Shapes of flat elements by number of nodes."""
 
 PLANE = ("CPE", "CAX", "CPS", "S", "M3D", "SFM3D", "STRI", "R3D")
 LINES = {"T2D2": 2, "T3D2": 2, "T2D3": 3, "T3D3": 3, "B21": 2, "B31": 2, "B22": 3, "B32": 3}
-"""Number of nodes of lines, by their names; ``PLANE`` has the prefixes of flat elements."""
+"""Number of nodes of line elements by name; ``PLANE`` has the prefixes of flat elements."""
 
 STRAIN, AXIS, STRESS = "plane strain", "axisymmetry", "plane stress"
 
 
 @dataclass(frozen=True)
 class ElementType:
-    """A type of elements.
+    """A type of elements: shape, number of nodes, and plane model.
 
     Attributes:
         shape: Shape of the elements.
-        nodes: Number of nodes of each element, midsides too.
-        model: Meaning in the plane, such as plane strain; "" in space, and for surfaces and lines.
+        nodes: Number of nodes of each element, including midside nodes.
+        model: Plane model, such as plane strain; "" for elements in space, surfaces and lines.
     """
 
     shape: Shape
@@ -101,12 +102,12 @@ class ElementType:
 
 
 def element_type(name: str) -> ElementType | None:
-    """Return the type of a name such as ``C3D10M`` or ``CPE4R``; None if it is not supported."""
+    """Return the type with a name such as ``C3D10M`` or ``CPE4R``; None for unsupported types."""
     match = re.fullmatch(r"C3D(\d+)[A-Z]*", name)
     if match:
         nodes = int(match[1])
         return ElementType(SOLIDS[nodes], nodes) if nodes in SOLIDS else None
-    models = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}  # meaning of elements in the plane
+    models = {"CPE": STRAIN, "CAX": AXIS, "CPS": STRESS}  # plane models by prefix
     for kind in PLANE:
         match = re.fullmatch(rf"{kind}(\d)[A-Z]*\d?", name)
         if match and int(match[1]) in FLAT:
@@ -122,8 +123,8 @@ class Block:
 
     Attributes:
         kind: Type of the elements.
-        first: Number of the first element in the model; the others follow.
-        nodes: Nodes of the elements, shape (n, kind.nodes), indices of points.
+        first: Number of the first element in the model; the other elements have the next numbers.
+        nodes: Nodes of the elements as indices of points, shape (n, kind.nodes).
     """
 
     kind: ElementType

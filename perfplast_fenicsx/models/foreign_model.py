@@ -1,4 +1,4 @@
-"""A model of another program, as far as a case can express it, with remarks on the rest."""
+"""Define a model from another program, as far as a case can represent it, with remarks."""
 
 from dataclasses import dataclass, field, replace
 
@@ -12,13 +12,13 @@ from perfplast_fenicsx.units import SYSTEMS
 
 @dataclass(frozen=True)
 class ForeignMaterial:
-    """Numbers of a material.
+    """The parameters of a material.
 
     Attributes:
         young: Young's modulus; None if it is not given.
         poisson: Poisson's ratio.
         yield_stress: Initial yield stress; None for elastic bodies.
-        hardening: Initial slope of the hardening curve, 0 if it is flat.
+        hardening: Initial slope of the hardening curve; 0 for perfect plasticity.
         density: Mass per volume; None if it is not given.
         expansion: Coefficient of thermal expansion.
     """
@@ -33,7 +33,7 @@ class ForeignMaterial:
 
 @dataclass(frozen=True)
 class Held:
-    """A surface that is held, or moved, along some axes."""
+    """A surface on which some displacement components are prescribed."""
 
     on: str
     components: str
@@ -45,10 +45,10 @@ class Pushed:
     """A load on a surface or a body.
 
     Attributes:
-        on: The surface or body.
+        on: Name of the surface or body.
         kind: "pressure", "traction" or "body_force".
         value: A number or a vector.
-        note: A comment.
+        note: Comment for the case file.
     """
 
     on: str
@@ -59,13 +59,13 @@ class Pushed:
 
 @dataclass(frozen=True)
 class Joined:
-    """Two surfaces in contact, or glued.
+    """Two surfaces that are in contact or glued.
 
     Attributes:
-        primary: One surface.
-        secondary: The other one.
-        tied: Whether they are glued.
-        coulomb: Coefficient of friction, 0 without.
+        primary: Name of one surface.
+        secondary: Name of the other surface.
+        tied: Whether the surfaces are glued.
+        coulomb: Coefficient of friction; 0 without friction.
     """
 
     primary: str
@@ -76,24 +76,24 @@ class Joined:
 
 @dataclass
 class ForeignModel:
-    """A model of simplices with names.
+    """A model of simplices with named bodies and surfaces.
 
     Attributes:
-        dim: Dimension: 3, or 2 for a plane model.
-        turned: Whether a plane model is half a section of a body of revolution.
+        dim: 3 in space, or 2 for a plane model.
+        turned: Whether a plane model is the half section of bodies of revolution.
         thickness: Thickness of sheets in plane stress (length); None otherwise.
         points: Coordinates of the points, shape (n, 3).
         cells: Corners of the simplices, shape (m, dim + 1).
         body: Number of the body of each cell, shape (m,).
         bodies: Names of the bodies.
-        facets: Corners of named facets, shape (k, dim); each facet once.
+        facets: Corners of the named facets, shape (k, dim); no facet occurs twice.
         surface: Number of the surface of each named facet, shape (k,).
         surfaces: Names of the surfaces.
-        materials: Materials by body; bodies without one are missing.
+        materials: Materials by name of the body; bodies without a material are missing.
         held: Supports.
         pushed: Loads.
         joined: Contacts and ties.
-        remarks: Remarks on parts that were not understood or were changed, a sentence each.
+        remarks: Remarks on parts that could not be read or were changed, each a sentence.
     """
 
     dim: int
@@ -114,7 +114,7 @@ class ForeignModel:
 
 
 def told_of_shared_nodes(model: ForeignModel) -> list[str]:
-    """Return a remark on the bodies that share nodes, which a picture of the mesh does not show."""
+    """Return a remark on bodies that share nodes, which a picture does not show."""
     bodies = np.repeat(model.body, model.cells.shape[1])
     first = np.full(len(model.points), len(model.bodies))
     last = np.full(len(model.points), -1)
@@ -126,30 +126,30 @@ def told_of_shared_nodes(model: ForeignModel) -> list[str]:
     pairs = np.unique(np.column_stack([first[shared], last[shared]]), axis=0)
     names = sorted({model.bodies[number] for number in pairs.ravel()})
     return [
-        f"{' and '.join(map(repr, names))} share nodes, and are one piece there; export them as"
-        " separate meshes where there is to be contact"
+        f"{' and '.join(map(repr, names))} share nodes, so they are connected: to define contact "
+        "between them, export them as separate meshes"
     ]
 
 
 def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
-    """Return the model with one material, and the unit of its stresses.
+    """Return the model with one material for all bodies, and the unit of stress.
 
-    Young's moduli in the file show the unit; a file without them gets numbers in MPa.
+    The unit follows from Young's moduli in the file. If the file has none, the numbers are in MPa.
 
     Raises:
-        InputError: If there is no such material, if bodies yield already, or if their Young's
-            moduli fit the material in no unit.
+        InputError: If the material does not exist, if a body already has a yield stress, or if
+            Young's moduli do not fit the material in any unit.
     """
     common = find(name)
     yields = [body for body, given in model.materials.items() if given.yield_stress is not None]
     if yields:
         raise InputError(
-            f"'{yields[0]}' has a yield stress in the file; leave out --material, and change the"
-            " yield stress in the case."
+            f"'{yields[0]}' already has a yield stress in the file; remove --material, and change "
+            "the yield stress in the case."
         )
     known = [given.young for given in model.materials.values() if given.young is not None]
-    # Ratio of two Young's moduli of one material in the same unit: moduli of steels differ by less,
-    # units by more.
+    # Young's moduli of one material in the same unit differ at most by this factor; those of steels
+    # differ by less, and units differ by more.
     alike = 2.0
     fitting = [
         system

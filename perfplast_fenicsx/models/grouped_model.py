@@ -1,4 +1,4 @@
-"""A mesh with groups as a model: groups of solids are bodies, those of their faces surfaces."""
+"""Make a model from a mesh with groups: groups of solids are bodies, groups of faces surfaces."""
 
 from dataclasses import dataclass, field
 
@@ -14,18 +14,18 @@ from perfplast_fenicsx.models.solid_cells import SolidCells, solid_cells
 
 @dataclass
 class GroupedMesh:
-    """The content of a file with groups; :func:`model_of` turns it into a model.
+    """A mesh with groups, from which :func:`model_of` makes a model.
 
     Attributes:
         points: Coordinates of the points, shape (n, 3).
-        blocks: Blocks of elements; their numbers continue from block to block.
+        blocks: Blocks of elements; the numbers of elements continue from block to block.
         groups: Numbers of elements by group name.
         node_groups: Numbers of points by group name.
-        materials: Materials by the name of their group of elements.
+        materials: Materials by name of the group of elements.
         left_out: Number of elements of unsupported types, by type.
-        turned: Whether a plane mesh is half a section about an axis; None if the file does not say
-            so.
-        remarks: Remarks on parts without a counterpart, a sentence each.
+        turned: Whether a plane mesh is the half section of bodies of revolution; None if the file
+            does not define this.
+        remarks: Remarks on parts of the file without a counterpart, each a sentence.
     """
 
     points: Floats
@@ -39,7 +39,7 @@ class GroupedMesh:
 
     @property
     def count(self) -> int:
-        """Total number of elements."""
+        """Return the total number of elements."""
         return sum(len(block.nodes) for block in self.blocks)
 
     def dimensions(self) -> Longs:
@@ -49,17 +49,17 @@ class GroupedMesh:
 
 
 def model_of(mesh: GroupedMesh) -> ForeignModel:
-    """Return the model of a mesh with its bodies and surfaces.
+    """Return the model that a mesh with groups defines.
 
     Raises:
-        InputError: If there are no solids.
+        InputError: If there are no solid elements.
     """
     solid = solid_cells(mesh.points, mesh.blocks, mesh.left_out)
     remarks = mesh.remarks + solid.remarks
     if solid.dim == 2 and mesh.turned is None:
         remarks.append(
-            'the plane mesh is taken as plane strain; with kind = "axisymmetric" under [model] it'
-            " is half a section about the y axis"
+            'the plane mesh is read as plane strain; give kind = "axisymmetric" under [model] if'
+            " it is the half section of bodies of revolution about the y axis"
         )
     bodies, body, groups = _bodies(mesh, solid, remarks)
     outer = OuterFacets(solid.cells, len(mesh.points))
@@ -86,10 +86,10 @@ def model_of(mesh: GroupedMesh) -> ForeignModel:
 def _bodies(
     mesh: GroupedMesh, solid: SolidCells, remarks: list[str]
 ) -> tuple[list[str], Longs, list[str]]:
-    """Return names of bodies, the body of each simplex, and the group of each body.
+    """Return the names of the bodies, the body of each simplex, and the group of each body.
 
-    Where groups overlap, the smaller one gets the common elements. So a group of all elements is
-    not a body if there are groups of parts.
+    Where groups overlap, the smaller group gets the common elements. So a group of all elements is
+    not a body if its parts are also groups.
     """
     solids = np.flatnonzero(mesh.dimensions() == solid.dim)
     inside = {name: np.intersect1d(members, solids) for name, members in mesh.groups.items()}
@@ -101,15 +101,15 @@ def _bodies(
         left = int((owner[inside[name]] == number).sum())
         if not left:
             remarks.append(
-                f"the group '{name}' consists of smaller ones, and is no body of its own"
+                f"the group '{name}' consists of smaller groups, so it is not a separate body"
             )
         elif left < len(inside[name]):
             remarks.append(
-                f"{len(inside[name]) - left} elements of the group '{name}' are also in smaller"
-                " groups, and belong to the bodies of these"
+                f"{len(inside[name]) - left} elements of the group '{name}' are also in smaller "
+                "groups, so they belong to the bodies of these groups"
             )
     there, body = np.unique(owner[solid.parents], return_inverse=True)
-    rest = "rest"  # body of the elements without a group
+    rest = "rest"  # name of the body of elements without a group
     groups = [ordered[number] if number >= 0 else rest for number in there]
     return unique_names(groups), body.ravel(), groups
 
@@ -122,7 +122,7 @@ def _surfaces(
     body: Longs,
     remarks: list[str],
 ) -> tuple[list[str], Longs, Longs]:
-    """Return names of surfaces, their facets, and the surface of each facet."""
+    """Return the names of the surfaces, the named facets, and the surface of each facet."""
     find = ElementFacets(mesh.points, mesh.blocks, outer, solid.dim)
     dims = mesh.dimensions()
     named, inner, lower, no_surface = NamedSurfaces(), [], [], []
@@ -138,17 +138,17 @@ def _surfaces(
     for name, nodes in mesh.node_groups.items():
         facets = find.of_nodes(nodes)
         if name in mesh.groups and len(facets):
-            continue  # the nodes of a group of elements
+            continue  # this group contains the nodes of the group of elements with the same name
         if find.covered(nodes, facets):
             named.add(name, facets)
         else:
             no_surface.append(name)
     _without_skins(named, body[outer.cells], set(mesh.node_groups) - set(mesh.groups), remarks)
-    most_shown = 5  # number of names that a remark shows
+    most_shown = 5  # largest number of names in a remark
     for what, names in (
-        ("groups of faces that lie inside the bodies, or on no body, are left out there", inner),
-        ("groups of edges or points have no counterpart and are left out", lower),
-        ("groups of nodes that are no surface are left out", no_surface),
+        ("groups contain faces inside bodies or outside all bodies, which are ignored", inner),
+        ("groups of edges or points have no counterpart and are ignored", lower),
+        ("groups of nodes that do not form a surface are ignored", no_surface),
     ):
         if names:
             shown = ", ".join(repr(name) for name in names[:most_shown])
@@ -158,8 +158,8 @@ def _surfaces(
     for name, some in stands.items():
         if len(some) > 1:
             remarks.append(
-                f"the surface '{name}' shares faces with others, and is replaced by"
-                f" {', '.join(map(repr, some))}"
+                f"the surface '{name}' shares faces with other surfaces and is replaced by "
+                f"{', '.join(map(repr, some))}"
             )
     return plain, facets, surface
 
@@ -167,13 +167,14 @@ def _surfaces(
 def _without_skins(
     named: NamedSurfaces, skins: Longs, of_nodes: set[str], remarks: list[str]
 ) -> None:
-    """Remove groups of whole skins that contain other groups, which they would only divide.
+    """Remove groups of the whole surface of bodies, which would only divide other groups.
 
-    Groups of nodes are removed in any case: they are sets of all nodes.
+    A group of elements is removed only if it contains other groups. A group of nodes is always
+    removed, because it is a set of all nodes.
 
     Args:
-        named: Surfaces by the names of their groups.
-        skins: Body of each outer facet.
+        named: Surfaces by names of the groups.
+        skins: Index of the body of each outer facet.
         of_nodes: Names of groups of nodes.
         remarks: List to which a remark on each removed group is appended.
     """
@@ -191,5 +192,6 @@ def _without_skins(
         ):
             named.remove(name)
             remarks.append(
-                f"the group '{name}' is the whole skin of bodies, and is no surface of its own"
+                f"the group '{name}' is the whole surface of bodies, so it is not a separate "
+                "surface"
             )

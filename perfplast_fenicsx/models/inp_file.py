@@ -1,4 +1,4 @@
-"""Read an ``.inp`` file of Abaqus or CalculiX as a model: mesh, loads, supports, contact."""
+"""Read an ``.inp`` file from Abaqus or CalculiX as a model: mesh, loads, supports, contact."""
 
 from pathlib import Path
 
@@ -41,8 +41,9 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
     meanings = {block.kind.model for block in solid.blocks}
     if dim == 2 and (len(meanings) > 1 or "" in meanings):
         raise InputError(
-            f"plane elements are for {' and '.join(m or 'shells' for m in sorted(meanings))};"
-            " use only plane strain (CPE), plane stress (CPS) or axisymmetry (CAX)."
+            "plane elements are of different kinds "
+            f"({' and '.join(m or 'shells' for m in sorted(meanings))}); use only plane strain "
+            "(CPE), only plane stress (CPS) or only axisymmetry (CAX)."
         )
     thickness = _thickness(statements.thicknesses) if dim == 2 and meanings != {AXIS} else 1.0
     sheet = thickness if dim == 2 and meanings == {STRESS} else None
@@ -81,18 +82,19 @@ def _model(assembly: Assembly, statements: Statements) -> ForeignModel:
 
 
 def _thickness(given: set[float]) -> float:
-    """Return the thickness of elements in the plane; 1 if sections give none."""
+    """Return the thickness of plane elements; 1 if sections give no thickness."""
     if len(given) > 1 or any(not one > 0 for one in given):
         told = " and ".join(f"{one:g}" for one in sorted(given))
         raise InputError(
-            f"sections of plane elements have the thickness {told}, but a case has one thickness "
-            "above zero; give all sections one thickness, or model the bodies in space."
+            f"sections of plane elements have the thickness {told}, but a case has only one "
+            "positive thickness; give all sections the same thickness, or model the bodies in "
+            "space."
         )
     return next(iter(given), 1.0)
 
 
 def _groups(assembly: Assembly, statements: Statements, turned: bool) -> GroupedMesh:
-    """Return the mesh of a file that has only sets, as gmsh and Salome write it."""
+    """Return the mesh with groups of a file that has only sets, as from gmsh or Salome."""
     groups, node_groups = (
         {name: members for (kind, name), members in assembly.sets.items() if kind == wanted}
         for wanted in ("ELSET", "NSET")
@@ -106,9 +108,9 @@ def _groups(assembly: Assembly, statements: Statements, turned: bool) -> Grouped
 def _bodies(
     assembly: Assembly, statements: Statements, parent: Longs
 ) -> tuple[list[InpBody], Longs]:
-    """Return the bodies defined by sections, and the body of each simplex."""
+    """Return the bodies that sections define, and the body of each simplex."""
     of_element = np.full(assembly.count, -1)
-    rest = "rest"  # body of the elements without a section
+    rest = "rest"  # name of the body of elements without a section
     wanted, of = [rest], [""]
     for part, elset, material in statements.sections:
         alone = sum(one == part for one, _, _ in statements.sections) == 1

@@ -1,4 +1,4 @@
-"""Read the keywords of an ``.inp`` file of Abaqus or CalculiX, with options and data lines."""
+"""Read the keywords of an ``.inp`` file (Abaqus, CalculiX), with options and data lines."""
 
 import math
 from collections import Counter
@@ -10,21 +10,21 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.proof.stored_file import check_regular
 
 MOST_BYTES = 4_000_000_000
-"""Largest total size of all files (bytes), so that no huge file is read into memory."""
+"""Largest total size of all files (bytes); it prevents reading a huge file into memory."""
 
 MOST_TIMES, MOST_INCLUDED = 100, 5000
-"""Number of times that one file may be included, and all files together."""
+"""Largest number of inclusions of one file, and of all files together."""
 
 
 @dataclass(frozen=True)
 class Keyword:
-    """A line that begins with a star, and the data lines that follow.
+    """A line that begins with a star, with the data lines that follow it.
 
     Attributes:
-        name: Name without the star, in capitals, with single spaces.
-        options: Values of options by name in capitals; "" for options without a value.
-        lines: Lines of data, without comments and blank lines.
-        number: Number of the line.
+        name: Name without the star, in upper case, with single spaces.
+        options: Values of options by name in upper case; "" for options without a value.
+        lines: Data lines, without comments and blank lines.
+        number: Number of the line with the keyword.
     """
 
     name: str
@@ -33,11 +33,11 @@ class Keyword:
     number: int
 
     def option(self, name: str, default: str = "") -> str:
-        """Return the value of an option in capitals, as all known values are."""
+        """Return the value of an option in upper case, like all known values."""
         return self.options.get(name, default).upper()
 
     def rows(self) -> list[list[str]]:
-        """Return the data lines as cells without blanks, and without empty cells at the end."""
+        """Return the cells of each data line, without blanks and without empty cells at the end."""
         found = []
         for line in self.lines:
             cells = [cell.strip() for cell in line.split(",")]
@@ -48,10 +48,10 @@ class Keyword:
 
 
 def number_of(cell: str, keyword: Keyword) -> float:
-    """Return the number in a cell, 0 for an empty one.
+    """Return the number in a cell; 0 for an empty cell.
 
     Raises:
-        InputError: If it is not a number, or not finite.
+        InputError: If the cell has no number, or a number that is not finite.
     """
     try:
         value = float(cell.upper().replace("D", "E") or 0)
@@ -59,31 +59,35 @@ def number_of(cell: str, keyword: Keyword) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is expected."
+            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is expected; "
+            "the file is damaged."
         )
     return value
 
 
 def read_keywords(path: Path) -> list[Keyword]:
-    """Return the keywords of a file and of its included files, in their order.
+    """Return the keywords of a file and of the files that it includes, in order.
 
     Raises:
-        InputError: If a file cannot be read, is not an ``.inp`` file, or includes one from another
-            folder.
+        InputError: If a file cannot be read, is not an ``.inp`` file, or includes a file outside
+            its folder.
     """
     found = list(_keywords(path, _Included(path.resolve().parent, [path.resolve()])))
     if not found:
-        raise InputError(f"'{path}' has no keywords (lines with *), so it is not an .inp file.")
+        raise InputError(
+            f"'{path}' has no keywords (lines with *), so it is not an .inp file; "
+            "give another file."
+        )
     return found
 
 
 @dataclass
 class _Included:
-    """A record of the files that were read so far.
+    """A record of the files that have been read.
 
     Attributes:
         folder: Folder that must contain all files.
-        open: Files that are being read, each included by the previous one.
+        open: Files that are being read; each one is included by the file before it.
         times: Number of inclusions of each file.
         size: Number of bytes read so far.
     """
@@ -94,16 +98,19 @@ class _Included:
     size: int = 0
 
     def add(self, path: Path) -> None:
-        """Count a file that is about to be read.
+        """Count a file before it is read.
 
         Raises:
-            InputError: If it is not a regular file, or if too much is read.
-            OSError: If the system refuses.
+            InputError: If the file is not a regular file, or if all files together are too large.
+            OSError: If the file cannot be accessed.
         """
         check_regular(path)
         self.size += path.stat().st_size
         if self.size > MOST_BYTES:
-            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes, which is too large.")
+            raise InputError(
+                f"'{path}' would exceed the limit of {MOST_BYTES:.0e} bytes for all "
+                "files; give a smaller model."
+            )
 
 
 def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:
@@ -113,7 +120,7 @@ def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:
             if now is None:
                 raise InputError(
                     f"'{path}', line {number} ('{line[:30]}'): there are data before the first "
-                    "keyword, so this is not an .inp file."
+                    "keyword, so this is not an .inp file; give another file."
                 )
             now.lines.append(line)
             continue
@@ -128,22 +135,25 @@ def _keywords(path: Path, so_far: _Included) -> Iterator[Keyword]:
 
 
 def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keyword]:
-    """Return the keywords of another file."""
+    """Yield the keywords of an included file."""
     name = keyword.options.get("INPUT", "").strip("\"'")
     other = (path.parent / name).resolve()
     if not name or not other.is_relative_to(so_far.folder):
         raise InputError(
-            f"'{path}', line {keyword.number}: *INCLUDE of '{name}', which lies outside of the"
-            " model's folder; put the file beside the model."
+            f"'{path}', line {keyword.number}: *INCLUDE of '{name}'names a file outside the folder "
+            "of the model; move this file into the folder."
         )
     if other in so_far.open:
-        raise InputError(f"'{path}', line {keyword.number}: files include each other in a ring.")
+        raise InputError(
+            f"'{path}', line {keyword.number}: the files include each other in a "
+            "cycle; remove this *INCLUDE."
+        )
     so_far.times[other] += 1
     if so_far.times[other] > MOST_TIMES or so_far.times.total() > MOST_INCLUDED:
         raise InputError(
-            f"'{path}', line {keyword.number}: *INCLUDE of '{name}', though a file may be included"
-            f" {MOST_TIMES} times, and all together {MOST_INCLUDED} times; put their lines into"
-            " one file."
+            f"'{path}', line {keyword.number}: *INCLUDE of '{name}'exceeds the limit of "
+            f"{MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} of all files; put their "
+            "lines into one file."
         )
     so_far.open.append(other)
     yield from _keywords(other, so_far)
@@ -151,7 +161,7 @@ def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keywo
 
 
 def _lines(path: Path, so_far: _Included) -> Iterator[tuple[int, str]]:
-    """Yield lines without comments and blank lines; lines that a comma continues are joined."""
+    """Yield lines with numbers, without comments and blank lines; continued lines are joined."""
     try:
         so_far.add(path)
         with path.open(encoding="utf-8-sig", errors="surrogateescape") as file:
@@ -162,8 +172,8 @@ def _lines(path: Path, so_far: _Included) -> Iterator[tuple[int, str]]:
                     continue
                 if "\0" in line:
                     raise InputError(
-                        f"'{path}', line {number}: this is not text, so the file is not an .inp"
-                        " file."
+                        f"'{path}', line {number}: the file is not text, so it is not an .inp "
+                        "file; give another file."
                     )
                 if begun:
                     line, number = begun + line, first

@@ -1,4 +1,4 @@
-"""Read nodes, elements, sets and instances of an ``.inp`` file into one assembly."""
+"""Read the nodes, elements, sets and instances of an ``.inp`` file into one assembly."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -26,16 +26,18 @@ MESH_KEYWORDS = ("NODE", "ELEMENT", "NSET", "ELSET")
 
 
 SCOPES = ("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTANCE")
-"""Keywords that define the part or instance of the following ones."""
+"""Keywords that define the part or instance to which the following keywords belong."""
 
 
 @dataclass
 class Part:
-    """Nodes and elements with a common numbering: a part, or a whole file without parts.
+    """Nodes and elements with a common numbering: those of a part, or of a file without parts.
 
     Attributes:
-        nodes: Numbers, shape (n,), and coordinates, shape (n, 3), of each ``*NODE`` block.
-        elements: Type, numbers and nodes' numbers of each ``*ELEMENT`` block.
+        nodes: Numbers, shape (n,), and coordinates, shape (n, 3), of the nodes in each ``*NODE``
+            block.
+        elements: Type of the elements in each ``*ELEMENT`` block, their numbers, and the numbers of
+            their nodes.
         sets: Numbers of the members of each set, by kind ("NSET", "ELSET") and name.
     """
 
@@ -46,16 +48,16 @@ class Part:
 
 @dataclass
 class Assembly:
-    """All instances together.
+    """All instances of parts together.
 
     Attributes:
         points: Coordinates of the points, shape (n, 3).
         blocks: Blocks of elements.
         count: Total number of elements.
-        sets: Indices of the members of each set, by kind and name (in capitals, ``INSTANCE.SET``
-            for a set of a part).
+        sets: Indices of the members of each set, by kind and name. Names are in upper case; a set
+            of a part has the name ``INSTANCE.SET``.
         left_out: Number of elements of unsupported types, by type.
-        numbers: Indices by number, for each instance and kind.
+        numbers: Indices by number, for each instance and kind of set.
         instances: Names and parts of the instances; ("", "") for a file without instances.
     """
 
@@ -68,9 +70,9 @@ class Assembly:
     instances: list[tuple[str, str]]
 
     def members(self, kind: str, name: str) -> Longs | None:
-        """Return the members of a set, or the node or element with a number.
+        """Return the members of a set, or the single node or element with a number.
 
-        None if it does not exist.
+        None if the set, node or element does not exist.
         """
         plain = name.upper().strip("\"'")
         instance, _, number = plain.rpartition(".")
@@ -81,7 +83,7 @@ class Assembly:
 
 
 class MeshReader:
-    """Read keywords in their order, and make the assembly in the end."""
+    """Reads the keywords of a file in order, then makes the assembly."""
 
     def __init__(self) -> None:
         self._parts: dict[str, Part] = {"": Part()}
@@ -94,7 +96,7 @@ class MeshReader:
         """Read a keyword of :data:`MESH_KEYWORDS` or :data:`SCOPES`.
 
         Raises:
-            InputError: If its data cannot be understood.
+            InputError: If the data of the keyword are not valid.
         """
         name = keyword.name
         if name == "PART":
@@ -119,10 +121,11 @@ class MeshReader:
                 self._later.append((keyword, instance))
 
     def assembly(self) -> Assembly:
-        """Return the assembly of all that was read.
+        """Return the assembly of all parts that were read.
 
         Raises:
-            InputError: If an element or set refers to something that does not exist.
+            InputError: If an element refers to a node, or an instance to a part, that does not
+                exist.
         """
         instances = self._instances or [("", "", [])]
         points: list[Floats] = []
@@ -166,13 +169,19 @@ class MeshReader:
 
     def _nodes(self, keyword: Keyword) -> None:
         table = table_of(keyword)
-        most_columns = 7  # columns of `*NODE`: number, coordinates, direction of a normal
+        most_columns = 7  # columns of `*NODE`: number, coordinates, and direction of a normal
         if not 3 <= table.shape[1] <= most_columns:
-            raise InputError(f"line {keyword.number}: *NODE needs a number and coordinates.")
+            raise InputError(
+                f"line {keyword.number}: **NODE needs a number and 2 or 3 coordinates "
+                "for each node; the file is damaged."
+            )
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
         if not np.isfinite(places).all():
-            raise InputError(f"line {keyword.number}: *NODE has coordinates that are not numbers.")
+            raise InputError(
+                f"line {keyword.number}: **NODE has coordinates that are not finite "
+                "numbers; the file is damaged."
+            )
         ids = table[:, 0].astype(np.int64)
         part = self._parts[self._now]
         part.nodes.append((ids, places))
@@ -187,7 +196,8 @@ class MeshReader:
             return
         cells = ",".join(keyword.lines).replace(",,", ",").strip(", ").split(",")
         width = 1 + kind.nodes
-        # Element type for which CalculiX accepts the nodes of inner modes, and their number.
+        # element type for which CalculiX accepts extra nodes for incompatible modes, and their
+        # number
         with_inner_nodes, inner = "C3D8I", 3
         if name == with_inner_nodes and first_has(keyword, 1 + kind.nodes + inner):
             width += inner
@@ -195,10 +205,11 @@ class MeshReader:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:
             raise InputError(
-                f"line {keyword.number}: *ELEMENT has a text that is not a number ({error})."
+                f"line {keyword.number}: **ELEMENT has a text that is not a number ({error}); the "
+                "file is damaged."
             ) from error
         if len(table) % width and kind.shape is LINE:
-            # beams sometimes have an extra node for their direction; they are always omitted
+            # beams may have an extra node for their direction; they are omitted anyway
             self._left_out[name] = self._left_out.get(name, 0) + len(keyword.lines)
             return
         if len(table) % width:
@@ -216,7 +227,7 @@ class MeshReader:
 def _add_later(
     keyword: Keyword, instance: str, numbers: dict[str, dict[str, NumberIndex]], sets: Sets
 ) -> None:
-    """Add a set of the assembly, defined by an instance's numbers and sets, or by named sets."""
+    """Add a set of the assembly, which numbers or sets of an instance, or named sets, define."""
     kind = keyword.name
     before = f"{instance}." if instance else ""
     named = [sets[key] for n in names_of(keyword) if (key := (kind, before + n.upper())) in sets]
@@ -228,23 +239,28 @@ def _add_later(
 
 
 def _moved(points: Floats, moves: Sequence[Iterable[str]], name: str) -> Floats:
-    """Return points of a part after an instance's translation and rotation (degrees)."""
+    """Return the points of a part after the translation and rotation (degrees) of an instance."""
     try:
         rows = [list(map(float, row)) for row in moves if row]
     except ValueError as error:
         raise InputError(
-            f"the instance '{name}' has a translation that is not a number."
+            f"the instance '{name}' has a translation or rotation that is not a number; the file "
+            "is damaged."
         ) from error
     if rows:
         points = points + np.array((rows[0] + [0.0] * 3)[:3])
     if len(rows) > 1:
         if len(rows[1]) != 7:
-            raise InputError(f"the instance '{name}' needs 7 numbers for its rotation.")
+            raise InputError(
+                f"the instance '{name}' needs 7 numbers for its rotation; the file is damaged."
+            )
         start, end, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), math.radians(rows[1][6])
         axis = end - start
         length = float(np.linalg.norm(axis))
         if not length > 0:
-            raise InputError(f"the instance '{name}' turns about an axis without length.")
+            raise InputError(
+                f"the instance '{name}' rotates about an axis of zero length; the file is damaged."
+            )
         k, r = axis / length, points - start
         along = (r @ k)[:, None] * k
         points = start + along + math.cos(angle) * (r - along) + math.sin(angle) * np.cross(k, r)

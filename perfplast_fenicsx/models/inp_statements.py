@@ -1,4 +1,4 @@
-"""Read materials, supports, loads and contacts of an ``.inp`` file."""
+"""Read the materials, supports, loads and contacts of an ``.inp`` file."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ SILENT = {
     *("SURFACE BEHAVIOR", "SYSTEM", "MONITOR", "CONTROLS", "PRINT", "DATA CHECK", "INCLUDE"),
     *("ELEMENT PRINT", "ENERGY OUTPUT", "ENERGY FILE", "ENERGY PRINT", "SOLID SECTION", *SCOPES),
 }
-"""Keywords that do not affect a limit load, or that are read elsewhere."""
+"""Keywords that do not affect a limit load, or that other modules read."""
 
 LOADS = ("CLOAD", "DLOAD", "DSLOAD")
 
 
 class Statements:
-    """Read keywords, and turn them into statements once the mesh is known.
+    """Stores keywords that do not belong to the mesh, until the mesh is known.
 
     Attributes:
         sections: Part, element set and material of each section.
-        materials: Materials by name, in capitals.
+        materials: Materials by name in upper case.
         surfaces: ``*SURFACE`` keywords.
         frictions: Coefficients by interaction.
-        thicknesses: Thicknesses of elements in the plane that sections give.
+        thicknesses: Thicknesses of plane elements from sections.
     """
 
     def __init__(self) -> None:
@@ -52,23 +52,23 @@ class Statements:
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks on keywords without a counterpart, and on changes."""
+        """Return remarks on keywords without a counterpart, and on changes."""
         told = [
-            f"*{name} ({number} times) has no counterpart and is left out"
+            f"*{name} ({number} times) has no counterpart and is ignored"
             if number > 1
-            else f"*{name} has no counterpart and is left out"
+            else f"*{name} has no counterpart and is ignored"
             for name, number in self._unknown.items()
         ]
         loaded = {step for step, keyword in self._on_surfaces if keyword.name in LOADS}
         if len(loaded) > 1:
             told.append(
-                f"of {self._steps} steps, loads and supports of step {min(loaded)} are taken, the"
-                " first that has loads"
+                f"of {self._steps} steps, only loads and supports up to step {min(loaded)} are "
+                "used, the first step with loads"
             )
         return self._noted + told
 
     def chosen(self) -> list[Keyword]:
-        """Return the keywords on surfaces, in the model and up to the first step with loads."""
+        """Return keywords of supports, loads and joints, up to the first step with loads."""
         loaded = [step for step, keyword in self._on_surfaces if keyword.name in LOADS]
         last = min(loaded, default=self._steps)
         return [keyword for step, keyword in self._on_surfaces if step <= last]
@@ -104,17 +104,20 @@ class Statements:
             self._steps += 1
 
     def _property(self, keyword: Keyword) -> None:
-        """Read a property of the last material."""
+        """Read a property of the current material."""
         now, rows = self.materials.get(self._material), [row for row in keyword.rows() if row]
         if now is None or not rows:
-            raise InputError(f"line {keyword.number}: *{keyword.name} belongs to no *MATERIAL.")
+            raise InputError(
+                f"line {keyword.number}: *{keyword.name} belongs to no *MATERIAL; the "
+                "file is damaged."
+            )
         values = [[number_of(cell, keyword) for cell in row] for row in rows]
         if keyword.name == "ELASTIC":
             kind = keyword.option("TYPE", "ISOTROPIC")
             if kind not in ("ISO", "ISOTROPIC") or len(values[0]) < 2:
                 self._noted.append(
-                    f"*ELASTIC of '{self._material}' is {kind.lower()}, which the program does not"
-                    " support: its body has no material yet"
+                    f"*ELASTIC of '{self._material}' is {kind.lower()}, which the program does not "
+                    "support: fill in the material of the body"
                 )
                 return
             now = replace(now, young=values[0][0], poisson=values[0][1])
@@ -123,8 +126,9 @@ class Statements:
             now = replace(now, yield_stress=stresses[0])
             if len(values) > 1 and any(stress != stresses[0] for stress in stresses):
                 self._noted.append(
-                    f"*PLASTIC of '{self._material}' has {len(values)} points: its first yield"
-                    f" stress {stresses[0]:g} is taken without hardening, as limit loads want it"
+                    f"*PLASTIC of '{self._material}' has {len(values)} points: only the first "
+                    f"yield stress {stresses[0]:g} is used, because limit loads need perfect "
+                    "plasticity"
                 )
         elif keyword.name == "DENSITY":
             now = replace(now, density=values[0][0])
@@ -134,18 +138,18 @@ class Statements:
 
 
 def missing(what: str, name: str) -> InputError:
-    """Return the error for a statement on a set or surface that the file does not have."""
+    """Return the error for a keyword that refers to a missing set or surface."""
     return InputError(
-        f"{what} refers to '{name}', which the file does not have; export the model with all its"
-        " sets and surfaces, or mend the name."
+        f"{what} refers to '{name}', which the file does not have; export the model with all sets "
+        "and surfaces, or correct the name."
     )
 
 
 class UsedSurfaces:
-    """Surfaces by name, by sets of nodes and by faces, as statements refer to them.
+    """Finds the surfaces to which keywords refer: by name, by sets of nodes, and by faces.
 
     Attributes:
-        remarks: Remarks on sets that are not surfaces.
+        remarks: Remarks on sets that do not form surfaces.
     """
 
     def __init__(self, assembly: Assembly, find: ElementFacets, dim: int) -> None:
@@ -153,8 +157,8 @@ class UsedSurfaces:
 
         Args:
             assembly: The mesh.
-            find: Finds facets by their nodes or elements.
-            dim: Dimension: 3, or 2 in the plane.
+            find: Search for facets by nodes or elements.
+            dim: 3 in space, or 2 in the plane.
         """
         self._assembly, self._find, self._dim = assembly, find, dim
         self._named = NamedSurfaces()
@@ -163,7 +167,7 @@ class UsedSurfaces:
         self.remarks: list[str] = []
 
     def declare(self, keyword: Keyword) -> None:
-        """Read a ``*SURFACE``."""
+        """Read a ``*SURFACE`` keyword."""
         name = keyword.option("NAME")
         every: list[Longs] = [np.zeros(0, dtype=np.int64)]
         for row in keyword.rows():
@@ -181,12 +185,12 @@ class UsedSurfaces:
         self._facets[name] = np.unique(np.concatenate(every))
 
     def use(self, name: str, facets: Longs) -> str:
-        """Add facets under a name, and return the name."""
+        """Add facets to the surface with a name, and return the name."""
         self._named.add(name, facets)
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """Return a set of nodes as a surface; None and a remark on ``what`` if it is not one."""
+        """Return the surface that a set of nodes forms; if there is none, None and a remark."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
@@ -197,43 +201,43 @@ class UsedSurfaces:
         return self.use(name, facets)
 
     def named(self, name: str, what: str) -> str | None:
-        """Return a surface of a ``*SURFACE``; None and a remark on ``what`` without outer faces."""
+        """Return the name of a ``*SURFACE``; without outer faces None, and add a remark."""
         facets = self._facets.get(name.upper())
         if facets is None:
             raise missing(what, name)
         if not len(facets):
             self.remarks.append(
-                f"{what} on the surface '{name}', which has no outer face, is left out"
+                f"{what} on the surface '{name}', which has no outer face, is ignored"
             )
             return None
         return self.use(name.upper(), facets)
 
     def area(self, name: str) -> float:
-        """Return the area of a surface that is used."""
+        """Return the area of a surface in use."""
         return float(self._find.areas(self._named.facets(name)).sum())
 
     def divided(self, taken: Sequence[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
-        """Divide the surfaces as :meth:`NamedSurfaces.divided`, and complete ``remarks``."""
-        most_shown = 5  # number of names that a remark shows
+        """Return the result of :meth:`NamedSurfaces.divided`, and complete ``remarks``."""
+        most_shown = 5  # largest number of names in a remark
         for what, names in self._no_surface.items():
             shown = ", ".join(repr(name) for name in names[:most_shown])
             more = f" and {len(names) - most_shown} more" if len(names) > most_shown else ""
             self.remarks.append(
-                f"{what} on {shown}{more}, whose nodes are no surface, is left out; give it to a"
-                " set that has all nodes of some outer faces"
+                f"{what} on {shown}{more}, whose nodes do not form a surface, is ignored; use a "
+                "set that contains all nodes of outer faces"
             )
         self._no_surface.clear()
         return self._named.divided(taken)
 
     def _is_flat(self, elements: Longs) -> bool:
-        """Return whether the elements of a set are surface elements."""
+        """Return whether no element of a set is solid, so that they are surface elements."""
         blocks = [b for b in self._assembly.blocks if b.kind.shape.dim == self._dim]
         solid = [np.arange(b.first, b.first + len(b.nodes)) for b in blocks]
         return not np.isin(elements, np.concatenate(solid)).any()
 
 
 NAMED_SUPPORTS = {"ENCASTRE": "123", "PINNED": "123", "XSYMM": "1", "YSYMM": "2", "ZSYMM": "3"}
-"""Components that named supports hold."""
+"""Numbers of the components that named supports hold."""
 
 AXES = "xyz"
 
@@ -244,9 +248,9 @@ class InpBody:
 
     Attributes:
         name: Name in the case.
-        material: Name of the material, "" without one.
-        elements: Numbers of its elements.
-        density: Mass per volume; None if it is not known.
+        material: Name of the material; "" without a material.
+        elements: Numbers of the elements.
+        density: Mass per volume; None if it is unknown.
     """
 
     name: str
@@ -257,10 +261,10 @@ class InpBody:
 
 @dataclass
 class Made:
-    """Supports, loads and joints on surfaces that share no facets.
+    """Supports, loads and joints, on surfaces that share no facets.
 
     Attributes:
-        surfaces: See :meth:`NamedSurfaces.divided`.
+        surfaces: Result of :meth:`NamedSurfaces.divided`.
         held: Supports.
         pushed: Loads.
         joined: Contacts and ties.
@@ -275,7 +279,7 @@ class Made:
 
 
 class OnSurfaces:
-    """Find the surfaces of statements, and divide those that overlap."""
+    """Converts keywords into supports, loads and joints on surfaces without common facets."""
 
     def __init__(
         self,
@@ -289,11 +293,10 @@ class OnSurfaces:
 
         Args:
             assembly: The mesh.
-            surfaces: Search of facets.
-            bodies: Bodies with their elements and densities.
-            dim: Dimension: 3, or 2 in the plane.
-            thickness: Thickness of elements in the plane, over which forces at nodes are
-                distributed.
+            surfaces: Search for facets.
+            bodies: The bodies with their elements and densities.
+            dim: 3 in space, or 2 in the plane.
+            thickness: Thickness of plane elements, over which forces at nodes are distributed.
         """
         self._thickness = thickness
         self._assembly, self._find = assembly, surfaces
@@ -306,7 +309,7 @@ class OnSurfaces:
 
         Args:
             surfaces: ``*SURFACE`` keywords.
-            on: Keywords of supports, loads, contact and ties.
+            on: Keywords of supports, loads, contacts and ties.
             frictions: Coefficients by interaction.
         """
         for keyword in surfaces:
@@ -373,20 +376,20 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Return forces at nodes: on sets that are surfaces, and together on all other nodes."""
+        """Return nodal forces as tractions, on sets that are surfaces and on the other nodes."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():
             if len(row) < 3 or not row[1].isdigit() or not 1 <= int(row[1]) <= self._dim:
                 self._remarks.append(
-                    f"*CLOAD '{', '.join(row)}' is no force along an axis, and is left out"
+                    f"*CLOAD '{', '.join(row)}' is not a force along an axis and is ignored"
                 )
                 continue
             nodes, axis = self._assembly.members("NSET", row[0]), int(row[1]) - 1
             if nodes is None:
                 raise missing("*CLOAD", row[0])
             if not len(nodes):
-                self._remarks.append(f"*CLOAD on '{row[0]}', which is empty, is left out")
+                self._remarks.append(f"*CLOAD on '{row[0]}', which is an empty set, is ignored")
                 continue
             resultant, name = len(nodes) * number_of(row[2], keyword), row[0].upper()
             whole = len(nodes) > 1 and self._find.covered(nodes, self._find.of_nodes(nodes))
@@ -403,8 +406,8 @@ class OnSurfaces:
                 continue
             area = self._use.area(on) * self._thickness
             self._remarks.append(
-                f"forces at the nodes of '{name}', {_vector(force)} in all, are taken as a uniform"
-                " traction with this resultant"
+                f"forces at the nodes of '{name}', in total {_vector(force)}, are replaced by a "
+                "uniform traction with this resultant"
             )
             traction = tuple(component / area for component in force)
             pushed.append(Pushed(on, "traction", traction, f"{_vector(force)} in all"))
@@ -427,7 +430,7 @@ class OnSurfaces:
             else:
                 on = None
                 self._remarks.append(
-                    f"*{keyword.name} '{', '.join(row)}' is not understood: left out"
+                    f"*{keyword.name} '{', '.join(row)}' is not understood and is ignored"
                 )
             if on is not None:
                 load = Pushed(on, "pressure", number_of(row[2], keyword))
@@ -435,19 +438,19 @@ class OnSurfaces:
         return pushed
 
     def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
-        """Return the surface of a pressure; single elements with the same pressure share one."""
+        """Return the surface of a pressure; single elements with equal pressure share a surface."""
         members = self._assembly.members("ELSET", elset)
         if members is None:
             raise missing(f"*DLOAD {face}", elset)
         facets = self._find.of_faces(members, face)
         if not len(facets):
-            self._remarks.append(f"*DLOAD {face} on '{elset}' presses no outer face: left out")
+            self._remarks.append(f"*DLOAD {face} on '{elset}' acts on no outer face and is ignored")
             return None
         name = f"PRESSED_BY_{pressure:g}" if elset.isdigit() else f"{elset}_{face}"
         return self._use.use(name, facets)
 
     def _weight(self, elset: str, given: list[float]) -> list[Pushed]:
-        """Return the gravity loads of a set, for the bodies that it contains completely."""
+        """Return the gravity loads of a set, for the bodies that the set contains completely."""
         size, direction = given[0], given[1 : 1 + self._dim]
         members = self._assembly.members("ELSET", elset)
         found = []
@@ -456,13 +459,15 @@ class OnSurfaces:
                 continue
             if body.density is None:
                 self._remarks.append(
-                    f"gravity on '{body.name}' needs a *DENSITY of its material, and is left out"
+                    f"gravity on '{body.name}' is ignored, because its material has no *DENSITY"
                 )
                 continue
             force = tuple(size * body.density * x for x in direction)
             found.append(Pushed(body.name, "body_force", force, "gravity times density"))
         if not found:
-            self._remarks.append(f"gravity on '{elset}', which has no whole body, is left out")
+            self._remarks.append(
+                f"gravity on '{elset}' is ignored, because this set contains no whole body"
+            )
         return found
 
     def _pairs(self, keyword: Keyword, frictions: dict[str, float]) -> list[Joined]:
@@ -471,7 +476,7 @@ class OnSurfaces:
         for row in keyword.rows():
             if len(row) < 2:
                 self._remarks.append(
-                    f"*{keyword.name} '{', '.join(row)}' needs two surfaces: left out"
+                    f"*{keyword.name} '{', '.join(row)}' does not have two surfaces and is ignored"
                 )
                 continue
             one, other = (self._use.named(name, f"*{keyword.name}") for name in row[:2])
@@ -480,8 +485,8 @@ class OnSurfaces:
             mu = 0.0 if tied else frictions.get(keyword.option("INTERACTION"), 0.0)
             if mu:
                 self._remarks.append(
-                    f"friction {mu:g} of '{one}' and '{other}' is in the case as a comment: no"
-                    " limit theorem holds with Coulomb's friction"
+                    f"friction {mu:g} of '{one}' and '{other}' is only a comment in the case, "
+                    "because no limit theorem holds with Coulomb's friction"
                 )
             joined.append(Joined(one, other, tied, mu))
         return joined

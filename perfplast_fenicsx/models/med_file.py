@@ -1,7 +1,8 @@
-"""Read a ``.med`` file of Salome or Code_Aster as a mesh with groups.
+"""Read a ``.med`` file from Salome or Code_Aster as a mesh with groups.
 
-The format is HDF5 (MED 2.3 to 4, https://docs.salome-platform.org). Nodes and elements of a mesh
-are under ``ENS_MAA``, each with the number of a family. Families under ``FAS`` name their groups.
+The format is HDF5 (MED 2.3 to 4, https://docs.salome-platform.org). ``ENS_MAA`` contains the nodes
+and elements of a mesh, each with the number of its family. ``FAS`` contains the families, each with
+the names of its groups.
 """
 
 from pathlib import Path
@@ -37,7 +38,7 @@ TYPES = {
     **{"QU8": ElementType(QUADRILATERAL, 8), "QU9": ElementType(QUADRILATERAL, 9)},
     **{"SE2": ElementType(LINE, 2), "SE3": ElementType(LINE, 3), "SE4": ElementType(LINE, 4)},
 }
-"""Elements by MED's names; their corners and midsides have the order of Abaqus."""
+"""Element types by MED's names; the nodes have the order of Abaqus."""
 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -55,7 +56,7 @@ def read_med(path: Path) -> ForeignModel:
         with path.open("rb") as opened:
             if opened.read(len(SIGNATURE)) != SIGNATURE:
                 raise InputError(
-                    f"'{path}' is not a MED file, which is an HDF5 file; export the mesh again."
+                    f"'{path}' is not an HDF5 file, so it is not a MED file; export the mesh again."
                 )
         with stored_file(path) as file:
             return model_of(_mesh(file))
@@ -66,8 +67,8 @@ def read_med(path: Path) -> ForeignModel:
         raise InputError(f"'{path}' cannot be read: {reason}; export the mesh again.") from error
     except (KeyError, ValueError, TypeError, RuntimeError, AttributeError, MemoryError) as error:
         raise InputError(
-            f"'{path}' is not a MED file of a supported form ({_line(error)}); export the mesh"
-            " again."
+            f"'{path}' is not a MED file of a supported version ({_line(error)}); export the mesh "
+            "again."
         ) from error
 
 
@@ -81,9 +82,9 @@ def _mesh(file: Any) -> GroupedMesh:
         raise InputError("the file has no mesh; export the mesh, not only the study or results.")
     name, remarks = meshes[0], []
     if len(meshes) > 1:
-        remarks.append(f"of the meshes {', '.join(map(repr, meshes))} the first one is taken")
+        remarks.append(f"of the meshes {', '.join(map(repr, meshes))} only the first one is read")
     mesh = file["ENS_MAA"][name]
-    if "NOE" not in mesh:  # since MED 3 there are steps in between
+    if "NOE" not in mesh:  # since MED 3, a mesh contains time steps, which contain the nodes
         steps = sorted(step for step in mesh if "NOE" in mesh[step])
         if not steps:
             raise InputError(f"the mesh '{name}' has no nodes; export it again.")
@@ -93,7 +94,8 @@ def _mesh(file: Any) -> GroupedMesh:
     count = int(mesh["NOE"]["COO"].attrs.get("NBR", len(places) // max(space, 1)))
     if space not in (2, 3) or count * space != len(places) or not np.isfinite(places).all():
         raise InputError(
-            f"the nodes of the mesh '{name}' do not have {space} finite coordinates each."
+            f"the nodes of the mesh '{name}' do not have {space} finite coordinates each; export "
+            "the mesh again."
         )
     points = np.zeros((count, 3))
     points[:, :space] = places.reshape(space, count).T
@@ -110,9 +112,9 @@ def _mesh(file: Any) -> GroupedMesh:
 
 
 def _elements(kinds: Any, found: GroupedMesh) -> Longs:
-    """Read the elements, and return the family of each."""
+    """Add the elements to ``found``, and return the family of each element."""
     families: list[Longs] = [np.zeros(0, dtype=np.int64)]
-    point = "PO1"  # point elements, which have no meaning here
+    point = "PO1"  # point elements, which a model does not need
     for name in sorted(kinds):
         kind = TYPES.get(name)
         flat = np.asarray(kinds[name]["NOD"][()], dtype=np.int64)
@@ -137,7 +139,7 @@ def _elements(kinds: Any, found: GroupedMesh) -> Longs:
 
 
 def _group(families: Any, own: Longs, groups: dict[str, Longs]) -> None:
-    """Add members of families to the groups that the families name."""
+    """Add the members of each family to the groups that the family names."""
     for family in families.values():
         if "GRO" not in family or "NUM" not in family.attrs:
             continue

@@ -1,4 +1,4 @@
-"""Write the first case file for a model of another program, and a survey of its content."""
+"""Write a first case file for another program's model, and survey the model."""
 
 import json
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
 from perfplast_fenicsx.models.foreign_model import ForeignMaterial, ForeignModel, Joined
 
 HEAD = """\
-# Made of {source}.{fill}
+# Made from {source}.{fill}
 
 title = {title}
 
@@ -26,7 +26,7 @@ degree = 2
 
 [loading]
 control = "work"
-until = "limit"                 # at what load the bodies collapse
+until = "limit"                 # the load at which the bodies collapse
 """
 
 DRIVEN = """
@@ -34,24 +34,24 @@ DRIVEN = """
 degree = 2
 
 [loading]
-control = "displacement"        # supports move, and nothing is loaded
-until = 1.0                     # times their displacements
+control = "displacement"        # supports move, and there are no loads
+until = 1.0                     # factor on the displacements of supports
 """
 
 
 FURTHER: dict[str, Any] = {"subsequent_indent": "#   ", "break_long_words": False}
-"""Format of the continuation lines of a comment."""
+"""Format of a comment's continuation lines."""
 
 
 def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str = "") -> str:
-    """Return a case file with all known data.
+    """Return the text of a case file with all known data.
 
     Args:
         model: The model.
         title: Title of the case.
         source: Name of the model's file.
         mesh: Name of the mesh file in the folder of the case.
-        stress: The unit of stresses, if it is known.
+        stress: Unit of stress; "" if it is unknown.
     """
     text = ""
     if model.turned:
@@ -68,7 +68,7 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
         if support.value:
             text += f"value = {support.value!r}\n" + "constant = false\n" * driven
     if not model.held:
-        text += '\n[[support]]\non = "NAME"                     # <- what holds the bodies\n'
+        text += '\n[[support]]\non = "NAME"                     # <- a surface that is held\n'
     for pair in model.joined:
         text += _pair(pair)
     for load in model.pushed:
@@ -76,22 +76,22 @@ def case_of(model: ForeignModel, title: str, source: str, mesh: str, stress: str
         note = f"  # {load.note}" if load.note else ""
         text += f"\n[[load]]\non = {_quoted(load.on)}\n{load.kind} = {value!r}{note}\n"
     if not (model.pushed or driven):
-        text += '\n[[load]]\non = "NAME"                     # <- what pushes and pulls\n'
+        text += '\n[[load]]\non = "NAME"                     # <- a surface that is loaded\n'
         text += "pressure = 1.0                  # <-\n"
     text += DRIVEN if driven else END
     text += f"\n[units]\nstress = {_quoted(stress)}\n" if stress else ""
     if not (model.held and (model.pushed or driven)):
-        listed = ", ".join(model.surfaces) or "none has a name"
+        listed = ", ".join(model.surfaces) or "none"
         text += "\n" + fill(f"Surfaces: {listed}", 100, initial_indent="# ", **FURTHER) + "\n"
-    text += "".join(f"\n# Not as in {source}: {remark}." for remark in model.remarks)
+    text += "".join(f"\n# Differs from {source}: {remark}." for remark in model.remarks)
     text += "\n" if model.remarks else ""
-    told = " What is marked with <- is to be filled in." if "<-" in text else ""
+    told = " Fill in the entries marked with <-." if "<-" in text else ""
     names = {"title": _quoted(title), "mesh": _quoted(mesh)}
     return HEAD.format(source=source, fill=told, **names) + text
 
 
 def survey_of(model: ForeignModel) -> Survey:
-    """Return the survey of the model, in the form of a geometry's survey."""
+    """Return the survey of a model, in the form of the survey of a geometry."""
     dim, points = model.dim, model.points
     volumes = _volumes(points, model.cells, dim)
     bodies = []
@@ -103,7 +103,7 @@ def survey_of(model: ForeignModel) -> Survey:
         worst = float(_qualities(points, mine, dim).min())
         bodies.append(Body(name, name, size, _place(low), _place(high), len(mine), worst))
     faces = []
-    turned = 1e-6  # normals of a flat surface differ by less
+    turned = 1e-6  # a surface counts as flat if its normals differ by less
     for number, name in enumerate(model.surfaces):
         mine = model.facets[model.surface == number]
         normals = _normals(points, mine, dim)
@@ -132,14 +132,14 @@ def survey_of(model: ForeignModel) -> Survey:
 def skin_of_model(
     model: ForeignModel, survey: Survey, outer: Longs, body: Longs, face: Longs
 ) -> dict:
-    """Return the content of a picture: outer triangles and the positions of named surfaces.
+    """Return the data for a picture: outer triangles, and places on named surfaces.
 
     Args:
         model: The model.
-        survey: Survey of it.
+        survey: Survey of the model.
         outer: Corners of the visible triangles, shape (n, 3).
         body: Body of each triangle.
-        face: Number of the named surface of each triangle, from 1; 0 for none.
+        face: Number of the named surface of each triangle, from 1; 0 without a named surface.
     """
     places = []
     for number, one in enumerate(survey.faces):
@@ -169,7 +169,7 @@ def _material(body: str, given: ForeignMaterial | None, yields: bool) -> str:
     either = (
         ""
         if yields
-        else '               # <- or "von-mises", with a yield_stress: something has to yield'
+        else '               # <- or "von-mises" with a yield_stress: at least one body must yield'
     )
     text += f"law = {_quoted(law)}{either}\nyoung = {given.young!r}\npoisson = {given.poisson!r}\n"
     if given.yield_stress is not None:
@@ -191,7 +191,7 @@ def _volumes(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
-    """Return volumes over those of equilateral cells with the same mean square of edges."""
+    """Return volumes relative to equilateral cells with the same mean square of edge lengths."""
     ends = [(i, j) for i in range(dim + 1) for j in range(i)]
     squares = sum(
         ((points[cells[:, i], :dim] - points[cells[:, j], :dim]) ** 2).sum(axis=1) for i, j in ends
@@ -201,7 +201,7 @@ def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _normals(points: Floats, facets: Longs, dim: int) -> Floats:
-    """Return normals with the facets' areas as norms, all on the side of the first normal."""
+    """Return normals whose lengths are the areas of facets, all on the side of the first one."""
     p = points[facets]
     if dim == 2:
         along = p[:, 1] - p[:, 0]

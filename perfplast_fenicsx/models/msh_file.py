@@ -1,4 +1,4 @@
-"""Write a model as a gmsh file with physical names."""
+"""Write a model to a .msh file of gmsh, with physical names."""
 
 from pathlib import Path
 from typing import Any
@@ -10,19 +10,19 @@ from perfplast_fenicsx.models.foreign_model import ForeignModel
 
 
 def write_msh(model: ForeignModel, path: Path) -> None:
-    """Write the mesh in gmsh's format 2.2, in which each element has its physical name.
+    """Write the mesh in gmsh's format 2.2, in which each element has a physical group.
 
     Raises:
-        OSError: If the system refuses.
+        OSError: If the file cannot be written.
     """
     used, cells = np.unique(model.cells, return_inverse=True)
     cells = cells.reshape(model.cells.shape)
     facets = np.searchsorted(used, model.facets)
-    kinds = {2: (1, 2), 3: (2, 4)}  # gmsh's numbers of facet and cell types, by dimension
+    kinds = {2: (1, 2), 3: (2, 4)}  # gmsh's type numbers of facets and cells, by dimension
     of_facets, of_cells = kinds[model.dim]
     first = len(model.surfaces)
     with path.open("w", encoding="utf-8") as opened:
-        file: Any = opened  # NumPy writes text to it, contrary to its types
+        file: Any = opened  # NumPy writes text to the file, which its type hints do not allow
         file.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n")
         names = [(model.dim - 1, name) for name in model.surfaces]
         names += [(model.dim, name) for name in model.bodies]
@@ -39,7 +39,7 @@ def write_msh(model: ForeignModel, path: Path) -> None:
 
 
 def _elements(file: Any, first: int, kind: int, tags: Longs, nodes: Longs) -> None:
-    """Write lines of elements: number, kind, two tags, nodes."""
+    """Write one line for each element: number, kind, two tags, nodes."""
     count = len(nodes)
     numbers = np.arange(first, first + count)
     table = [numbers, np.full(count, kind), np.full(count, 2), tags, tags, *nodes.T]

@@ -1,4 +1,4 @@
-"""Numbers in text files and in the data lines of an ``.inp`` file, as arrays."""
+"""Read numbers from text files, and from the data lines of an ``.inp`` file, into arrays."""
 
 import re
 import warnings
@@ -14,7 +14,7 @@ from perfplast_fenicsx.proof.stored_file import check_regular
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file in UTF-8, or in Latin-1 if it is not UTF-8.
+    """Return the text of a file, decoded as UTF-8, or as Latin-1 if it is not UTF-8.
 
     Raises:
         InputError: If the file cannot be read, or is not text.
@@ -22,7 +22,10 @@ def text_of(path: Path) -> str:
     try:
         check_regular(path)
         if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"'{path}' has more than {MOST_BYTES:.0e} bytes, which is too large.")
+            raise InputError(
+                f"'{path}' has more than {MOST_BYTES:.0e} bytes, the limit for a "
+                "file; give a smaller model."
+            )
         raw = path.read_bytes()
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
@@ -35,23 +38,23 @@ def text_of(path: Path) -> str:
 
 
 def whole_numbers(lines: Iterable[str], what: str) -> Longs:
-    """Return all integers in lines.
+    """Return all integers in some lines.
 
     Args:
         lines: Lines with blanks between the numbers.
-        what: Name of the numbers, for messages.
+        what: Name of the numbers' objects, for messages.
 
     Raises:
-        InputError: If a line has anything else.
+        InputError: If a line contains anything else.
     """
     return np.asarray(_numbers(" ".join(lines), np.int64, what), dtype=np.int64)
 
 
 def real_numbers(lines: Iterable[str], what: str) -> Floats:
-    """Return all numbers in lines, with exponents of Fortran too (1.0D+00).
+    """Return all numbers in some lines, which may have Fortran's exponents (1.0D+00).
 
     Raises:
-        InputError: If a line has anything else, or a number is not finite.
+        InputError: If a line contains anything else, or if a number is not finite.
     """
     text = re.sub("[dD]", "e", " ".join(lines))
     found = np.asarray(_numbers(text, np.float64, what), dtype=np.float64)
@@ -64,33 +67,37 @@ def _numbers(text: str, kind: type[np.generic], what: str) -> np.ndarray:
     if not text.strip():
         return np.zeros(0, dtype=kind)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # NumPy's reaction to other text
+        # NumPy issues this warning for other text
+        warnings.simplefilter("error", DeprecationWarning)
         try:
             return np.fromstring(text, dtype=kind, sep=" ")
         except (DeprecationWarning, ValueError) as error:
             raise InputError(
-                f"{what} have something else where numbers are expected; the file is damaged."
+                f"{what} have text where numbers are expected; the file is damaged."
             ) from error
 
 
 NOBODY: Longs = np.zeros(0, dtype=np.int64)
 
 Sets = dict[tuple[str, str], Longs]
-"""Numbers of members by the kind of set ("NSET", "ELSET") and its name."""
+"""Numbers of the members of sets, by kind of set ("NSET", "ELSET") and name."""
 
 
 class NumberIndex:
-    """The index in the assembly of each node or element, by its number in a part."""
+    """Finds the index of nodes or elements in the assembly by their numbers in a part."""
 
     def __init__(self, ids: Longs, first: int, what: str) -> None:
         self._order = np.argsort(ids, kind="stable")
         self._sorted, self._first, self._what = ids[self._order], first, what
 
     def of(self, numbers: Longs, missing_is_fine: bool = False) -> Longs:
-        """Return the indices of numbers; if a number occurs twice, that of its last occurrence."""
+        """Return the indices for numbers; for a repeated number, that of its last occurrence."""
         if not len(self._sorted):
             if numbers.size and not missing_is_fine:
-                raise InputError(f"there is no {self._what} {numbers.ravel()[0]}.")
+                raise InputError(
+                    f"there is no {self._what} {numbers.ravel()[0]}; the file is cut "
+                    "off or damaged."
+                )
             return NOBODY
         at = np.searchsorted(self._sorted, numbers, side="right") - 1
         there = self._sorted[np.maximum(at, 0)] == numbers
@@ -98,14 +105,14 @@ class NumberIndex:
             return self._first + self._order[at[there]]
         if not there.all():
             raise InputError(
-                f"there is no {self._what} {numbers[~there].ravel()[0]}, which an element has; the"
-                " file is cut off or damaged."
+                f"there is no {self._what} {numbers[~there].ravel()[0]}, to which an element "
+                "refers; the file is cut off or damaged."
             )
         return self._first + self._order[at]
 
 
 def first_has(keyword: Keyword, count: int) -> bool:
-    """Return whether the first element has ``count`` numbers, including its own number."""
+    """Return whether the first element has ``count`` numbers, including the element number."""
     found = 0
     for line in keyword.lines:
         found += len([cell for cell in line.split(",") if cell.strip()])
@@ -115,7 +122,7 @@ def first_has(keyword: Keyword, count: int) -> bool:
 
 
 def table_of(keyword: Keyword) -> Floats:
-    """Return the data lines as a table; missing cells are zero."""
+    """Return the data lines as a table, with 0 for missing cells."""
     if not keyword.lines:
         return np.zeros((0, 4))
     lines = [line.rstrip(", ") for line in keyword.lines]
@@ -123,19 +130,20 @@ def table_of(keyword: Keyword) -> Floats:
     try:
         return np.array(",".join(lines).split(","), dtype=np.float64).reshape(-1, width)
     except ValueError:
-        pass  # lines of unequal length, or cells without a number
+        pass  # lines have different lengths, or cells are empty
     try:
         rows = [[float(cell.strip() or 0) for cell in line.split(",")] for line in lines]
     except ValueError as error:
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has a text that is not a number ({error})."
+            f"line {keyword.number}: *{keyword.name} has a text that is not a number ({error}); "
+            "the file is damaged."
         ) from error
     width = max(map(len, rows))
     return np.array([row + [0.0] * (width - len(row)) for row in rows])
 
 
 def names_of(keyword: Keyword) -> list[str]:
-    """Return the names in the data."""
+    """Return the names in the data lines of a keyword."""
     return [cell for row in keyword.rows() for cell in row if cell and not _is_whole(cell)]
 
 
@@ -144,7 +152,7 @@ def _is_whole(cell: str) -> bool:
 
 
 def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
-    """Return the numbers of a set."""
+    """Return the numbers of the members of a set."""
     rows = keyword.rows()
     if "GENERATE" in keyword.options:
         found = []
@@ -153,10 +161,14 @@ def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
                 first, last, step = (*map(int, row), 1)[:3]
             except ValueError as error:
                 raise InputError(
-                    f"line {keyword.number}: *{kind}, GENERATE needs first, last and step."
+                    f"line {keyword.number}: *{kind}, GENERATE needs three integers: first, last "
+                    "and step; the file is damaged."
                 ) from error
             if step < 1 or (last - first) // step > 100_000_000:
-                raise InputError(f"line {keyword.number}: *{kind} has the step {step}.")
+                raise InputError(
+                    f"line {keyword.number}: **{kind} has the invalid step {step}; "
+                    "the file is damaged."
+                )
             found.append(np.arange(first, last + 1, step, dtype=np.int64))
         return np.concatenate([NOBODY, *found])
     plain = np.array([int(c) for row in rows for c in row if _is_whole(c)], dtype=np.int64)
@@ -165,6 +177,6 @@ def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
 
 
 def add_to(sets: Sets, key: tuple[str, str], members: Longs) -> None:
-    """Add members to a set, which is created if it does not exist."""
+    """Add members to a set; create the set if it does not exist."""
     before = sets.get(key)
     sets[key] = members if before is None else np.union1d(before, members)

@@ -1,4 +1,4 @@
-"""The outer facets of a model: by corners, by faces of elements or sets of nodes, and by names."""
+"""Find outer facets of a model by corners, faces of elements or nodes, and name them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ NOWHERE = -1
 
 
 class OuterFacets:
-    """Facets that belong to a single cell.
+    """The facets that belong to only one cell.
 
     Attributes:
         corners: Corners of each facet, sorted by number, shape (num_facets, dim).
@@ -34,11 +34,12 @@ class OuterFacets:
         Raises:
             InputError: If there are too many points.
         """
-        # With more points the key of a triangle would not fit into 63 bits.
+        # with more points, the key of a triangle would not fit into 63 bits
         most_points = 2_000_000
         if num_points > most_points:
             raise InputError(
-                f"the model has {num_points} nodes, more than {most_points}; take a coarser mesh."
+                f"the model has {num_points} nodes, but at most {most_points} are supported; give "
+                "a coarser mesh."
             )
         dim = cells.shape[1] - 1
         self._base = np.int64(max(num_points, 1))
@@ -55,7 +56,7 @@ class OuterFacets:
         self.corners, self.cells = every[chosen], owners[chosen]
 
     def outwards(self, points: Floats, cells: Longs) -> Longs:
-        """Return corners of triangles, counterclockwise as seen from outside.
+        """Return the corners of the triangles, counterclockwise as seen from outside.
 
         Args:
             points: Coordinates of the points, shape (n, 3).
@@ -74,14 +75,14 @@ class OuterFacets:
         return keys
 
     def find(self, corners: Longs) -> Longs:
-        """Return the number of each facet by its corners in any order, or -1; shape (n,)."""
+        """Return the numbers of facets with given corners in any order, shape (n,); -1 if none."""
         keys = self._keys(np.sort(corners, axis=1))
         at = np.minimum(np.searchsorted(self._found, keys), max(len(self._found) - 1, 0))
         there = self._found[at] == keys if len(self._found) else np.zeros(len(keys), dtype=bool)
         return np.where(there, at, NOWHERE)
 
     def among(self, points: Longs, num_points: int) -> Longs:
-        """Return the numbers of the facets whose corners are all among some points."""
+        """Return the numbers of the facets whose corners are all among the given points."""
         chosen = np.zeros(num_points, dtype=bool)
         chosen[points] = True
         return np.flatnonzero(chosen[self.corners].all(axis=1))
@@ -91,7 +92,7 @@ NONE: Longs = np.zeros(0, dtype=np.int64)
 
 
 class ElementFacets:
-    """Search of outer facets."""
+    """Finds outer facets by elements or nodes."""
 
     def __init__(
         self, points: Floats, blocks: Sequence[Block], outer: OuterFacets, dim: int
@@ -100,9 +101,9 @@ class ElementFacets:
 
         Args:
             points: Coordinates of the points, shape (n, 3).
-            blocks: All elements, flat ones too.
+            blocks: All elements, including flat ones.
             outer: The outer facets.
-            dim: Dimension of the model: 3, or 2 in the plane.
+            dim: 3 in space, or 2 in the plane.
         """
         self._points, self._every, self._outer, self._dim = points, blocks, outer, dim
         corners = np.zeros(len(points), dtype=bool)
@@ -110,7 +111,7 @@ class ElementFacets:
         self._corner = corners
 
     def of_faces(self, elements: Longs, face: str) -> Longs:
-        """Return the facets of a face (S1, P1, ...) of elements; all outer ones without a face."""
+        """Return facets on a face (S1, P1, ...) of elements; without a face, all outer facets."""
         found = [NONE]
         number = int(face[1:]) - 1 if face[1:].isdigit() and face[:1] in "SPF" else None
         for block in self._blocks(self._dim):
@@ -125,7 +126,7 @@ class ElementFacets:
         return np.unique(every[every >= 0])
 
     def of_flat_elements(self, elements: Longs) -> Longs:
-        """Return the facets on which flat elements (lines in the plane) lie."""
+        """Return the facets on which flat elements (in the plane lines) lie."""
         found = [NONE]
         for block in self._blocks(self._dim - 1):
             mine = block.nodes[self._rows(block, elements)]
@@ -135,25 +136,25 @@ class ElementFacets:
         return np.unique(every[every >= 0])
 
     def count_of_flat(self, elements: Longs) -> int:
-        """Return the number of facets of flat elements; a quadrilateral has two in space."""
+        """Return the number of facets of flat elements; a quadrilateral in space has two facets."""
         return sum(
             len(self._rows(block, elements)) * (block.kind.shape.corners - self._dim + 1)
             for block in self._blocks(self._dim - 1)
         )
 
     def of_nodes(self, nodes: Longs) -> Longs:
-        """Return the facets whose corners are all among given nodes."""
+        """Return the facets whose corners are all among the given nodes."""
         return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Return whether facets exist, with all given nodes that are corners of outer facets."""
+        """Return whether there are facets, and they contain all nodes that are outer corners."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]
         return bool(len(facets)) and bool(on[corners].all())
 
     def areas(self, facets: Longs) -> np.ndarray:
-        """Return the area of each facet (in the plane, its length)."""
+        """Return the area (in the plane the length) of each facet."""
         p = self._points[self._outer.corners[facets]]
         if self._dim == 2:
             return np.asarray(np.linalg.norm(p[:, 1] - p[:, 0], axis=1))
@@ -170,13 +171,13 @@ class ElementFacets:
 
 
 def with_flat_ends(model: ForeignModel) -> ForeignModel:
-    """Return the model with names such as ``plate_z_low`` for flat outer facets without a name."""
+    """Return the model with names such as ``plate_z_low`` for unnamed flat ends of bodies."""
     outer = OuterFacets(model.cells, len(model.points))
     free = np.ones(len(outer.corners), dtype=bool)
     named = outer.find(model.facets)
     free[named[named != NOWHERE]] = False
     wanted, found = [], []
-    # largest distance of a flat end's nodes from its plane, relative to the body's size
+    # largest distance of the nodes of a flat end from its plane, relative to the body's size
     off_plane = 1e-6
     for number, body in enumerate(model.bodies):
         mine = free & (model.body[outer.cells] == number)
@@ -204,17 +205,17 @@ def with_flat_ends(model: ForeignModel) -> ForeignModel:
 
 
 class NamedSurfaces:
-    """Surfaces by name, which are divided where they overlap.
+    """Stores surfaces by name, and divides surfaces that overlap.
 
-    A facet has one physical name in a mesh. Facets that several surfaces share become separate
-    surfaces. A name then represents several of these.
+    In a mesh, a facet has only one physical name. So facets that several surfaces share become
+    separate surfaces, and a name then stands for several surfaces.
     """
 
     def __init__(self) -> None:
         self._members: dict[str, Longs] = {}
 
     def add(self, name: str, facets: Longs) -> None:
-        """Add a surface, or facets to one."""
+        """Add a surface, or add facets to an existing surface."""
         before = self._members.get(name, np.zeros(0, dtype=np.int64))
         self._members[name] = np.union1d(before, facets)
 
@@ -223,7 +224,7 @@ class NamedSurfaces:
         return list(self._members)
 
     def remove(self, name: str) -> None:
-        """Forget a surface."""
+        """Remove a surface."""
         del self._members[name]
 
     def facets(self, name: str) -> Longs:
@@ -233,14 +234,14 @@ class NamedSurfaces:
     def divided(
         self, taken: Sequence[str] = ()
     ) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
-        """Return surfaces without common facets.
+        """Return the surfaces, divided so that they have no common facets.
 
         Args:
-            taken: Names of bodies.
+            taken: Names of bodies, which surfaces must not have.
 
         Returns:
-            Names of the surfaces; the facets, shape (k,), and the surface of each, shape (k,); the
-            new surfaces that each added name represents.
+            The names of the divided surfaces; the facets, shape (k,); the surface of each facet,
+            shape (k,); and for each added name the names of its divided surfaces.
         """
         names = [name for name, facets in self._members.items() if len(facets)]
         members = [self._members[name] for name in names]

@@ -1,10 +1,10 @@
-"""The solid elements of a model as simplices whose faces match.
+"""Divide the solid elements of a model into simplices whose faces match.
 
-Divide hexahedra, wedges, pyramids and quadrilaterals into simplices whose faces match.
-A quadrilateral face is cut by the diagonal from its corner with the smallest number, which both
-cells at it share (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, How to subdivide pyramids,
-prisms and hexahedra into tetrahedra, 8th Int. Meshing Roundtable, 1999). A cell is then divided
-into the cones of its own smallest corner over the faces without this corner.
+A quadrilateral face is cut by the diagonal from its corner with the smallest number; both cells at
+the face have this corner (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, How to subdivide
+pyramids, prisms and hexahedra into tetrahedra, 8th Int. Meshing Roundtable, 1999). Then a cell is
+divided into cones: their apex is the corner of the cell with the smallest number, and their bases
+are the faces without this corner.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,15 +18,15 @@ from perfplast_fenicsx.models.element_types import Block, Shape
 
 
 def divided(cells: Longs, shape: Shape) -> tuple[Longs, Longs]:
-    """Return simplices of cells of one shape.
+    """Return the simplices into which cells of one shape are divided.
 
     Args:
-        cells: Corners by number, shape (num_cells, shape.corners).
+        cells: Numbers of the corners, shape (num_cells, shape.corners).
         shape: Shape of all cells.
 
     Returns:
-        Corners of the simplices, shape (n, dim + 1), in any orientation; the cell of each simplex,
-        shape (n,).
+        The corners of the simplices in any orientation, shape (n, dim + 1), and the cell of each
+        simplex, shape (n,).
     """
     count = np.arange(len(cells))
     if shape.corners == shape.dim + 1:
@@ -46,13 +46,14 @@ def divided(cells: Longs, shape: Shape) -> tuple[Longs, Longs]:
 
 
 def pieces(faces: Longs) -> list[tuple[Longs, Longs]]:
-    """Return faces as simplices: quadrilaterals are cut in two, others remain.
+    """Return the simplices of faces: quadrilaterals are cut in two, other faces remain.
 
     Args:
-        faces: Corners around each face, shape (num_faces, 2, 3 or 4).
+        faces: Corners of each face in order around it, shape (num_faces, 2, 3 or 4).
 
     Returns:
-        Pairs of corners, shape (n, 2 or 3), and the face of each simplex, shape (n,).
+        Pairs of arrays: corners of simplices, shape (n, 2 or 3), and the face of each simplex,
+        shape (n,).
     """
     count = np.arange(len(faces))
     if faces.shape[1] < 4:
@@ -66,7 +67,7 @@ def pieces(faces: Longs) -> list[tuple[Longs, Longs]]:
 
 
 BENT = 1e-3
-"""Largest distance of a midside from the midpoint of a straight edge, over the edge's length."""
+"""Largest distance of a midside node from the midpoint of a straight edge, relative to the edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +75,11 @@ class SolidCells:
     """Simplices of a model.
 
     Attributes:
-        dim: Dimension: 3, or 2 if there are only flat elements.
+        dim: 3, or 2 if there are only flat elements.
         blocks: The elements of this dimension.
-        cells: Corners of the simplices, shape (m, dim + 1), with positive volumes.
-        parents: Element of each simplex, shape (m,).
-        remarks: Remarks on changed elements, a sentence each.
+        cells: Corners of the simplices, shape (m, dim + 1). All volumes are positive.
+        parents: Number of the element of each simplex, shape (m,).
+        remarks: Remarks on changed elements, each a sentence.
     """
 
     dim: int
@@ -89,7 +90,7 @@ class SolidCells:
 
 
 def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, int]) -> SolidCells:
-    """Return the elements of the highest dimension as simplices.
+    """Return the simplices of the elements with the highest dimension.
 
     Args:
         points: Coordinates of the points, shape (n, 3).
@@ -97,7 +98,7 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
         left_out: Number of elements of unsupported types, by type.
 
     Raises:
-        InputError: If there are no solid elements, or one has no volume.
+        InputError: If there are no solid elements, or if one of them has no volume.
     """
     solids = [block for block in blocks if block.kind.shape.dim > 1 and len(block.nodes)]
     if not solids:
@@ -118,7 +119,7 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
         parents.append(block.first + of)
     every, parent = np.concatenate(cells), np.concatenate(parents)
     once = (np.diff(np.sort(every, axis=1), axis=1) > 0).all(axis=1)
-    # for example of a hexahedron that is collapsed to a wedge
+    # other simplices are flat, for example in a hexahedron that is collapsed to a wedge
     every, parent = every[once], parent[once]
     full = _with_volume(points, every, dim)
     if not (full.all() and len(every)):
@@ -133,7 +134,7 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
 
 
 def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
-    """Refuse surfaces in space."""
+    """Raise an error for surfaces in space."""
     used = points[np.unique(np.concatenate([block.nodes.ravel() for block in solids]))]
     height, size = np.ptp(used[:, 2]), np.linalg.norm(np.ptp(used, axis=0))
     if height > BENT * size:
@@ -146,13 +147,14 @@ def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
 def _with_volume(points: Floats, cells: Longs, dim: int) -> np.ndarray:
     edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    # Volume relative to the cube (square) of the longest edge, below which a simplex has no volume.
+    # a simplex has no volume if its volume, relative to the longest edge cubed (squared), is below
+    # this
     flat = 1e-10
     return np.asarray(np.abs(np.linalg.det(edges)) > flat * longest**dim)
 
 
 def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
-    """Return cells with positive volume."""
+    """Return the cells with corners in an order that gives positive volumes."""
     edges = points[cells[:, 1:], :dim] - points[cells[:, :1], :dim]
     turned = np.linalg.det(edges) < 0
     cells = cells.copy()
@@ -163,9 +165,9 @@ def _oriented(points: Floats, cells: Longs, dim: int) -> Longs:
 def _told(
     points: Floats, solids: Sequence[Block], left_out: Mapping[str, int], count: int
 ) -> list[str]:
-    """Return remarks on elements that are left out, divided or bent."""
+    """Return remarks on elements that are ignored, divided or curved."""
     remarks = [
-        f"{number} lines of elements of the unsupported type {name} are left out"
+        f"{number} lines of elements of the unsupported type {name} are ignored"
         for name, number in left_out.items()
     ]
     whole = sum(len(block.nodes) for block in solids)
@@ -184,7 +186,7 @@ def _told(
         bent += int((off > BENT * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)).sum())
     if bent:
         remarks.append(
-            f"{bent} midsides lie off the middle of their edge: curved elements are taken as"
-            " straight between their corners"
+            f"{bent} midside nodes do not lie at the middle of a straight edge: curved elements "
+            "are replaced by straight ones"
         )
     return remarks

@@ -1,7 +1,8 @@
-"""Read a ``.unv`` file (I-DEAS universal file: Salome, NX, Femap) as a mesh with groups.
+"""Read a ``.unv`` file (I-DEAS universal file from Salome, NX, Femap) as a mesh with groups.
 
-Datasets are enclosed by lines of -1: 2411 or 781 has nodes, 2412 elements, and 2467 and similar
-numbers groups (SDRC's universal file format). All others do not matter for a mesh.
+Lines with -1 enclose each dataset. Datasets 2411 and 781 contain nodes, 2412 contains elements, and
+2467 and similar numbers contain groups (SDRC's universal file format). A mesh needs no other
+datasets.
 """
 
 import re
@@ -33,11 +34,12 @@ from perfplast_fenicsx.models.number_text import (
 
 NODES, ELEMENTS = ("2411", "781"), ("2412",)
 GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")
-"""Numbers of datasets."""
+"""Numbers of the datasets that are read."""
 
 
 AROUND_3, AROUND_4 = [0, 2, 4, 1, 3, 5], [0, 2, 4, 6, 1, 3, 5, 7]
-"""Order of quadratic elements, whose corners and midsides alternate: corners first, then midsides.
+"""Order of the nodes of quadratic elements, in which corners and midside nodes alternate: corners
+first, then midside nodes.
 """
 
 FACES = {
@@ -62,7 +64,7 @@ KINDS: dict[int, tuple[ElementType, list[int]]] = {
     22: (ElementType(LINE, 3), [0, 2, 1]),
     24: (ElementType(LINE, 3), [0, 2, 1]),
 }
-"""Elements by their descriptor: plane, thin and solid elements."""
+"""Element types by descriptor, with the order of nodes: plane, thin, solid and line elements."""
 
 
 def read_unv(path: Path) -> ForeignModel:
@@ -84,7 +86,7 @@ def _mesh(text: str) -> GroupedMesh:
     if not nodes:
         raise InputError(
             "there are no nodes (dataset 2411 or 781), so this is not a mesh in the UNV format, "
-            "or in a very old version of it; export the mesh again."
+            "or its version is too old; export the mesh again."
         )
     heads = np.concatenate([whole_numbers(lines[::2], "nodes") for lines in nodes])
     places = np.concatenate([real_numbers(lines[1::2], "nodes") for lines in nodes])
@@ -114,11 +116,11 @@ def _datasets(text: str) -> list[tuple[str, list[str]]]:
 
 
 def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[Longs]:
-    """Read the elements, which are grouped by kind, and return their numbers."""
+    """Add the elements, which are sorted by kind, to ``found``, and return their numbers."""
     ids, at = [], 0
-    # Count of numbers before the nodes of an element; the last one is the number of nodes.
+    # count of numbers before the nodes of an element; the last of them is the number of nodes
     before_nodes = 6
-    # Line elements with additional numbers, and the count of these numbers.
+    # line elements that have additional numbers, and the count of these numbers
     beams, of_beams = (11, 21, 22, 23, 24), 3
     while at + before_nodes <= len(numbers):
         kind, nodes = int(numbers[at + 1]), int(numbers[at + before_nodes - 1])
@@ -146,12 +148,12 @@ def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[L
 def _groups(
     lines: list[str], points: NumberIndex, elements: NumberIndex, found: GroupedMesh
 ) -> None:
-    """Read the groups of a dataset."""
+    """Add the groups of a dataset to ``found``."""
     at = 0
-    # Kinds of members of groups, and the count of numbers in a line.
+    # codes of nodes and elements in groups, and the count of numbers in a line
     node, element, in_a_line = 7, 8, 8
     while at + 1 < len(lines):
-        if not lines[at].strip():  # after groups without members
+        if not lines[at].strip():  # blank lines follow groups without members
             at += 1
             continue
         head, name = whole_numbers([lines[at]], "groups"), lines[at + 1].strip()
@@ -160,8 +162,8 @@ def _groups(
             raise InputError(f"the group '{name[:40]}' is damaged; export the mesh again.")
         what = f"members of '{name[:40]}'"
         first = whole_numbers(lines[at + 2 : at + 3], what) if count else NOBODY
-        # kind, number and two zeros for each member, two members in a line; older datasets lack the
-        # zeros
+        # Each member has its kind, its number and two zeros, and a line has two members. Older
+        # datasets have no zeros.
         fields = 4 if len(first) > 2 and first[2] == 0 else 2
         tall = -(-count * fields // in_a_line)
         rows = whole_numbers(lines[at + 2 : at + 2 + tall], what)

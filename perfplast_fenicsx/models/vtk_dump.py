@@ -1,7 +1,7 @@
-"""Read a file of cells with VTK in a separate program, and write its content to an .npz file.
+"""Read a mesh file with VTK and write its content to an .npz file, as a separate program.
 
-Broken files make VTK crash, or allocate without limit. This ends this process, not the ranks. The
-module imports nothing of this package, as that might start MPI.
+A damaged file may make VTK crash or allocate memory without limit. Then only this process ends, not
+the ranks. The program imports nothing from this package, because this might start MPI.
 
     python3 -P vtk_dump.py FILE.vtu TARGET.npz
 """
@@ -17,7 +17,7 @@ import pyvista
 
 def limit(size: int) -> None:
     """Limit the memory of this process, for a file of ``size`` bytes."""
-    least_memory, memory_per_byte = 8 << 30, 100  # address space (bytes)
+    least_memory, memory_per_byte = 8 << 30, 100  # limits of the address space (bytes)
     memory, most = least_memory + memory_per_byte * size, resource.getrlimit(resource.RLIMIT_AS)[1]
     if most == resource.RLIM_INFINITY or memory < most:
         resource.setrlimit(resource.RLIMIT_AS, (memory, most))
@@ -25,7 +25,7 @@ def limit(size: int) -> None:
 
 
 def dump(source: str, target: str) -> None:
-    """Read a file of cells, and write its arrays."""
+    """Read a mesh file, and write its arrays to an .npz file."""
     grid: Any = pyvista.read(source)
     if not isinstance(grid, pyvista.UnstructuredGrid):
         grid = (

@@ -1,7 +1,7 @@
-"""Read a ``.vtu`` or ``.vtk`` file of cells as a mesh with groups.
+"""Read a ``.vtu`` or ``.vtk`` file as a mesh with groups.
 
-Such files have no names of bodies and surfaces, but integers at cells or points. Each number of an
-array such as "region" is a group ``region_3``.
+These files have no names of bodies and surfaces, but arrays of integers at cells or points. Each
+number in an array defines a group: the number 3 in the array "region" defines ``region_3``.
 """
 
 import signal
@@ -41,11 +41,12 @@ KINDS = {
     **{13: ElementType(WEDGE, 6), 26: ElementType(WEDGE, 15)},
     **{14: ElementType(PYRAMID, 5), 27: ElementType(PYRAMID, 13)},
 }
-"""Elements by VTK's numbers; their corners and midsides have the order of Abaqus."""
+"""Element types by VTK's numbers; the nodes have the order of Abaqus."""
 
 
 USUAL = ("gmsh:physical", "CellEntityIds", "medit:ref", "region", "material", "part")
-"""Arrays with groups in files of gmsh, meshio and others; without them, another array is used."""
+"""Arrays that define groups in files from gmsh, meshio and others. If a file has none of them,
+another array is used."""
 
 
 def read_vtu(path: Path) -> ForeignModel:
@@ -75,12 +76,17 @@ def read_vtu(path: Path) -> ForeignModel:
                 timeout=most_seconds,
             )
         except subprocess.TimeoutExpired as error:
-            raise InputError(f"'{path}' was not read in {most_seconds} s by VTK.") from error
+            raise InputError(
+                f"VTK did not read '{path}' within {most_seconds} s; export a smaller mesh."
+            ) from error
         if done.returncode or not target.exists():
             how = f"exit status {done.returncode}"
             if done.returncode < 0:
                 how = signal.strsignal(-done.returncode) or how
-            raise InputError(f"VTK cannot read '{path}' ({how.lower()}): the file is damaged.")
+            raise InputError(
+                f"VTK cannot read '{path}' ({how.lower()}), so the file is damaged; "
+                "export the mesh again."
+            )
         with np.load(target) as arrays:
             try:
                 return model_of(_mesh(arrays))
@@ -103,7 +109,10 @@ def _mesh(arrays: Any) -> GroupedMesh:
                 found.left_out[f"VTK {number}"] = len(mine)
             continue
         if not (np.diff(offsets)[mine] == kind.nodes).all():
-            raise InputError(f"cells of VTK's type {number} do not have {kind.nodes} nodes each.")
+            raise InputError(
+                f"cells of VTK's type {number} do not have {kind.nodes} nodes each; "
+                "the file is damaged."
+            )
         table = nodes[offsets[mine][:, None] + np.arange(kind.nodes)]
         if table.size and not 0 <= table.min() <= table.max() < len(found.points):
             raise InputError("cells refer to points that do not exist; the file is damaged.")
@@ -117,13 +126,14 @@ def _mesh(arrays: Any) -> GroupedMesh:
 def _group(
     arrays: Any, where: str, places: Longs, groups: dict[str, Longs], remarks: list[str]
 ) -> None:
-    """Put cells or points into groups by the numbers of one array."""
+    """Add groups of cells or points, which the numbers in one array define."""
     found = {
         str(arrays[f"{key}_name"]): arrays[key]
         for key in arrays.files
         if key.startswith(where) and key[-1].isdigit()
     }
-    most_groups = 200  # an array with more different numbers counts cells, and defines no groups
+    # an array with more different numbers does not define groups, but numbers cells
+    most_groups = 200
     usable = {
         name: values for name, values in found.items() if 1 < len(np.unique(values)) <= most_groups
     }
@@ -133,12 +143,11 @@ def _group(
     if len(usable) > 1:
         others = ", ".join(repr(one) for one in usable if one != name)
         remarks.append(
-            f"groups of {where}s are made of the array '{name}'; {others} would make others, and"
-            " are left out"
+            f"groups of {where}s come from the array '{name}'; other arrays ({others}) are ignored"
         )
     for number in np.unique(usable[name]):
         members = np.flatnonzero(usable[name] == number)
         members = places[members] if where == "cell" else members
         members = members[members >= 0]
-        if len(members) and (where == "cell" or number):  # 0 is the default of points
+        if len(members) and (where == "cell" or number):  # at points, 0 means no group
             groups[f"{name}_{number}"] = members

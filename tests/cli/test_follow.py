@@ -80,7 +80,7 @@ def test_what_is_no_time_to_wait(
 ) -> None:
     assert main(["plot", "--follow", f"--wait={seconds}", str(tmp_path)]) == BAD_INPUT
     if comm.rank == 0:
-        assert "--wait must be a time of 0 s" in capsys.readouterr().err
+        assert "--wait = " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

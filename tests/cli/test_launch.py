@@ -123,7 +123,9 @@ def test_processes_that_are_no_ranks_end_in_a_sentence(
 def test_no_ranks_are_refused() -> None:
     run = perfplast("run", "-n", "0", "case.toml", "-o", "out")
     assert run.returncode == 2
-    assert run.stderr == ("perfplast: -n 0 is less than 1; give the number of ranks, as in -n 2.\n")
+    assert run.stderr == (
+        "perfplast: -n 0 is less than 1; give a number of ranks, for example -n 2.\n"
+    )
 
 
 def test_run_starts_its_ranks(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ STAYS = "will not change"
 TO_COME = "not available yet"
 
 REFUSALS: Mapping[str, str] = {
-    "so that bodies carry any load": f"{STAYS}: such bodies have no limit load",
+    "so there is no limit load": f"{STAYS}: such bodies have no limit load",
     "is not a projection onto a yield set": f"{STAYS}: the algorithm consists of this projection",
     "does not support friction": f"{STAYS}: with T-FETI contact is a simple bound without friction",
     "is a formula": (

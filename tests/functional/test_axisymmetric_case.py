@@ -61,7 +61,7 @@ def test_forces_are_told_to_be_of_the_full_turn(
     if comm.rank == 0:
         assert ", P1, axisymmetric, " in out
         assert (
-            "Forces of the full turn (r: outwards, summed all around; z: along the axis) (N) at"
+            "Forces of the full turn (r: outward, summed around the axis; z: along the axis) (N) at"
             in out
         )
     assert main(["info", str(case)]) == SOLVED
@@ -134,4 +134,4 @@ def test_plane_strain_may_be_named_but_not_in_space(
     capsys.readouterr()
     case = write(comm, shared_tmp_path, plane.replace('file = "ring.msh"', BUILDER))
     assert main(["check", str(case)]) == BAD_INPUT
-    assert "is for meshes of triangles" in one_line(comm, capsys)
+    assert "applies only to meshes of triangles" in one_line(comm, capsys)

@@ -145,13 +145,13 @@ def test_levels_prove_nothing(
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
-        ("check", {"case": "../case.toml"}, "none of the folders"),
-        ("claim", {"folder": "/etc"}, "none of the folders"),
+        ("check", {"case": "../case.toml"}, "outside the folders"),
+        ("claim", {"folder": "/etc"}, "outside the folders"),
         ("claim", {"folder": "nowhere"}, "does not exist"),
         ("prove", {"file": "case.toml"}, "case.toml"),
         ("status", {"folder": "never"}, "no run was started"),
         ("run", {"case": "bad.toml", "folder": "new"}, "yield_strength"),
-        ("run", {"case": "case.toml", "folder": "results"}, "has results already"),
+        ("run", {"case": "case.toml", "folder": "results"}, "already has results"),
     ],
 )
 def test_what_the_tools_refuse(
@@ -171,7 +171,7 @@ def test_what_the_tools_refuse(
 def test_a_link_out_of_the_folder(place: Path, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(place)
     found = answering(Tools((tmp_path.resolve(),)).check)("link/case.toml")
-    assert "none of the folders" in found["error"]["message"]
+    assert "outside the folders" in found["error"]["message"]
 
 
 def test_a_run_by_tools(place: Path) -> None:

@@ -372,7 +372,7 @@ def test_bad_arguments(
     ("arguments", "part"),
     [
         (["--version"], f"perfplast {perfplast_fenicsx.__version__}"),
-        (["--help"], "3 a load level without a solution"),
+        (["--help"], "3 a load level has no solution"),
         (["run", "--help"], "-perfplast_ksp_rtol"),
     ],
 )

@@ -60,9 +60,9 @@ def test_where_it_cannot_run(
     ("loading", "solve", "said"),
     [
         (BOUNDS, 'conic = "clarabell"', "conic = 'clarabell' is unknown"),
-        (LEVELS, 'conic = "clarabel"', "this loading needs neither"),
-        (PATH, 'conic = "clarabel"', "a path is requested"),
-        (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "a path is requested"),
+        (LEVELS, 'conic = "clarabel"', "applies only to limit loads"),
+        (PATH, 'conic = "clarabel"', "the case asks for a path"),
+        (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "the case asks for a path"),
     ],
 )
 def test_where_it_has_nothing_to_solve(

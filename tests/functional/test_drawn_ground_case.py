@@ -118,7 +118,7 @@ def test_what_is_glued_moves_together(tmp_path: Path) -> None:
     lines = "\n".join(meant.lines)
     surface = 30 + float(np.hypot(20, 10))
     assert f"(length): 'surface' ({surface:.5g})" in lines
-    assert "the drawing has one face for both" in lines and "all together" not in lines
+    assert "the drawing has one face for both" in lines and "all supports together" not in lines
     assert not {"clay_joint_1", "fill_joint_1"} & {*meant.marked}
 
 
@@ -170,8 +170,8 @@ def test_a_crack_is_open_and_its_water_presses_on_both_sides(shared_tmp_path: Pa
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("water = 33", "the line 'crack' has water, but"),
-        ("crack = true\nwater = 33", "at 33, where the crack"),
+        ("water = 33", "'crack' has the key water, but"),
+        ("crack = true\nwater = 33", "reaches y = 33, where the crack"),
         ("crack = true\nwater = 35", r"unit_weight is missing"),
     ],
 )
@@ -360,11 +360,11 @@ def test_a_slope_under_water_has_the_factor_of_its_buoyant_weight(tmp_path: Path
 @pytest.mark.parametrize(
     ("drawn", "words"),
     [
-        (LOADED, r"\[\[line\]\]: lines name boundaries of a \[\[region\]\]"),
+        (LOADED, r"\[\[line\]\]: a line needs ground"),
         (REGIONS + "[[region]]\nname = 'x'\n", r"\[\[region\]\] number 3: 'points' is missing"),
         (REGIONS.replace("[70, 31], [70, 35]", "[70, 30], [70, 35]"), "'fill' and 'clay' overlap"),
         (REGIONS + "[[stratum]]\nname = 'a'\ntop = 3\n", "top = 3 cannot be used"),
-        (REGIONS + WET.format(30.0) + "[seepage]\n", r"\[water\]: there is also \[seepage\]"),
+        (REGIONS + WET.format(30.0) + "[seepage]\n", r"\[water\]: the case also has \[seepage\]"),
     ],
 )
 @pytest.mark.serial
@@ -378,7 +378,7 @@ def test_what_is_refused_before_it_is_meshed(tmp_path: Path, drawn: str, words: 
 def test_a_mesh_or_file_beside_drawn_ground_is_refused(tmp_path: Path, other: str) -> None:
     text = case(tmp_path, REGIONS).text
     (tmp_path / "slope.toml").write_text(f"{other}\n{text}", encoding="utf-8")
-    with pytest.raises(InputError, match=r"draws its ground .*; remove one"):
+    with pytest.raises(InputError, match=r"draws ground .*; remove one"):
         read_case(tmp_path / "slope.toml")
 
 

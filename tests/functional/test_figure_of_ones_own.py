@@ -64,7 +64,7 @@ def test_a_figure_is_drawn_listed_and_shown(tmp_path: Path) -> None:
         ("own_figure:steps", "must be a Figure"),
         ("own_figure:CURVE", "cannot be loaded"),
         ("no_such_module:STEPS", "cannot be loaded"),
-        ("own_figure:TAKEN", "a new name"),
+        ("own_figure:TAKEN", "an unused file name"),
     ],
 )
 def test_a_figure_that_is_none_is_refused(

@@ -71,7 +71,7 @@ def test_half_the_size(
     assert given.split()[:2] == ["as", "given"]
     assert half.split()[:3] == ["half", "the", "size"]
     assert "with half the size" in change
-    assert together.startswith("Both meshes fill the same body, which collapses between")
+    assert together.startswith("Both meshes fill the same body, so it collapses between")
 
 
 def test_restart_goes_on_with_one_run(comm: MPI.Intracomm, capsys: Any) -> None:
@@ -110,5 +110,5 @@ def test_levels_are_compared_at_the_same_load() -> None:
     other = summary(80, steps=[step | {"max_displacement": 0.6, "zeta": 3.0}])
     assert (
         compared(coarse, other)[3]
-        == "The last levels differ, so that the results are not compared."
+        == "The runs end at different load levels, so their results are not compared."
     )

@@ -107,7 +107,7 @@ REFUSED = {
         BLOCKS.replace('law = "von-mises"', 'law = "von-mises-hardening"\nisotropic = 1.0')
         + CONTACT
         + LIMIT,
-        "hardens, so that bodies",
+        "so there is no limit load",
     ),
     "bounds with a body force by formula": (
         BLOCKS + BENDING_WEIGHT + CONTACT + BOUNDS,

@@ -433,7 +433,7 @@ const type = async (name, text) => {
 
 def rich(prop: Path) -> str:
     """Return a case of the drawing that has tables of many kinds."""
-    head = (prop / "case.toml").read_text(encoding="utf-8").split("# Materials")[0]
+    head = (prop / "case.toml").read_text(encoding="utf-8").split("# `perfplast materials`")[0]
     return head.replace("size = 100", "size = 100\nsizes = { block = 80 }\ncurvature = 8") + RICH
 
 

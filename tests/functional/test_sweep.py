@@ -106,7 +106,7 @@ def test_what_is_stopped_goes_on(
         "load.top.pressure=": "--vary load.top.pressure= is not KEY=VALUES",
         "load.top.pressure=3:3:5": "the value 3.0 occurs twice",
         "load.top.pressure=1,2,1": "the value 1 occurs twice",
-        "load.top.pressure=1,,2": "there is an empty value",
+        "load.top.pressure=1,,2": "a value between commas is empty",
         "load.tip.pressure=1,2": "there is no 'tip' in the case; did you mean 'top'",
         "material.lwer.young=1,2": "there is no 'lwer' in the case; did you mean 'lower'",
         "load.top.presure=1,2": "load.top.presure = 1: case.toml, [[load]]:",

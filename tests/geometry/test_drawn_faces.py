@@ -393,7 +393,7 @@ def test_physical_groups_of_a_script_are_kept(tmp_path: Path, kernel: str, meshe
     assert found == pytest.approx(lengths, rel=EXACT)
     assert {name: area_of(read, name) for name in lengths} == pytest.approx(lengths, rel=EXACT)
     told = " ".join(survey.remarks)
-    assert "the physical point 'corner' of 'layers.geo' is left out" in told
+    assert "the physical point 'corner' of 'layers.geo' is ignored" in told
     assert "the physical surface 'Clay' of 'layers.geo' is called 'clay'" in told
 
 

@@ -89,7 +89,7 @@ def test_lines_name_the_boundary_or_divide_cells() -> None:
     ground = DrawnGround([Region("soil", SLOPE)], lines=[pad, seam])
     assert "In Surface" in ground.script() and 'Physical Curve("seam")' not in ground.script()
     assert ground.remarks() == [
-        "the line 'seam' lies inside 'soil': cells follow it, but it names no surface"
+        "the line 'seam' lies inside 'soil': mesh edges follow it, but it names no surface"
     ]
     outline = ground.outline()
     on = outline.plan.owners[:, outline.first_line]
@@ -140,7 +140,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
         ),
         ({"regions": [Region("a", square(0, 0))] * 2}, "'a' is given 2 times"),
         ({"regions": [Region("Soft clay", square(0, 0))]}, "such as 'soft_clay'"),
-        ({"regions": [Region("left", square(0, 0))]}, "name of a side"),
+        ({"regions": [Region("left", square(0, 0))]}, "reserved for a side"),
         ({"regions": [Region("a", square(0, 0), opening=True)]}, "no ground"),
         (
             {"regions": [Region("a", square(1, 1, 1)), Region("b", square(0, 0), opening=True)]},
@@ -164,7 +164,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
             "the top of 'seam' at x = 10",
         ),
         ({"strata": [STRATA[0], Stratum("clay", [[0, 8], [30, 8]], 0.0)]}, "goes from x = 0 to 30"),
-        ({"strata": [Stratum("a", [[0, 8], [9, 8], [5, 7], [20, 7]], 0.0)]}, r"back from \(9, 8\)"),
+        ({"strata": [Stratum("a", [[0, 8], [9, 8], [5, 7], [20, 7]], 0.0)]}, r"between \(9, 8\)"),
         ({"strata": [STRATA[0], Stratum("b", STRATA[0].top, 0.0)]}, "the same line"),
     ],
 )

@@ -84,7 +84,7 @@ def test_curves_blocks_and_layers_that_are_off(drawing: Any, tmp_path: Path) -> 
     away = np.linalg.norm(np.array(found.regions[1].points) - (50, 25), axis=1)
     assert away == pytest.approx(2.0, rel=1e-3)
     assert "curves are chords within 0.05" in found.remarks[0]
-    assert "left out: 3DFACE" in found.remarks[1]
+    assert "are ignored: 3DFACE" in found.remarks[1]
 
 
 def test_a_case_takes_its_ground_from_a_file(drawing: Any, tmp_path: Path) -> None:

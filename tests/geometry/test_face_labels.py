@@ -107,7 +107,7 @@ def test_equal_bodies_that_are_moved_are_not_told_apart(shared_tmp_path: Path) -
     assert max(body.high[1] for body in survey.bodies) == pytest.approx(9.0)
     assert not any(face.name.endswith(("left", "right")) for face in survey.faces)
     (left_out,) = (remark for remark in survey.remarks if "labels of faces" in remark)
-    assert left_out.endswith("their faces are not certain: 'left', 'right'")
+    assert left_out.endswith("uncertain: 'left', 'right'")
 
 
 def test_instances_have_them_each(shared_tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_bodies_apart(shared_tmp_path: Path) -> None:
     assert {near.bodies for near in found.near} == {("part_1", "part_4"), ("part_3", "part_4")}
     assert [near.gap for near in found.near] == pytest.approx([0.05, 0.05])
     case = first_case(found, "apart", "apart.step")
-    assert "# part_1 and part_4 are 0.05 apart, and free of each other. If they are to" in case
+    assert "# part_1 and part_4 are 0.05 apart and do not touch. If they should" in case
 
 
 def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -223,11 +223,11 @@ def test_bolts_with_nuts() -> None:
     [
         ("empty.step", "", "is empty"),
         ("other.step", "solid teapot", "is not in STEP format"),
-        ("teapot.stl", "solid teapot", "the name of a geometry file"),
+        ("teapot.stl", "solid teapot", "the suffix of a geometry file"),
         (
             "teapot.mesh",
             "MeshVersionFormatted 2",
-            "takes models with a mesh",
+            "reads models with a mesh",
         ),
         (
             "teapot.msh",
@@ -298,7 +298,7 @@ def test_names() -> None:
 
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
 def test_a_file_of_others_without_solids(shared_tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no solid, and they enclose none"):
+    with pytest.raises(InputError, match="the faces enclose no volume"):
         survey_of(FOREIGN / "occ" / "face1.brep", shared_tmp_path / "out.msh")
 
 
@@ -398,7 +398,7 @@ def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
     assert not {name for joint in found.joints for name in joint.bodies} & set(gone)
     with pytest.raises(InputError, match="without names 'lid'"):
         survey_of(step, mesh, MeshingOptions(without=["lid"]))
-    with pytest.raises(InputError, match="leaves out all bodies"):
+    with pytest.raises(InputError, match="without has all bodies"):
         survey_of(step, mesh, MeshingOptions(without=sorted(bodies)))
 
 
@@ -415,7 +415,7 @@ def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
     assert not any("areas of faces" in remark for remark in found.remarks)
     coarse = survey_of(step, mesh, MeshingOptions(size=20.0, curvature=8.0))
     (remark,) = [remark for remark in coarse.remarks if "areas of faces" in remark]
-    assert "10 % wrong" in remark
+    assert "errors up to 10 %" in remark
     assert "--curvature" in remark
 
 

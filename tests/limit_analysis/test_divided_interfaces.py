@@ -176,7 +176,7 @@ def test_polygons_of_one_circle_are_taken_as_one(shared_tmp_path: Path, kind: st
 
 
 def test_a_cell_that_is_thinner_than_the_curve_is_refused(shared_tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="thinner than the curve beside its facet"):
+    with pytest.raises(InputError, match="too thin for the curvature"):
         with_divided_interfaces(tubes(shared_tmp_path, 0.4, radius=1.96))
 
 

@@ -80,7 +80,7 @@ def test_only_the_axis_holds_and_only_outwards() -> None:
 
 def test_what_cannot_turn_is_refused_in_a_sentence() -> None:
     blocks = stacked_blocks(MPI.COMM_WORLD, 1)
-    with pytest.raises(InputError, match=r"mesh of triangles, .*; give such a mesh"):
+    with pytest.raises(InputError, match=r"mesh of triangles, .*; give the half section"):
         blocks.turned()
     flat = replace(blocks, mesh=section(-0.1))
     with pytest.raises(InputError, match=r"reaches x = -0\.1, but x is the radius"):

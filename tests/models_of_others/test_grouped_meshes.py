@@ -64,9 +64,9 @@ def test_groups_are_bodies_and_surfaces(tmp_path: Path, how: str) -> None:
     assert "footnodes" in foot  # the same faces: one surface of both names
     assert measured == pytest.approx({foot: 1.0, "top": 1.0, "side": 2.5})
     told = " ".join(found.remarks)
-    assert "'all' consists of smaller ones" in told
-    assert "or on no body, are left out there: 'between'" in told
-    assert "nodes that are no surface are left out: 'edge'" in told
+    assert "'all' consists of smaller groups" in told
+    assert "outside all bodies, which are ignored: 'between'" in told
+    assert "nodes that do not form a surface are ignored: 'edge'" in told
 
 
 @pytest.mark.parametrize("options", [{}, {"comma": True}, {"long": True}])
@@ -92,7 +92,7 @@ def test_vtk(tmp_path: Path) -> None:
     found = read_vtu(tmp_path / "a.vtu")
     assert volumes(found) == pytest.approx({"region_1": 1.0, "region_2": 1.5})
     assert areas(found) == pytest.approx({"region_7": 1.0, "region_8": 1.0})
-    assert any("'rank' would make others" in remark for remark in found.remarks)
+    assert any("other arrays ('rank') are ignored" in remark for remark in found.remarks)
 
 
 def test_vtk_with_bytes_the_other_way_round(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_mesh_with_sets_alone(tmp_path: Path) -> None:
     found = read_inp(written(tmp_path / "a.inp", text))
     assert volumes(found) == pytest.approx({"body1": 1.0, "body2": 1.5})
     assert areas(found) == pytest.approx({"foot": 1.0, "top": 1.0})
-    assert any("'NALL' is the whole skin" in remark for remark in found.remarks)
+    assert any("'NALL' is the whole surface" in remark for remark in found.remarks)
 
 
 @pytest.mark.parametrize("number", [113, 116, 118])
@@ -185,7 +185,7 @@ def test_broken_unv_is_one_sentence(tmp_path: Path, fault: str) -> None:
         (("GRID    11              0.0", "GRID    11              zero"), "not numbers"),
         (("GRID    11              0.0", "GRID    11      7       0.0"), "coordinate system 7"),
         (("CHEXA   1       1       11", "CHEXA   1       1       99"), "no node 99"),
-        (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "continues no line"),
+        (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "is a continuation line"),
         (("GRID ", "DIRG "), "no nodes"),
     ],
 )

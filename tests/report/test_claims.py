@@ -163,7 +163,7 @@ def test_points_of_an_envelope(factor: float, fine: bool) -> None:
 
 def test_a_point_of_no_direction() -> None:
     limit = claims_of_envelope(np.array([[1.0, 1.0]]), [0.0, 90.0])
-    with pytest.raises(InputError, match="point without a direction"):
+    with pytest.raises(InputError, match="lies on none of the directions"):
         check_claims(limit, {})
 
 

@@ -1,12 +1,12 @@
-"""Define case files: what is solved and how, as TOML.
+"""Define the content of a case file (TOML): the problem, the loading, and the solver.
 
-A case file holds the bodies: ``[mesh]``, ``[geometry]``, or ``[[region]]``, ``[[stratum]]`` and
-``[[line]]`` of drawn ground. Other tables are ``[material.NAME]``, ``[[support]]``, ``[[load]]``,
-``[gravity]``, ``[earthquake]``, ``[water]``, ``[[combination]]``, ``[design]``, ``[[contact]]``,
-``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``, ``[[temperature]]``, ``[[initial_stress]]``,
-``[[bolt]]``, ``[model]``, ``[element]``, ``[solve]``, ``[loading]`` or ``[[stage]]``, ``[output]``,
-``[report]`` and ``[units]``; see ``demos/two_blocks.toml``. The dataclass of a table defines its
-keys.
+A case file defines the bodies by ``[mesh]``, by ``[geometry]``, or by ``[[region]]``,
+``[[stratum]]`` and ``[[line]]`` for drawn ground. Other tables are ``[material.NAME]``,
+``[[support]]``, ``[[load]]``, ``[gravity]``, ``[earthquake]``, ``[water]``, ``[[combination]]``,
+``[design]``, ``[[contact]]``, ``[[obstacle]]``, ``[[tie]]``, ``[[rigid_surface]]``,
+``[[temperature]]``, ``[[initial_stress]]``, ``[[bolt]]``, ``[model]``, ``[element]``, ``[solve]``,
+``[loading]`` or ``[[stage]]``, ``[output]``, ``[report]`` and ``[units]``; see
+``demos/two_blocks.toml``. The dataclass of a table defines its keys.
 """
 
 from collections.abc import Sequence
@@ -50,10 +50,11 @@ from perfplast_fenicsx.units import Units
 
 @dataclass(frozen=True)
 class Case:
-    """A case file, read and checked as far as it can be without its mesh.
+    """The content of a case file, after all checks that need no mesh.
 
-    ``text`` is its text, ``table`` its content as TOML; with ``trust`` scripts may be run.
-    ``loads`` includes the loads of ``water``. ``cracks`` are the names of the cracks' sides.
+    ``text`` is the text of the file, and ``table`` the parsed TOML. If ``trust`` is true, gmsh may
+    run scripts. ``loads`` includes the loads of ``water``. ``cracks`` contains the names of all
+    sides of cracks.
     """
 
     path: Path
@@ -89,7 +90,7 @@ class Case:
 
     @property
     def scene(self) -> Scene:
-        """Return the additional data of pictures."""
+        """Return the names, loads, contacts and units that pictures show."""
         return Scene(
             self.title,
             self.loads,
@@ -102,14 +103,15 @@ class Case:
 
     @property
     def stages(self) -> Sequence[Stage]:
-        """Return the stages of a loading history; empty with a [loading] table."""
+        """Return the stages of the loading history; empty if the case has a [loading] table."""
         return self.loading.in_turn()
 
     def combined(self, combination: Combination) -> "Case":
-        """Return the case of one of its combinations.
+        """Return the case with the loads and strengths of one combination.
 
         Raises:
-            InputError: If a load is unknown, or if its loads do not fit the control.
+            InputError: If a load is unknown, or if the loads of the combination do not fit the
+                control.
         """
         strained = bool(self.initial) or any(a.interference and a.constant for a in self.contacts)
         with at(f"{self.path.name}, [[combination]] '{combination.name}'"):
@@ -143,11 +145,11 @@ class Case:
         )
 
     def tagged_mesh(self, comm: MPI.Intracomm) -> TaggedMesh:
-        """Build or read the mesh. Collective.
+        """Return the mesh, which is built or read from a file. Collective.
 
         Raises:
-            InputError: If the builder or file does not exist, if its arguments or content are
-                wrong, or if it cannot be adapted as requested.
+            InputError: If the builder or file does not exist, if the arguments or the file are not
+                valid, or if the mesh cannot be adapted as requested.
         """
         made = isinstance(self.mesh, GeometryFile | GroundInCase)
         with at(f"{self.path.name}, [{'geometry' if made else 'mesh'}]"):
@@ -159,10 +161,10 @@ class Case:
             return self.model.of(mesh)
 
     def problem(self, comm: MPI.Intracomm) -> Problem:
-        """Build the mesh and declare the problem on it. Collective.
+        """Return the problem of the case, on a mesh that is built or read. Collective.
 
         Raises:
-            InputError: If the names, materials, supports, loads and contacts do not fit the mesh.
+            InputError: If names, materials, supports, loads or contacts do not fit the mesh.
         """
         tagged_mesh = self.tagged_mesh(comm)
         pairs: list[Contact | Tie] = [*self.contacts, *self.ties]
@@ -185,10 +187,10 @@ class Case:
             return problem if self.loading.of_body else problem.with_rigid_motions()
 
     def loads_on(self, bodies: TaggedMesh | Problem) -> list[Load]:
-        """Return the loads, with the pressure of seepage. Collective.
+        """Return the loads, including pore pressures from seepage. Collective.
 
         Args:
-            bodies: The mesh, or a problem of this case on it, whose seepage is known.
+            bodies: The mesh, or a problem of this case, whose known seepage is used again.
 
         Raises:
             InputError: If the seepage cannot be computed.
@@ -203,7 +205,7 @@ class Case:
         return with_flow(self.loads, flow)
 
     def history(self, problem: Problem) -> LoadingHistory | None:
-        """Return the loading history of the stages; None with a [loading] table. Collective.
+        """Return the loading history that the stages define; None without stages. Collective.
 
         Raises:
             InputError: If the stages do not fit the problem.
@@ -214,11 +216,11 @@ class Case:
             return LoadingHistory(problem, self.stages)
 
     def solver(self, problem: Problem) -> Any:
-        """Return the algorithm of ``[solve]`` for a problem. Collective."""
+        """Return the algorithm that ``[solve]`` selects, for a problem. Collective."""
         return METHODS[self.method].solver(problem, self.options)
 
     def limit_method(self, problem: Problem) -> LimitMethod | None:
-        """Return how the limit load of a problem is computed; None if levels are given."""
+        """Return the method for the limit load of a problem; None if the case gives load levels."""
         if self.loading.limit_tolerance is None:
             return None
         if self.loading.limit_method is not None:
@@ -228,7 +230,7 @@ class Case:
         return LimitMethod.PATH if by_path else method_for(problem)
 
     def method_on(self, problem: Problem) -> str:
-        """Return the name of the method: an algorithm, or the interior point method."""
+        """Return the name of the method in results: an algorithm, or the interior point method."""
         direct = self.limit_method(problem) is LimitMethod.INTERIOR_POINT
         return str(LimitMethod.INTERIOR_POINT) if direct else self.method
 

@@ -53,16 +53,16 @@ from perfplast_fenicsx.spatial_fields import SpatialField, spatial_field
 
 
 def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: bool = False) -> Case:
-    """Read a case file on rank 0 and check it on every rank in the same way. Collective.
+    """Return a case; rank 0 reads the file, and every rank checks its content. Collective.
 
     Args:
         path: The TOML file.
         comm: The ranks that need the case.
-        trust: Whether gmsh may run the script that makes the mesh, if there is one.
+        trust: Whether gmsh may run a script that makes the mesh.
 
     Raises:
-        InputError: For a file that cannot be read or is not TOML, for unknown or missing keys, and
-            for values of a wrong type or outside their range.
+        InputError: If the file cannot be read or is not TOML, if a key is unknown or missing, or if
+            a value has a wrong type or is outside its range.
     """
     path = Path(path)
     text: str = comm.bcast(on_rank0(comm, lambda: read_text(path)))
@@ -73,15 +73,16 @@ def read_case(path: str | Path, comm: MPI.Intracomm = MPI.COMM_WORLD, trust: boo
 
 
 def case_of(path: Path, text: str, table: Table) -> Case:
-    """Return the case of a file, or the same case with other values. Not collective.
+    """Return the case that the table of a file defines. Not collective.
 
     Args:
         path: The file.
         text: Its text.
-        table: Content of the file as TOML; it takes precedence over ``text``.
+        table: The parsed content of the file. A sweep changes values only in this table, not in
+            ``text``.
 
     Raises:
-        InputError: As :func:`read_case`.
+        InputError: As for :func:`read_case`.
     """
     name = path.name
     top = convert(table, Document, name)
@@ -201,13 +202,13 @@ def case_of(path: Path, text: str, table: Table) -> Case:
 
 
 def with_fields(table: Table, law: type[Any], folder: Path, place: str) -> Table:
-    """Return a material's table with field objects instead of their descriptions.
+    """Return a material's table, with a field object in place of each description of a field.
 
     Args:
-        table: Table from TOML, without the law.
+        table: The parsed TOML table, without the key ``law``.
         law: The dataclass of the material.
         folder: Folder of the case file.
-        place: Place of the table, which messages name.
+        place: Place of the table, for messages.
 
     Raises:
         InputError: If a description is not a valid field.
@@ -222,7 +223,7 @@ def with_fields(table: Table, law: type[Any], folder: Path, place: str) -> Table
 
 
 def _numbered(tables: list[Table], place: str) -> list[tuple[str, Table]]:
-    """Return the tables of an array with their places; a single table has no number."""
+    """Return the tables of an array with places; the place of a single table has no number."""
     if len(tables) == 1:
         return [(place, tables[0])]
     return [(f"{place} number {i}", table) for i, table in enumerate(tables, start=1)]

@@ -1,8 +1,8 @@
-"""Generate the JSON Schema of case files, with which editors complete keys and mark faults.
+"""Generate the JSON Schema of case files, which editors use to complete keys and mark faults.
 
 The schema comes from the dataclasses that read a case (:mod:`schema`): their keys, types, defaults
-and choices, and the ``Args`` of their docstrings as descriptions. It does not contain which keys
-fit together; ``perfplast check`` reports that.
+and choices, and the ``Args`` of their docstrings as descriptions. The schema does not define which
+keys may occur together; ``perfplast check`` tests this.
 """
 
 import dataclasses
@@ -97,7 +97,7 @@ def case_schema() -> Schema:
 
 
 def _tables() -> dict[str, Schema]:
-    """Return the schema of each table, or of each item of an array, by its top-level key."""
+    """Return the schemas of tables, or of the items of arrays, by top-level key."""
     return {
         "mesh": _mesh(),
         "geometry": _geometry(),
@@ -132,7 +132,7 @@ def _tables() -> dict[str, Schema]:
 
 
 def _of_type(hint: Any) -> Schema:
-    """Return the schema of a field's annotation."""
+    """Return the schema for the annotation of a field."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint in _SCALARS:
         return dict(_SCALARS[hint])
@@ -151,11 +151,11 @@ def _of_type(hint: Any) -> Schema:
 
 
 def _table(described: type[Any], own: Schema | None = None) -> Schema:
-    """Return the schema of a dataclass as a table.
+    """Return the schema for the table that a dataclass defines.
 
     Args:
         described: The dataclass.
-        own: Schemas of fields whose type is not sufficient.
+        own: Schemas of fields whose annotation does not define the schema.
     """
     hints, meaning = typing.get_type_hints(described), arguments(described)
     properties: Schema = {}
@@ -172,13 +172,13 @@ def _table(described: type[Any], own: Schema | None = None) -> Schema:
 
 
 def _object(properties: Schema, required: Sequence[str]) -> Schema:
-    """Return a table with these keys and no others."""
+    """Return the schema of a table that has only the given keys."""
     schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
     return schema | ({"required": list(required)} if required else {})
 
 
 def _told(schema: Schema, text: str) -> Schema:
-    """Return a schema with its description in plain text."""
+    """Return a schema with a description, which is converted to plain text."""
     plain = re.sub(r":\w+:`[~.]?([^`]+)`", r"\1", text).replace("``", "'")
     plain = re.sub(r"\s+", " ", plain).replace(" Collective.", "").strip()
     return schema | ({"description": plain} if plain else {})
@@ -187,13 +187,13 @@ def _told(schema: Schema, text: str) -> Schema:
 def _choice(
     key: str, choices: Mapping[str, type[Any]], default: str | None = None, required: bool = True
 ) -> Schema:
-    """Return the schema of a table whose key ``key`` selects one of several dataclasses.
+    """Return the schema of a table in which the value of one key selects a dataclass.
 
     Args:
         key: The key.
-        choices: The dataclasses by the values of the key.
-        default: Value without the key.
-        required: Whether the key is required if it has no default.
+        choices: The dataclasses by value of the key.
+        default: Default value of the key; None without a default.
+        required: Whether the key is required when it has no default.
     """
     names: Schema = {"enum": list(choices)} | ({"default": default} if default else {})
     variants = []
@@ -209,7 +209,7 @@ def _choice(
 
 
 def _mesh() -> Schema:
-    """Return ``[mesh]``: a file, a builder with arguments, or with a geometry only ``adapt``."""
+    """Return the schema of ``[mesh]``: a file, a builder, or with a geometry only ``adapt``."""
     adapt = {"adapt": _table(Adaptation)}
     builders: dict[str, Callable[..., Any]] = dict(BUILDERS)
     variants = []
@@ -235,7 +235,7 @@ def _mesh() -> Schema:
 
 
 def _solve() -> Schema:
-    """Return ``[solve]``: an algorithm with its options, or the solver of conic programs."""
+    """Return the schema of ``[solve]``: an algorithm with options, or a conic solver."""
     methods = {name: entry.options for name, entry in METHODS.items()}
     schema = _choice("method", methods, required=False)
     conic = _told({"enum": list(SOLVERS), "default": USUAL}, CONIC)
@@ -245,13 +245,15 @@ def _solve() -> Schema:
 
 
 def _geometry() -> Schema:
-    """Return ``[geometry]``: the file (none for drawn ground), mesh options, and named faces."""
+    """Return the schema of ``[geometry]``: a file (none for drawn ground), mesh options, faces."""
     faces = {"face": {"type": "array", "items": _table(NamedFace)}}
     options = _table(MeshingOptions, faces)
-    file = _told({"type": "string"}, "Its path, relative to the folder of the case file.")
+    file = _told(
+        {"type": "string"}, "Path of the geometry file, relative to the folder of the case file."
+    )
     return _object({"file": file} | options["properties"], [])
 
 
 def _seepage() -> Schema:
-    """Return ``[seepage]``: conductivities, and water levels at surfaces."""
+    """Return the schema of ``[seepage]``: conductivities, and water levels at surfaces."""
     return _table(Seepage, {"head": {"type": "array", "items": _table(Head)}})

@@ -1,8 +1,8 @@
-"""Store templates of ``[design]`` and ``[[combination]]`` by names of codes, with open values.
+"""Contain templates of ``[design]`` and ``[[combination]]`` for checks of design codes.
 
-A template lists the factors that a check requires and their clauses in the code. It contains a
-number if a public source gives it with standard and clause. Other values are open, and the program
-refuses a case with an open value.
+A template lists the factors that a check requires, with their clauses in the code. A factor has a
+number if a public source quotes the number with standard and clause. Other factors are open: the
+user must fill them in, and the program refuses a case with an open factor.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,32 +10,32 @@ from collections.abc import Mapping, Sequence
 from perfplast_fenicsx.errors import InputError
 
 OPEN = "fill in: "
-"""First words of a value without a number in the template; its source follows."""
+"""First words of an open factor; the source of its number follows."""
 
 _HEAD = """\
-# A template, and no more: names of loads are those of the case, and whoever signs takes the
-# factors from the edition that applies. What begins with "fill in" has no public source that this
-# program could quote; a case that still has it is refused.
+# This is only a template. Replace the names of loads by those of your case. Whoever signs is
+# responsible for taking the factors from the edition that applies. For factors that begin with
+# "fill in", no public source could be quoted; the program refuses a case until they are filled in.
 """
 
 _TRESCA = """\
-# The code goes by Tresca's yield condition: law = "tresca" in [material.NAME], with half of the
-# yield stress as cohesion. Sheets in plane stress do not have it: there von Mises' condition with
-# sqrt(3)/2 of the yield stress lies inside of Tresca's, so that what is carried for certain with
-# the factor below times 1.1547 is carried by Tresca's condition too, and a collapse with the factor
-# itself is one by Tresca's.
+# The code uses Tresca's yield condition: law = "tresca" in [material.NAME], with half the yield
+# stress as cohesion. This law is not available in plane stress. In this case use von Mises' law.
+# With sqrt(3)/2 of the yield stress (strength = 1.1547 times the factor below), von Mises' yield
+# set lies inside Tresca's, so a proven lower bound also holds for Tresca's condition. With the full
+# yield stress it contains Tresca's set, so a proven upper bound also holds for Tresca's condition.
 """
 
 _EC7 = """\
-# Values are those recommended by EN 1997-1:2004, Annex A: actions by Table A.3 (A.3.1; for
-# buildings, of EN 1990:2002), soil parameters by Table A.4 (A.3.2), the resistance of slopes by
-# Table A.14 (A.3.3.6), as geotechnicaldesign.info quotes them. National annexes may have others.
+# Values are those recommended in EN 1997-1:2004, Annex A: actions in Table A.3 (A.3.1; for
+# buildings, from EN 1990:2002), soil parameters in Table A.4 (A.3.2), and the resistance of slopes
+# in Table A.14 (A.3.3.6), as geotechnicaldesign.info quotes them. National annexes may differ.
 # A1: 1.35 permanent, 1.5 variable; A2: 1.0 and 1.3. M1: 1.0; M2: 1.25. R1 and R3: 1.0; R2: 1.1.
-# gravity is the weight, water that of [water]; leave out what the case has not. Loads called
-# permanent and variable are unfavourable ones. A variable load that is favourable has the factor 0.
-# With control = "strength" the factor of safety of each combination has to be 1 or more. With
-# control = "bounds" and loads that grow, their design load has to be carried.
-# 1.25 is for drained ground (the tangent of the angle of shearing resistance, and the effective
+# gravity is the load of [gravity], and water that of [water]; remove factors of loads that the case
+# does not have. The loads permanent and variable are unfavourable. A favourable variable load has
+# the factor 0. With control = "strength", the factor of safety of each combination must be at
+# least 1. With control = "bounds" and loads that grow, the bodies must carry the design load.
+# 1.25 applies to drained ground (tangent of the angle of shearing resistance, and effective
 # cohesion). Undrained shear strength has 1.4 in M2: strength = { clay = 1.4, sand = 1.25 }.
 """
 
@@ -56,9 +56,9 @@ weight = "{OPEN}partial safety factor of permanent actions, EN 13445-3, Annex B,
 """,
     "asme-viii-2-limit-load": f"""\
 # ASME BPVC VIII-2, 5.2.3: limit-load analysis, by von Mises' condition.
-{_HEAD}# yield_stress of [material.NAME] is the strength that 5.2.3 prescribes for this analysis, so
-# that [design] divides by nothing. Further rows of the table, with live load, wind, earthquake and
-# snow, are further [[combination]]s.
+{_HEAD}# yield_stress in [material.NAME] is the strength that 5.2.3 prescribes for this analysis, so
+# [design] has no factor on strength. Add one [[combination]] for each further row of the table,
+# with live load, wind, earthquake and snow.
 
 [design]
 code = "ASME BPVC VIII-2, 5.2.3, Table 5.4 (template)"
@@ -73,10 +73,10 @@ weight = "{OPEN}factor of D (dead weight), ASME VIII-2, Table 5.4, design condit
 """,
     "en-1993-1-14": f"""\
 # EN 1993-1-14: resistance by a materially nonlinear analysis (MNA), von Mises' condition.
-{_HEAD}# 1.35 and 1.5: recommended values of EN 1990:2002, Table A1.2(B), expression (6.10); 1.0
-# where permanent actions are favourable. "Steel Buildings in Europe", part 10, Table 2.1, quotes
-# 1.35, 1.5 and gamma_M0 = 1.0 with their standards, without clauses. National annexes may have
-# others.
+{_HEAD}# 1.35 and 1.5 are the recommended values of EN 1990:2002, Table A1.2(B), expression (6.10);
+# favourable permanent actions have 1.0. "Steel Buildings in Europe", part 10, Table 2.1, quotes
+# 1.35, 1.5 and gamma_M0 = 1.0 with their standards, without clauses. National annexes may
+# differ.
 
 [design]
 code = "EN 1993-1-14, with EN 1990:2002, Table A1.2(B) (template)"
@@ -107,8 +107,8 @@ strength = 1.25
 """,
     "en-1997-1-da2": f"""\
 # EN 1997-1, 2.4.7.3.4.3: Design Approach 2, GEO: A1 + M1 + R2, for slopes.
-{_HEAD}{_EC7}# R2: 1.1 divides the strength of the ground, which is the resistance of a slope.
-# Footings and walls have other values of R2 (Tables A.5 and A.13), which divide what they carry.
+{_HEAD}{_EC7}# R2 = 1.1 divides the strength of the ground, which is the resistance of a slope.
+# Footings and walls have other values of R2 (Tables A.5 and A.13), which divide their resistance.
 
 [design]
 code = "EN 1997-1:2004, 2.4.7.3.4.3, Design Approach 2, Annex A (template)"
@@ -120,8 +120,8 @@ strength = 1.1
 """,
     "en-1997-1-da3": f"""\
 # EN 1997-1, 2.4.7.3.4.4: Design Approach 3, GEO: A1 or A2 + M2 + R3.
-{_HEAD}{_EC7}# permanent and variable come from structures here (A1); those on the ground, such as
-# traffic on a slope, have 1.0 and 1.3 (A2).
+{_HEAD}{_EC7}# Here permanent and variable are actions from structures (A1).
+# Actions on the ground, such as traffic on a slope, have the factors 1.0 and 1.3 (A2).
 
 [design]
 code = "EN 1997-1:2004, 2.4.7.3.4.4, Design Approach 3, Annex A (template)"
@@ -132,15 +132,15 @@ factors = {{ gravity = 1.0, water = 1.0, permanent = 1.35, variable = 1.5 }}
 strength = 1.25
 """,
 }
-"""Templates by name, as TOML to be copied into a case."""
+"""The templates by name, as TOML that users copy into a case."""
 
 
 def check_filled_in(table: Mapping[str, object], place: str) -> None:
-    """Refuse values that a template left open.
+    """Raise an error for a factor that a template left open.
 
     Args:
         table: Table of a case.
-        place: Place in the input, which messages name.
+        place: Place in the input, for messages.
 
     Raises:
         InputError: If a value begins with :data:`OPEN`.
@@ -151,12 +151,12 @@ def check_filled_in(table: Mapping[str, object], place: str) -> None:
         elif isinstance(value, str) and value.startswith(OPEN.strip()):
             where = value.removeprefix(OPEN.strip()).strip() or "the number is missing"
             raise InputError(
-                f"{place}: {key} must still be filled in ({where}); give a number from the "
-                "edition of the code that applies."
+                f"{place}: {key} is not filled in ({where}); give a number from the edition of the "
+                "code that applies."
             )
 
 
 def templates_in_words(names: Sequence[str] = tuple(TEMPLATES)) -> str:
-    """Return the names of templates with the first line of each."""
+    """Return the names of the templates as text, with the first line of each template."""
     width = max(map(len, names))
     return "\n".join(f"{name:{width}}  {TEMPLATES[name].splitlines()[0][2:]}" for name in names)

@@ -1,4 +1,4 @@
-"""Read ``[[combination]]`` and ``[design]``: loads times factors, strengths divided by factors."""
+"""Read ``[[combination]]`` and ``[design]``: factors on loads and on strengths."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -18,17 +18,17 @@ from perfplast_fenicsx.problem.declared.stage import called
 class Combination:
     """Loads that act together, each multiplied by a factor.
 
-    Each combination is solved separately, on the same mesh and with the same contact. Loads without
-    a factor do not act in it, and ζ multiplies those that are not constant. Without ``design``
-    under [loading] the combination itself is the design load, ζ = 1. With control = "strength",
-    each combination has its own factor of safety, and is verified if the factor is at least 1.
+    Each combination is solved separately, on the same mesh and with the same contacts. Loads
+    without a factor do not act in the combination, and ζ multiplies its loads that are not
+    constant. Without ``design`` under [loading], the design load is the combination itself (ζ = 1).
+    With control = "strength", each combination has its own factor of safety; the combination is
+    verified if this factor is at least 1.
 
     Args:
-        name: Name of the combination, and of the folder of its results.
-        factors: Factors of loads, by their names, or by their surfaces or volumes if they have no
-            names.
-        strength: Partial factor on strengths in this combination, in addition to that of [design]:
-            one number for all bodies, or one for each body by its name.
+        name: Name of the combination and of its result folder.
+        factors: Factors by names of loads; for a load without a name, use its surface or volume.
+        strength: Partial factor that divides strengths in this combination, in addition to the
+            factor in [design]: one number for all bodies, or one for each body by its name.
     """
 
     name: str
@@ -36,13 +36,13 @@ class Combination:
     strength: float | dict[str, float] = 1.0
 
     def __post_init__(self) -> None:
-        outside = self.name.strip(" .") != self.name  # ".." would be another folder
-        # Characters that some system forbids in names of folders.
+        outside = self.name.strip(" .") != self.name  # the name ".." would be another folder
+        # characters that some operating system forbids in the name of a folder
         barred = '/\\:*?"<>|'
         if outside or not self.name or not self.name.isprintable() or set(self.name) & set(barred):
             raise InputError(
-                f"name = {self.name!r} cannot be the name of a folder; give one without "
-                f"{barred}, and without a blank or a dot at its ends."
+                f"name = {self.name!r} cannot be the name of a folder; give a name without "
+                f"{barred}, and without a blank or a dot at its start or end."
             )
         for load, factor in self.factors.items():
             if not (factor >= 0 and math.isfinite(factor)):
@@ -52,26 +52,27 @@ class Combination:
                 )
         if not any(self.factors.values()):
             raise InputError(
-                f"'{self.name}' has no factor above 0; give one, or remove the combination."
+                f"'{self.name}' has no factor above 0; give a positive factor, or remove the "
+                "combination."
             )
 
     def of(self, loads: Sequence[Load], idle: Collection[str] = ()) -> list[Load]:
-        """Return the loads that act in it.
+        """Return the loads that act in the combination, multiplied by their factors.
 
         Args:
             loads: Loads of the case.
-            idle: Names of strains and motions, which do not change a limit load.
+            idle: Names of initial strains and given motions, which do not change a limit load.
 
         Raises:
-            InputError: If a factor has the name of no load.
+            InputError: If a factor belongs to no load.
         """
         known = [called(load) for load in loads]
         for name in self.factors:
             if name in idle and name not in known:
                 raise InputError(
-                    f"'{name}' is not a load: temperatures, initial stresses, preloads and "
-                    "given motions do not change the limit load and have no factor; "
-                    "remove it from factors."
+                    f"'{name}' is not a load: temperatures, initial stresses, preloads and given "
+                    f"motions do not change the limit load and have no factor; remove '{name}' "
+                    "from factors."
                 )
             if name not in known:
                 raise InputError(f"there is no load '{name}'; {nearest(name, known)}")
@@ -90,13 +91,13 @@ class Combination:
 
 @dataclass(frozen=True)
 class DesignTable:
-    """Partial factors, by which strengths are divided before any computation.
+    """Partial factors that divide the strengths of bodies.
 
     Args:
-        strength: Partial factor on yield stresses, cohesions and slopes of friction: one number for
-            all bodies, or one for each body by its name. Bodies without a factor keep their
-            strength.
-        code: Source of the factors of strengths and combinations, as results print it.
+        strength: Partial factor that divides yield stresses, cohesions and the tangents of friction
+            angles: one number for all bodies, or one for each body by its name. Bodies without a
+            factor keep their strength.
+        code: Source of the factors on strengths and loads; results print this text.
     """
 
     strength: float | dict[str, float] = 1.0
@@ -110,7 +111,7 @@ def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
         tables: Tables with their places.
 
     Raises:
-        InputError: If keys are wrong, or if two combinations share a name.
+        InputError: If a key or value is not valid, or if two combinations have the same name.
     """
     found: list[Combination] = []
     for place, table in tables:
@@ -118,33 +119,32 @@ def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
         one = convert(table, Combination, place)
         if one.name.casefold() in [other.name.casefold() for other in found]:
             raise InputError(
-                f"{place}: there are two combinations '{one.name}'; rename one of them."
+                f"{place}: two combinations are called '{one.name}'; rename one of them."
             )
         found.append(one)
     return found
 
 
 def designed_for(loading: Control, place: str) -> Control:
-    """Return a control whose design load is the combination itself, unless it has one.
+    """Return a control for combinations; its design load is ζ = 1 unless it has another one.
 
     Raises:
-        InputError: If no limit load is sought, or not by the interior point method.
+        InputError: If the control computes no limit load, or no load factor for comparison.
     """
     known: Any = loading
     if loading.divides:
         return loading
     if not hasattr(known, "design") or loading.limit_tolerance is None or loading.in_turn():
         raise InputError(
-            f"{place}: combinations need limit loads or bounds; give control = 'bounds', "
-            "or 'work' with until = 'limit', under [loading]."
+            f"{place}: combinations need a control that computes limit loads or bounds; give "
+            "control = 'bounds', or 'work' with until = 'limit', under [loading]."
         )
     try:
         found: Control = known if loading.design else replace(known, design=1.0)
     except (TypeError, ValueError):
         raise InputError(
-            f"{place}: this control computes no load factor, by which combinations are "
-            "compared; give control = 'bounds', or 'work' with until = 'limit', under "
-            "[loading]."
+            f"{place}: combinations are compared by load factors, but this control computes none; "
+            "give control = 'bounds', or 'work' with until = 'limit', under [loading]."
         ) from None
     return found
 
@@ -152,11 +152,11 @@ def designed_for(loading: Control, place: str) -> Control:
 def reduced(
     materials: Mapping[str, Material], table: Table, place: str
 ) -> tuple[dict[str, Material], str]:
-    """Return materials with strengths divided by partial factors, and a sentence on it.
+    """Return materials with strengths divided by the factors in ``[design]``, and a remark.
 
     Raises:
-        InputError: If a body is unknown, a factor is not valid, or a material has no strength to
-            reduce.
+        InputError: If a body is unknown, if a factor is not valid, or if a material has no strength
+            that can be reduced.
     """
     check_filled_in(table, place)
     design = convert(table, DesignTable, place)
@@ -171,15 +171,15 @@ def reduced(
 def weakened(
     materials: Mapping[str, Material], strength: float | Mapping[str, float]
 ) -> tuple[dict[str, Material], str]:
-    """Return materials with strengths divided by partial factors, and a text on it.
+    """Return materials with strengths divided by partial factors, and a remark.
 
     Args:
         materials: Materials by the names of their bodies.
         strength: One factor for all bodies, or one for each body by its name.
 
     Raises:
-        InputError: If a body is unknown, a factor is not valid, or a material has no strength to
-            reduce.
+        InputError: If a body is unknown, if a factor is not valid, or if a material has no strength
+            that can be reduced.
     """
     factors = dict.fromkeys(materials, strength) if isinstance(strength, float | int) else strength
     found: dict[str, Material] = dict(materials)
@@ -189,13 +189,14 @@ def weakened(
                 f"strength names '{body}', which is not a body; {nearest(body, materials)}"
             )
         if not (factor > 0 and math.isfinite(factor)):
-            raise InputError(f"strength = {factor:g} is not positive; give one above 0.")
+            raise InputError(f"strength = {factor:g} is not positive; give a factor above 0.")
         if factor == 1:
             continue
         weaker = getattr(materials[body], "divided_by", None)
         if weaker is None:
             raise InputError(
-                f"the material of '{body}' has no strength to reduce; remove it from strength."
+                f"the material of '{body}' has no strength that can be reduced; remove '{body}' "
+                "from strength."
             )
         found[body] = weaker(factor)
     changed = {body: factor for body, factor in factors.items() if factor != 1}
@@ -206,8 +207,8 @@ def weakened(
 
 
 def _source(code: str) -> str:
-    """Return a sentence on the source of factors."""
+    """Return a remark on the source of the factors."""
     return (
-        f"factors are those of the case, which names {code} as their source; the program "
-        "does not check them"
+        f"the case gives {code} as the source of its factors; the program does not check the "
+        "factors"
     )

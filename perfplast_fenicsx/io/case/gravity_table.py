@@ -1,4 +1,4 @@
-"""Read ``[gravity]`` and ``[earthquake]``: the weight of bodies, and a transverse share of it."""
+"""Read ``[gravity]`` and ``[earthquake]``: weight, and a force perpendicular to the weight."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,15 +17,17 @@ from perfplast_fenicsx.problem.declared.loads import BodyForce, Load
 class GravityTable:
     """The weight of bodies as a body force: density times acceleration.
 
-    Units are those of the case: with mm, N and MPa densities are in t/mm³ (steel: 7.85e-9) and the
-    acceleration is 9810 mm/s²; in SI units 7850 kg/m³ and 9.81 m/s². Unit weights (force per
-    volume) are densities with an acceleration of length 1: steel 0.284 lbf/in³, ground 120 lbf/ft³.
+    Units are those of the case. With mm, N and MPa, steel has the density 7.85e-9 t/mm³, and the
+    acceleration is 9810 mm/s². In SI units the numbers are 7850 kg/m³ and 9.81 m/s². To give unit
+    weights (force per volume) as densities, use an acceleration of magnitude 1: steel 0.284
+    lbf/in³, ground 120 lbf/ft³.
 
     Args:
-        acceleration: A number for each direction, such as [0.0, 0.0, -9810.0].
-        density: Density of bodies by their names; bodies without a density have no weight.
-        constant: Whether the weight acts in full at any load factor; otherwise ζ multiplies it.
-        name: Name in messages and stages.
+        acceleration: Components of the acceleration vector, such as [0.0, 0.0, -9810.0].
+        density: Densities by names of bodies; bodies without a density have no weight.
+        constant: Whether the weight has its full value at any load factor; otherwise ζ multiplies
+            the weight.
+        name: Name of these loads for messages and stages.
     """
 
     acceleration: list[float]
@@ -34,19 +36,21 @@ class GravityTable:
     name: str = "gravity"
 
     def loads(self, bodies: Iterable[str]) -> list[BodyForce]:
-        """Return a load for each body with a weight.
+        """Return one load for each body with a weight.
 
         Args:
             bodies: Names of all bodies.
 
         Raises:
-            InputError: If a name is unknown, or if numbers are not valid for a weight.
+            InputError: If the name of a body is unknown, or if a number is not valid for a weight.
         """
         known, found = list(bodies), []
         if not self.density:
-            raise InputError("density is empty; give a number for each body that has a weight.")
+            raise InputError("density is empty; give a density for each body that has a weight.")
         if not all(map(math.isfinite, self.acceleration)):
-            raise InputError(f"acceleration = {self.acceleration} is not finite; correct it.")
+            raise InputError(
+                f"acceleration = {self.acceleration} is not finite; give finite numbers."
+            )
         for body, density in self.density.items():
             if body not in known:
                 raise InputError(
@@ -61,35 +65,37 @@ class GravityTable:
 
 @dataclass(frozen=True)
 class EarthquakeTable:
-    """The force of an earthquake: a coefficient times the weight, perpendicular to it.
+    """The force of an earthquake: a coefficient times the weight, perpendicular to the weight.
 
     Water in the pores and on the surface remains hydrostatic.
 
     Args:
-        direction: Direction of the force, a number for each direction, perpendicular to the
-            acceleration of [gravity]; its length does not matter. [-1.0, 0.0] pushes to the left.
-        coefficient: The force divided by the weight, k_h, at any load factor. Omit it with control
-            = "seismic", which bounds the largest coefficient that is carried.
+        direction: Components of a vector in the direction of the force, perpendicular to the
+            acceleration of [gravity]. Its magnitude does not matter. For example, [-1.0, 0.0]
+            pushes to the left.
+        coefficient: The force divided by the weight, k_h, which is the same at any load factor.
+            Omit the coefficient with control = "seismic", which bounds the largest coefficient that
+            the bodies carry.
     """
 
     direction: list[float]
     coefficient: float | None = None
 
     def loads(self, weights: Sequence[BodyForce], acceleration: Sequence[float]) -> list[Load]:
-        """Return a load for each weight; without a coefficient, the load factor multiplies it.
+        """Return one load for each weight; without a coefficient, the load factor multiplies it.
 
         Args:
-            weights: Loads of [gravity], and the weight of water.
+            weights: Loads from [gravity], and the weight of water.
             acceleration: Acceleration of [gravity].
 
         Raises:
-            InputError: If the direction or the coefficient is not valid, or if there is no weight.
+            InputError: If the direction or the coefficient is not valid.
         """
         across, down = np.array(self.direction, dtype=np.float64), np.array(acceleration)
         if len(across) != len(down) or not np.isfinite(across).all() or not across.any():
             raise InputError(
-                f"direction = {self.direction} is not valid; give {len(down)} numbers that "
-                "are not all 0, as many as the acceleration of [gravity] has."
+                f"direction = {self.direction} is not valid; give {len(down)} numbers, as for the "
+                "acceleration of [gravity], that are not all 0."
             )
         across /= np.linalg.norm(across)
         if abs(across @ down) > 1e-9 * np.linalg.norm(down):
@@ -120,53 +126,54 @@ def earthquake_loads(
     loading: Control,
     place: str,
 ) -> list[Load]:
-    """Return the loads of ``[earthquake]``; an empty list without it.
+    """Return the loads from ``[earthquake]``; an empty list without this table.
 
     Args:
         table: The table, as TOML has read it.
-        gravity: ``[gravity]``, if there is one.
-        weights: Loads of the weight, including that of water.
+        gravity: The table ``[gravity]``; None without weight.
+        weights: Loads from the weight of bodies and of water.
         loads: All other loads.
         loading: The control.
         place: Place of the table in the input, which messages name.
 
     Raises:
-        InputError: If keys or values are wrong, if the coefficient is neither given nor sought, or
-            both, or if something else grows with the sought one.
+        InputError: If a key or value is not valid, if the coefficient is both given and sought or
+            neither, or if another load would grow with the sought coefficient.
     """
     sought = isinstance(loading, SeismicControl)
     if table is None:
         if sought:
             raise InputError(
-                f"{place} is missing, but control = 'seismic' seeks its coefficient; give "
-                "the table with the direction of the force."
+                f"{place} is missing, but control = 'seismic' computes its coefficient; give this "
+                "table with the direction of the force."
             )
         return []
     found = convert(table, EarthquakeTable, place)
     with at(place):
         if gravity is None:
             raise InputError(
-                "there is no [gravity], but the force is a share of the weight; give [gravity]."
+                "the force is a share of the weight, but [gravity] is missing; give [gravity]."
             )
         _check_coefficient(found.coefficient, sought, loads)
         return found.loads(weights, gravity.acceleration)
 
 
 def _check_coefficient(k: float | None, sought: bool, loads: Iterable[Load]) -> None:
-    """Refuse a coefficient that is neither given nor sought, or both, and other growing loads."""
+    """Raise an error if k is both given and sought or neither, or if another load grows."""
     if sought and k is not None:
         raise InputError(
-            f"coefficient = {k:g} is given, but control = 'seismic' seeks it; remove it, "
-            "or give control = 'strength' for the factor of safety with it."
+            f"coefficient = {k:g} is given, but control = 'seismic' computes the coefficient; "
+            "remove it, or give control = 'strength' for the factor of safety with this "
+            "coefficient."
         )
     if not sought and k is None:
         raise InputError(
-            "coefficient is missing; give it, or control = 'seismic' under [loading], which seeks"
-            " the largest one that is carried."
+            "coefficient is missing; give it, or give control = 'seismic' under [loading] to "
+            "bound the largest coefficient that the bodies carry."
         )
     for load in loads if sought else ():
         if not load.constant:
             raise InputError(
-                f"the load '{load.name or load.on}' would grow with the coefficient that is sought;"
-                " give it constant = true."
+                f"the load '{load.name or load.on}' would grow with the sought coefficient; give "
+                "this load constant = true."
             )

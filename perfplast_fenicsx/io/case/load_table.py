@@ -1,4 +1,4 @@
-"""Read ``[[load]]``, and describe loads in words with units."""
+"""Read ``[[load]]`` tables, and describe loads in words with units."""
 
 import dataclasses
 import math
@@ -27,12 +27,12 @@ SHARED: dict[str, tuple[Any, Any, str]] = {
     "constant": (
         bool | None,
         None,
-        "Whether the load acts in full at any load factor, as a weight does. The default "
-        "is true for a ``pore_pressure``, and false for others.",
+        "Whether the load has its full value at any load factor, like a weight. The default is "
+        "true for ``pore_pressure``, and false for other loads.",
     ),
-    "name": (str, "", "Name of the load in messages and stages."),
+    "name": (str, "", "Name of the load for messages and stages."),
 }
-"""Type, default and meaning of the keys that all loads have, listed after their own keys."""
+"""Type, default and meaning of the keys that all kinds of loads share."""
 
 HEAD = """A load on a surface or in a volume: give exactly one of its kinds.
 
@@ -45,7 +45,7 @@ Args:
 
 
 def load_table() -> type[Any]:
-    """Return the table's dataclass, from :data:`perfplast_fenicsx.problem.declared.loads.LOADS`."""
+    """Return the dataclass of a load table, made from :data:`.loads.LOADS`."""
     volumes = [f"``{kind}``" for kind, cls in LOADS.items() if cls.in_volume]
     text = HEAD.format(volumes=" or ".join(volumes))
     fields: list[Any] = [("on", str)]
@@ -63,15 +63,15 @@ def load_table() -> type[Any]:
 
 
 def read_load(table: Table, place: str) -> Load:
-    """Return the load that a table describes.
+    """Return the load that a table defines.
 
     Args:
-        table: The table, as TOML has read it.
-        place: Place in the input, which messages name.
+        table: The parsed TOML table.
+        place: Place in the input, for messages.
 
     Raises:
-        InputError: If the table has none or several of the kinds, keys of another kind, or numbers
-            that are not finite.
+        InputError: If the table has no kind of load or several, a key of another kind, or a number
+            that is not finite.
     """
     row = convert(table, load_table(), place)
     given = {key: value for key, value in vars(row).items() if value is not None}
@@ -81,8 +81,8 @@ def read_load(table: Table, place: str) -> Load:
         what = " and ".join(key for key in given if key in loads) or "no load"
         *others, last = LOADS
         raise InputError(
-            f"{place}: '{row.on}' has {what}; give exactly one of {', '.join(others)} and {last}"
-            " (several loads are several [[load]] tables)."
+            f"{place}: '{row.on}' has {what}; give exactly one of {', '.join(others)} and {last} "
+            "(write one [[load]] table for each load)."
         )
     (kind,) = kinds
     cls = LOADS[kind]
@@ -99,18 +99,18 @@ def read_load(table: Table, place: str) -> Load:
 
 
 def _key(kind: str, field: str) -> str:
-    """Return the key of a field of a load: the kind for its value, else the field's name."""
+    """Return the key for a load's field: the kind for ``value``, otherwise the field's name."""
     return kind if field == "value" else field
 
 
 def _with(key: str) -> str:
-    """Return the kinds of loads that have a field."""
+    """Return in words the kinds of loads that have a field."""
     kinds = [kind for kind, cls in LOADS.items() if key in typing.get_type_hints(cls)]
     return " or ".join(kinds)
 
 
 def _check_numbers(value: Any, key: str, place: str) -> None:
-    """Refuse numbers that are not finite, and invalid formulas."""
+    """Raise an error for a number that is not finite or for an invalid formula."""
     numbers = value if isinstance(value, list) else [value]
     if not all(isinstance(one, str) or math.isfinite(one) for one in numbers):
         raise InputError(f"{place}: {key} = {shown(value)} is not finite; give finite numbers.")
@@ -124,7 +124,7 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
 
     Args:
         load: The load.
-        units: Units of its numbers.
+        units: Units of the numbers.
         whole: See :meth:`units.Units.table`.
     """
     table = units.table(whole)
@@ -147,7 +147,7 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
 
 
 def meaning(case: "Case", whole: bool = True) -> list[str]:
-    """Return sentences on the meaning of a case's numbers: the load factor and the units.
+    """Return sentences that explain the load factor and the units of a case.
 
     Args:
         case: The case.
@@ -163,7 +163,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         told.append(f"{factor} is {', '.join(live)}.")
     elif case.scene.driven:
         told.append(
-            "zeta = 1 is the motion of supports, obstacles and overlaps as given in the case."
+            "zeta = 1 is the motion of supports, obstacles and overlaps that the case gives."
         )
     elsewhere = dict.fromkeys(name for stage in case.stages for name in stage.factors)
     others = [
@@ -172,13 +172,13 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         if name not in {load.name or load.on for load in case.loads}
     ]
     if others:
-        told.append(f"A factor of 1 of {', '.join(others)} is the value in the case.")
+        told.append(f"A factor of 1 for {', '.join(others)} is the value in the case.")
     if dead:
-        told.append(f"At any load factor these act in full: {', '.join(dead)}.")
+        told.append(f"These loads have their full value at any load factor: {', '.join(dead)}.")
     if case.scene.axisymmetric:
         told.append(
-            "Forces and works in results are those of the full turn; pressures, tractions "
-            "and body forces are per area and volume."
+            "Forces and works in results are those of the full turn; pressures and tractions are "
+            "per area, and body forces per volume."
         )
     if units.in_words():
         told.append(f"Units: {units.in_words(whole)}.")
@@ -186,7 +186,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
 
 
 def _value(value: Any) -> str:
-    """Return a number or a formula as text, or one for each direction."""
+    """Return a number or a formula as text, or a list of them in brackets."""
     if isinstance(value, WordedFormula):
         return value.words
     if isinstance(value, str):

@@ -20,14 +20,14 @@ from perfplast_fenicsx.solvers.methods import METHODS
 
 
 def read_loading(top: Document, name: str) -> Control:
-    """Return the control of the loading.
+    """Return the control of the loading, from ``[loading]`` or from ``[[stage]]``.
 
     Raises:
-        InputError: If there is not exactly one of both tables, or if its keys are wrong.
+        InputError: If the case has both tables or neither, or if a key or value is not valid.
     """
     if top.stage and top.loading is not None:
         raise InputError(
-            f"{name}: there are both [loading] and [[stage]], which define two loadings; "
+            f"{name}: the case has both [loading] and [[stage]], but each defines the loading; "
             "remove one of them."
         )
     if top.stage:
@@ -45,17 +45,17 @@ def read_loading(top: Document, name: str) -> Control:
 
 
 def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str, Material]:
-    """Return the materials for a loading: with stages they remember plastic flow.
+    """Return the materials for a loading; with stages they store plastic strains.
 
     Raises:
-        InputError: If a limit load is sought for hardening bodies, which have none, or if there are
-            stages for a body that cannot remember.
+        InputError: If a limit load is sought although a body hardens, or if a law has no plastic
+            history for stages.
     """
     hard = sorted(name for name, a in materials.items() if carries_any_load(a))
     if hard and loading.limit_tolerance is not None:
         raise InputError(
-            f"the material of '{hard[0]}' hardens, so that bodies carry any load and there "
-            "is no limit load; give values or stages, or law = 'von-mises'."
+            f"the material of '{hard[0]}' hardens, so there is no limit load; give values or "
+            "stages, or law = 'von-mises'."
         )
     if not loading.in_turn():
         return dict(materials)
@@ -73,28 +73,28 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
 
 
 def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
-    """Return the solver of conic programs, and the table without its key.
+    """Return the name of the solver of conic programs, and the table without its key.
 
     Args:
         table: The table.
-        loading: The loading that the case asks for.
-        place: Place in the input, which messages name.
+        loading: The control of the loading.
+        place: Place in the input, for messages.
 
     Raises:
-        InputError: If the solver does not exist, or if the loading has no conic program.
+        InputError: If the solver is unknown, or if the loading needs no conic program.
     """
     if "conic" not in table:
         return USUAL, table
     conic, _, rest = choose(table, "conic", SOLVERS, place)
     if loading.limit_tolerance is None:
         raise InputError(
-            f"{place}: conic = '{conic}' solves limit loads and bounds, but this loading "
-            "needs neither; remove it, or give control = 'bounds'."
+            f"{place}: conic = '{conic}' applies only to limit loads and bounds, which this "
+            "loading does not need; remove conic, or give control = 'bounds'."
         )
     if rest or loading.limit_method == LimitMethod.PATH:
         raise InputError(
-            f"{place}: conic = '{conic}' applies to the interior point method, but a path "
-            "is requested; remove conic, or all keys about the path."
+            f"{place}: conic = '{conic}' applies to the interior point method, but the case asks "
+            "for a path; remove conic, or remove all keys for the path."
         )
     return conic, rest
 
@@ -102,22 +102,21 @@ def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
 def read_method(
     table: Table, loading: Control, place: str, coulomb: bool = False
 ) -> tuple[str, Any]:
-    """Return method and options; by default ALG1 for loads and ALG3 for works.
+    """Return the method and its options; the default is ALG1 for loads and ALG3 for works.
 
     Args:
         table: The table.
-        loading: The loading that the case asks for.
-        place: Place in the input, which messages name.
-        coulomb: Whether there is Coulomb's friction.
+        loading: The control of the loading.
+        place: Place in the input, for messages.
+        coulomb: Whether the case has Coulomb's friction.
 
     Raises:
-        InputError: If the method does not fit the loading, or if its options are wrong.
+        InputError: If the method does not fit the loading, or if an option is not valid.
     """
     if table and loading.limit_method == LimitMethod.INTERIOR_POINT:
         raise InputError(
-            f"{place}: the interior point method has no levels to solve; remove this "
-            "table, or follow a path with control = 'work', until = 'limit' and "
-            "limit_method = 'path'."
+            f"{place}: the interior point method solves no load levels; remove this table, or "
+            "follow a path with control = 'work', until = 'limit' and limit_method = 'path'."
         )
     wanted = loading.prescribes
     fitting = [name for name, entry in METHODS.items() if entry.solver.prescribes is wanted]

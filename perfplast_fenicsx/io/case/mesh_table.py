@@ -1,4 +1,4 @@
-"""Read ``[mesh]``, ``[geometry]`` or drawn ground, and how the mesh is adapted."""
+"""Read ``[mesh]``, ``[geometry]`` or drawn ground, and the options for mesh adaptation."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -23,9 +23,10 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
 def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
-    """Return the mesh, which rank 0 makes if it does not exist, and remarks on it. Collective.
+    """Return the mesh with remarks on it; rank 0 makes the mesh if necessary. Collective.
 
-    The remarks state which surfaces are glued, and their areas in the drawing.
+    The mesh also has the names of surfaces that are glued, and the areas of surfaces in the
+    drawing.
     """
     on_rank0(comm, keep)
     glued, drawn = comm.bcast(on_rank0(comm, lambda: (glued_in(mesh), drawn_in(mesh))))
@@ -34,19 +35,19 @@ def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> Tagged
 
 @dataclass(frozen=True)
 class GeometryFile:
-    """A STEP, BREP or IGES file, or gmsh's ``.geo``, whose bodies are meshed for the run.
+    """A STEP, BREP, IGES or gmsh ``.geo`` file, whose bodies are meshed for the run.
 
-    A ``.geo`` is a script that may run any command: it is run only with ``--trust``. A ``.dxf``
-    file draws ground in the plane: its closed lines are as ``[[region]]``, other lines as
-    ``[[line]]``, with the names of their layers.
+    A ``.geo`` file is a script that may execute any command; it is run only with ``--trust``. A
+    ``.dxf`` file draws ground in the plane: each closed line is a ``[[region]]`` and each other
+    line a ``[[line]]``, named after its layer.
 
-    The mesh is stored next to the case file, as ``case.msh`` for ``case.toml``. It is made again
-    after the geometry file or this table changes. ``perfplast mesh`` writes a first case file with
+    The mesh is stored next to the case file, as ``case.msh`` for ``case.toml``. It is made again if
+    the geometry file or this table has changed. ``perfplast mesh`` writes a first case file with
     the names of all bodies and faces.
 
     Args:
         file: Its path, relative to the folder of the case file.
-        options: The other keys.
+        options: The meshing options, from the other keys.
         adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
     """
 
@@ -55,7 +56,7 @@ class GeometryFile:
     adapt: Table | None = None
 
     def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
-        """Return the mesh of a case; rank 0 makes it unless it exists. Collective.
+        """Return the mesh of a case; rank 0 makes the mesh if necessary. Collective.
 
         Args:
             comm: The ranks of the run.
@@ -87,12 +88,12 @@ class GroundInCase:
     adapt: Table | None = None
 
     def mesh(self, comm: MPI.Intracomm, case: Path, trust: bool = False) -> TaggedMesh:
-        """Return the mesh of a case; rank 0 makes it unless it exists. Collective.
+        """Return the mesh of a case; rank 0 makes the mesh if necessary. Collective.
 
         Args:
             comm: The ranks of the run.
             case: The case file.
-            trust: Not used: the script is the program's own.
+            trust: Not used, because the program writes the script itself.
 
         Raises:
             InputError: If the ground cannot be meshed.
@@ -102,7 +103,7 @@ class GroundInCase:
         return replace(found, remarks=(*found.remarks, *self.ground.remarks()))
 
     def _keep(self, case: Path, mesh: Path) -> None:
-        """Make the mesh unless it exists. Not collective."""
+        """Make the mesh if it does not exist or is out of date. Not collective."""
         with tempfile.TemporaryDirectory() as folder:
             script = Path(folder) / "ground.geo"
             script.write_text(self.ground.script(), encoding="utf-8")
@@ -113,21 +114,21 @@ class GroundInCase:
 
 
 def is_dxf(table: Table) -> bool:
-    """Return whether ``[geometry]`` names a DXF file, whose lines are ground in the plane."""
+    """Return whether ``[geometry]`` names a DXF file, which draws ground in the plane."""
     file = table.get("file")
     return isinstance(file, str) and file.lower().endswith(".dxf")
 
 
 def read_ground(top: Document, case: Path) -> DrawnGround | None:
-    """Return the ground that a case draws; None if it draws none.
+    """Return the ground that a case draws; None without drawn ground.
 
     Args:
         top: The case.
-        case: The case file; paths of DXF files are relative to its folder.
+        case: The case file; the path of a DXF file is relative to its folder.
 
     Raises:
-        InputError: If keys are wrong, a DXF file cannot be read, or the drawing is not a valid
-            ground.
+        InputError: If a key or value is not valid, if a DXF file cannot be read, or if the drawing
+            is not valid ground.
     """
     name, geometry = case.name, top.geometry or {}
     regions, strata, lines = top.region, top.stratum, top.line
@@ -139,9 +140,8 @@ def read_ground(top: Document, case: Path) -> DrawnGround | None:
         return None
     if not (regions or strata or of_file.regions):
         raise InputError(
-            f"{name}, [[line]]: lines name boundaries of a [[region]] or [[stratum]], but "
-            "there is neither; draw the ground, or name faces of a file by "
-            "[[geometry.face]]."
+            f"{name}, [[line]]: a line needs ground, but the case has no [[region]] or "
+            "[[stratum]]; draw the ground, or name faces of a geometry file by [[geometry.face]]."
         )
 
     def read(key: str, kind: type[T], tables: Sequence[Table]) -> list[T]:
@@ -161,24 +161,24 @@ def read_geometry(
 
     Args:
         table: ``[geometry]``.
-        mesh: Table ``[mesh]``, which may contain only ``adapt``.
-        place: Place of the table in the input, which messages name.
+        mesh: The table ``[mesh]``, which may contain only ``adapt``.
+        place: Place of the table in the input, for messages.
         ground: The ground that the case draws, if any.
 
     Raises:
-        InputError: If there is a mesh as well, or if keys are wrong.
+        InputError: If ``[mesh]`` defines a mesh as well, or if a key or value is not valid.
     """
     other_file = "file" in table and not is_dxf(table)
     if ground is not None and (mesh.keys() - {"adapt"} or other_file):
         other = "[geometry] file" if other_file else "[mesh] file or builder"
         raise InputError(
-            f"{place}: the case draws its ground by [[region]] or [[stratum]], but there "
-            f"is also a {other}; remove one of them."
+            f"{place}: the case draws ground by [[region]] or [[stratum]], but also has a {other}; "
+            "remove one of them."
         )
     if mesh.keys() - {"adapt"}:
         raise InputError(
-            f"{place}: there is also a [mesh]; remove one of them, since the bodies are "
-            "meshed from the geometry file."
+            f"{place}: the case also has [mesh], but the mesh is made from the geometry file; "
+            "remove one of the two tables."
         )
     named = {key: table[key] for key in ("file", "face") if key in table}
     file = {} if ground is None else {"file": ""}
@@ -198,7 +198,7 @@ def read_geometry(
 
 @dataclass(frozen=True)
 class _Named:
-    """Keys that are not passed to the mesher."""
+    """Keys of ``[geometry]`` and ``[mesh]`` that are not passed to the mesher."""
 
     file: str
     face: list[Table] = field(default_factory=list)
@@ -212,16 +212,17 @@ CaseMesh = MeshFile | MeshBuilder | GeometryFile | GroundInCase
 def read_mesh(
     table: Table, geometry: Table | None, name: str, ground: DrawnGround | None = None
 ) -> CaseMesh:
-    """Return the mesh, or the data from which it is made.
+    """Return the mesh of a case, or the data from which the mesh is made.
 
     Args:
         table: ``[mesh]``.
-        geometry: ``[geometry]``, if there is one.
+        geometry: ``[geometry]``; None without this table.
         name: Name of the case file.
         ground: The ground that the case draws, if any.
 
     Raises:
-        InputError: If there is not exactly one of a file and a builder, or if keys are wrong.
+        InputError: If the case does not have exactly one source of the mesh, or if a key or value
+            is not valid.
     """
     place = f"{name}, [mesh]"
     if geometry is not None or ground is not None:
@@ -247,18 +248,19 @@ def load_mesh(
     contacts: Sequence[Contact],
     trust: bool,
 ) -> TaggedMesh:
-    """Build the mesh of a case, or read it and check its bodies. Collective.
+    """Return the mesh of a case after a check of its bodies. Collective.
 
     Args:
         comm: The ranks of the run.
-        mesh: The mesh, or its data.
+        mesh: The mesh, or the data from which it is made.
         case: The case file.
-        contacts: The contacts; for a measured interference, bodies may overlap.
-        trust: Whether to run a script that makes it.
+        contacts: The contacts; bodies may overlap if a contact has an interference that is measured
+            on the mesh.
+        trust: Whether to run a script that makes the mesh.
 
     Raises:
-        InputError: If the builder or file does not exist, if its arguments or content are wrong, or
-            if bodies overlap or are cut inside.
+        InputError: If the builder or file does not exist, if its arguments or content are not
+            valid, or if bodies overlap or are cut inside.
     """
     if isinstance(mesh, MeshBuilder):
         return build(comm, mesh.builder, **mesh.arguments)
@@ -271,17 +273,18 @@ def load_mesh(
 
 
 def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    """Return the adaptation of the mesh; None without one.
+    """Return the options for the adaptation of the mesh; None without adaptation.
 
     Raises:
-        InputError: If no bounds of the body are sought, or if keys are wrong.
+        InputError: If the control computes no bounds for the body, or if a key or value is not
+            valid.
     """
     if table is None:
         return None
     if not loading.of_body:
         raise InputError(
-            f"{place}: meshes are adapted to bounds, which need control = 'bounds' or "
-            "'strength' under [loading]; choose one of these, or remove adapt."
+            f"{place}: adapt needs bounds: give control = 'bounds' or 'strength' under [loading], "
+            "or remove adapt."
         )
     adaptation = convert(table, Adaptation, place)
     with at(place):

@@ -1,6 +1,6 @@
-"""Store data of pictures besides the fields in ``scene.json``: names, loads, contacts, units.
+"""Write and read ``scene.json``: names, loads, contacts and units, for pictures.
 
-A run writes the file with its results, so that pictures can be drawn without the case.
+A run writes this file with its results, so that pictures can be drawn without the case file.
 """
 
 import json
@@ -24,16 +24,16 @@ if TYPE_CHECKING:  # code that reads results for pictures does not start MPI
 
 @dataclass(frozen=True)
 class Scene:
-    """Names of the bodies and objects around them.
+    """The data that pictures need besides the fields.
 
     Attributes:
         title: Title of pictures.
-        loads: Loads; ζ multiplies all except constant ones.
+        loads: The loads; ζ multiplies all of them except constant ones.
         contacts: Pairs of surfaces.
         obstacles: Rigid obstacles.
         units: Units of the numbers.
-        axisymmetric: Whether the mesh is half a section of bodies of revolution.
-        driven: Whether ζ moves supports and obstacles, and no load grows.
+        axisymmetric: Whether the mesh is the half section of bodies of revolution.
+        driven: Whether ζ moves supports and obstacles, and no load grows with ζ.
     """
 
     title: str
@@ -45,12 +45,12 @@ class Scene:
     driven: bool = False
 
     def unit_of_work(self, gdim: int) -> str:
-        """Return the unit of works on a mesh of this dimension; empty if it is unknown."""
+        """Return the unit of work for a mesh of dimension ``gdim``; empty if it is unknown."""
         return self.units.of_work(whole=self.axisymmetric or gdim == 3)
 
     @property
     def view(self) -> str:
-        """Return the caption note for a half section; empty for other pictures."""
+        """Return the note for captions of half sections; empty for other pictures."""
         return ",   axisymmetric about z" if self.axisymmetric else ""
 
     @property
@@ -60,7 +60,7 @@ class Scene:
 
     @property
     def marks(self) -> dict[str, list[str]]:
-        """Return the surfaces of each mark in a picture.
+        """Return the names of the surfaces that have each mark in a picture.
 
         The marks are ``load i`` for each load on surfaces, ``contact`` for surfaces with a
         displayed pressure, and ``opposite`` for the other surface of each pair.
@@ -90,7 +90,7 @@ def write_scene(scene: Scene, tagged_mesh: "TaggedMesh", path: Path) -> None:
 
 @dataclass(frozen=True)
 class NamedScene:
-    """Content of ``scene.json``: a scene, and the tags of names in ``fields/mesh.vtkhdf``."""
+    """Content of ``scene.json``: a scene, and the tags in ``fields/mesh.vtkhdf`` by name."""
 
     scene: Scene
     volumes: dict[str, int]
@@ -117,7 +117,7 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
 
     Args:
         table: Table from JSON.
-        place: Place of the file, which messages name.
+        place: Place of the file, for messages.
 
     Raises:
         InputError: If :func:`write_scene` did not write it.

@@ -1,7 +1,7 @@
 """Read TOML files, convert tables into dataclasses, and report every fault in one sentence.
 
-A dataclass is the schema of a table: its field names are the keys, its annotations the types, its
-defaults the defaults, and its ``__post_init__`` checks the ranges. There is no second definition.
+The dataclass of a table is its schema: field names are keys, annotations are types, field defaults
+are defaults, and ``__post_init__`` checks the ranges. There is no second definition.
 """
 
 import dataclasses
@@ -35,7 +35,7 @@ _WORDS: dict[Any, str] = {
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Prefix the message of an InputError with ``place``."""
+    """Put ``place`` before the message of an InputError that the block raises."""
     try:
         yield
     except InputError as error:
@@ -43,16 +43,16 @@ def at(place: str) -> Iterator[None]:
 
 
 def convert(table: Table, schema: type[T], place: str) -> T:
-    """Return a table as an instance of its dataclass.
+    """Return an instance of a dataclass from a table.
 
     Args:
         table: The table, as TOML has read it.
         schema: A dataclass, frozen or not.
-        place: Place of the table, which messages name, e.g. ``"case.toml, [material.upper]"``.
+        place: Place of the table for messages, e.g. ``"case.toml, [material.upper]"``.
 
     Raises:
-        InputError: For an unknown or missing key, a value of another type, or a value that the
-            dataclass itself refuses.
+        InputError: For an unknown or missing key, a value of a wrong type, or a value that the
+            dataclass refuses.
     """
     fields = {field.name: field for field in dataclasses.fields(schema)}  # type: ignore[arg-type]
     for key in table:
@@ -72,10 +72,11 @@ def convert(table: Table, schema: type[T], place: str) -> T:
 def choose(
     table: Table, key: str, choices: Mapping[str, T], place: str, default: str | None = None
 ) -> tuple[str, T, Table]:
-    """Return the choice named by ``table[key]``, and the table without that key.
+    """Return the name ``table[key]``, the choice with this name, and the table without ``key``.
 
     Raises:
-        InputError: If the key is missing without a default, or is not one of the choices.
+        InputError: If the key is missing and has no default, or if its value is not one of the
+            choices.
     """
     if key not in table and default is None:
         listed = _either([shown(choice) for choice in choices])
@@ -87,7 +88,7 @@ def choose(
 
 
 def shown(value: object) -> str:
-    """Return a shortened value as TOML writes it."""
+    """Return a value in TOML's notation, cut to 60 characters."""
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, Mapping):
@@ -120,7 +121,7 @@ def described(hint: Any, key: str) -> str:
 
     Args:
         hint: The annotation of a field.
-        key: Its name.
+        key: The name of the field.
     """
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint in _WORDS:
@@ -146,29 +147,30 @@ def _either(words: Sequence[str]) -> str:
 
 
 LARGEST_FILE = 1_000_000
-"""Largest size of a file (bytes)."""
+"""Largest size of a case file (bytes)."""
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file that should be TOML. Not collective.
+    """Return the text of a case file. Not collective.
 
     Raises:
-        InputError: If it is not a regular file, cannot be read, is very large or is not text.
+        InputError: If the file is not regular, cannot be read, is larger than :data:`LARGEST_FILE`,
+            or is not text in UTF-8.
     """
     try:
         content = _content(path)
-    except (OSError, ValueError) as error:  # ValueError occurs for names that no file can have
+    except (OSError, ValueError) as error:  # names that no file can have raise a ValueError
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(
             f"the case file '{path}' cannot be read ({reason.lower()}); check its name."
         ) from error
     if len(content) > LARGEST_FILE:
         raise InputError(
-            f"'{path}' has more than {LARGEST_FILE} bytes; give a case file (TOML), and large data"
-            " as a mesh file."
+            f"'{path}' has more than {LARGEST_FILE} bytes; give a case file (TOML), and keep large "
+            "data in a mesh file."
         )
     try:
-        return content.decode("utf-8-sig")  # Windows editors begin files with a byte order mark
+        return content.decode("utf-8-sig")  # some Windows editors write a byte order mark first
     except UnicodeDecodeError as error:
         raise InputError(
             f"'{path}' is not a text file in UTF-8; give a case file (TOML)."
@@ -176,8 +178,8 @@ def read_text(path: Path) -> str:
 
 
 def _content(path: Path) -> bytes:
-    """Return the first bytes, up to one more than allowed."""
-    mode = path.stat().st_mode  # opening a FIFO would wait for its other end
+    """Return the first bytes of a file: at most one byte more than allowed."""
+    mode = path.stat().st_mode  # opening a FIFO would wait for a writer
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
         raise OSError(errno.EINVAL, "no regular file")
     with path.open("rb") as file:
@@ -185,14 +187,14 @@ def _content(path: Path) -> bytes:
 
 
 COMMA = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
-"""A number with a decimal comma after a key, alone on its line."""
+"""A line that ends with a number with a decimal comma."""
 
 WINDOWS = re.compile(r'=\s*"([^"]*\\[^"]*)"')
-"""A text in double quotes with a backslash, as in a Windows path."""
+"""A string in double quotes that contains a backslash, as in a Windows path."""
 
 
 def _remedy(text: str, reason: str) -> str:
-    """Return a remedy for TOML that cannot be read, from the line with the fault."""
+    """Return a remedy for a TOML error, which depends on the line with the error."""
     at = re.search(r"line (\d+)", reason)
     lines = text.splitlines()
     line = lines[int(at[1]) - 1] if at and int(at[1]) <= len(lines) else ""
@@ -204,15 +206,15 @@ def _remedy(text: str, reason: str) -> str:
 
 
 def parse(text: str, name: str) -> Table:
-    """Return TOML text as a table.
+    """Return the table that a TOML text contains.
 
     Args:
         text: Text of the file.
-        name: Name of the file, which messages use.
+        name: Name of the file for messages.
 
     Raises:
-        InputError: If the text is not valid TOML, or cannot be used: nested very deep, or with
-            integers of more than 64 bits, at which msgspec fails without a message.
+        InputError: If the text is not valid TOML, is nested too deeply, or has an integer of more
+            than 64 bits, at which msgspec fails without a message.
     """
     try:
         table = tomllib.loads(text)
@@ -221,7 +223,8 @@ def parse(text: str, name: str) -> Table:
             f"{name} is nested too deeply to be read; a case needs only a few brackets."
         ) from error
     except ValueError as error:  # also a TOMLDecodeError
-        reason = str(error).partition("; use sys.")[0]  # the author of a case does not need it
+        # this advice is for programmers, not for authors of cases
+        reason = str(error).partition("; use sys.")[0]
         reason = reason[:1].lower() + reason[1:]
         remedy = _remedy(text, reason)
         raise InputError(f"{name} is not valid TOML: {reason}; {remedy}.") from error
@@ -235,7 +238,7 @@ def parse(text: str, name: str) -> Table:
             entries += [(key, item) for item in value]
         elif isinstance(value, int) and value not in int64:
             raise InputError(
-                f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but "
-                "integers have 64; write a smaller one, or 1e30 for a large number."
+                f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but integers "
+                "have 64; write a smaller integer, or a number with an exponent such as 1e30."
             )
     return table

@@ -1,4 +1,4 @@
-"""Read ``[seepage]``: water that flows through the ground, and its loads."""
+"""Read ``[seepage]``: water that flows through the ground, and the loads from this water."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -14,20 +14,23 @@ from perfplast_fenicsx.units import Units
 
 
 def read_seepage(table: Table, units: Units, gravity: GravityTable | None, place: str) -> Seepage:
-    """Return the seepage that a table declares.
+    """Return the seepage that a table defines.
 
     Args:
         table: ``[seepage]``.
         units: Units of the numbers.
-        gravity: The weight of the bodies, if they have any.
-        place: Place in the input, which messages name.
+        gravity: The table ``[gravity]``; None without weight.
+        place: Place in the input, for messages.
 
     Raises:
-        InputError: If keys or values are wrong.
+        InputError: If a key or value is not valid.
     """
     each = table.get("head", [])
     if not isinstance(each, list) or not all(isinstance(one, dict) for one in each):
-        raise InputError(f"{place}: head is {each!r}; give tables, each headed [[seepage.head]].")
+        raise InputError(
+            f"{place}: head = {each!r} is not valid; give one [[seepage.head]] table "
+            "for each water level."
+        )
     of_head = f"{place.removesuffix('[seepage]')}[[seepage.head]] number"
     for number, one in enumerate(each, start=1):
         convert(one, Head, f"{of_head} {number}")
@@ -37,15 +40,15 @@ def read_seepage(table: Table, units: Units, gravity: GravityTable | None, place
 
 
 def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | None) -> list[Load]:
-    """Return the loads of water: pore pressure, and pressure on submerged surfaces.
+    """Return the loads from seepage: pore pressures, and pressures on submerged surfaces.
 
     Args:
         seepage: The declared seepage.
         bodies: Names of all bodies.
-        weight: Gravity, which must point down.
+        weight: The table ``[gravity]``; its acceleration must point opposite to ``up``.
 
     Raises:
-        InputError: If a conductivity belongs to no body, or if gravity has another direction.
+        InputError: If a conductivity has the name of no body, or if gravity has another direction.
     """
     if weight is not None:
         down = [0.0] * len(weight.acceleration)
@@ -54,7 +57,8 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
         if list(weight.acceleration) != down:
             raise InputError(
                 f"up = '{seepage.up}' is not opposite to gravity, whose acceleration is "
-                f"{weight.acceleration}; give the coordinate that points upwards as up."
+                f"{weight.acceleration}; give the coordinate that points upwards, or correct "
+                "[gravity]."
             )
     known, found = list(bodies), list[Load]()
     for body in seepage.conductivity:
@@ -71,21 +75,21 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
 
 
 def drawdowns(seepage: Seepage | None) -> list[str]:
-    """Return a clause on each level that has fallen."""
+    """Return a remark on each water level that has fallen (rapid drawdown)."""
     return [
-        f"the water outside '{head.on}' has fallen from {head.level:g} to {head.drawdown:g}, and"
-        " none has left the ground since"
+        f"the water outside '{head.on}' has fallen from {head.level:g} to {head.drawdown:g}, but "
+        "no water has drained from the ground since then"
         for head in (() if seepage is None else seepage.head)
         if head.drawdown is not None
     ]
 
 
 def with_flow(loads: Sequence[Load], flow: SteadyFlow) -> list[Load]:
-    """Return the loads with the pressure of the seepage.
+    """Return the loads, with the computed pore pressures of a seepage.
 
     Args:
-        loads: Loads of a case.
-        flow: The seepage on a mesh of its bodies.
+        loads: The loads of a case.
+        flow: The computed seepage on a mesh of the same bodies.
     """
     return [
         replace(load, field=flow.pressure_in(load.on)) if isinstance(load, FieldPores) else load

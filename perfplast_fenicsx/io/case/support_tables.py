@@ -1,4 +1,4 @@
-"""Read tables that hold or move bodies: ``[[support]]``, ``[[rigid_surface]]``, ``[[contact]]``."""
+"""Read the tables ``[[support]]``, ``[[rigid_surface]]`` and ``[[contact]]``, which can move."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,20 +11,22 @@ from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, Supp
 
 @dataclass(frozen=True)
 class SupportTable:
-    """Prescribed displacement of some components on a surface.
+    """Prescribed displacement components on a surface.
 
     Args:
         on: Physical surface.
-        components: Any of the letters x, y, z; the default holds all components of the mesh. Or
-            "normal" for the component normal to a flat surface of any direction, which may then
-            slide tangentially, as a plane of symmetry does. With a value the surface may be curved.
-        value: Prescribed displacement (length), such as a settlement; with "normal" the
-            displacement out of the body along the normal. A number, or a formula in x, y, z such as
-            "0.01*y". The default is no displacement.
-        constant: Whether the displacement is the same at any load factor. Under control =
+        components: The held components: any of the letters x, y, z; the default is all of them. Or
+            "normal" for the component normal to a flat surface of any orientation; the surface can
+            then slide tangentially, as at a plane of symmetry. If a value is given, the surface may
+            be curved.
+        value: Prescribed displacement (length), such as a settlement; with "normal" it is positive
+            along the outward normal. Give a number, or a formula in x, y, z such as "0.01*y". The
+            default is 0.
+        constant: Whether the displacement is the same at any load factor. With control =
             "displacement", and in stages that name the support, the factor multiplies the
-            displacement unless this is true; otherwise it is always constant.
-        name: Name in results and stages; by default the name of its surface.
+            displacement unless constant is true. In other cases the displacement is always
+            constant.
+        name: Name of the support for results and stages; the default is the name of the surface.
     """
 
     on: str
@@ -34,10 +36,10 @@ class SupportTable:
     name: str = ""
 
     def support(self, driven: bool) -> Support:
-        """Return the support, with or without motions that follow the load factor.
+        """Return the support that the table defines.
 
         Raises:
-            InputError: If it should follow a loading without motions.
+            InputError: If ``constant`` is false, but the loading moves nothing.
         """
         constant = _stays(self.constant, driven, f"the support on '{self.on}'")
         return Support(self.on, self.components, self.value, constant, self.name)
@@ -45,23 +47,23 @@ class SupportTable:
 
 @dataclass(frozen=True)
 class RigidSurfaceTable:
-    """A surface glued to a rigid plate, such as the rough base of a footing.
+    """A surface that is glued to a rigid plate, such as the rough base of a footing.
 
-    Without displacement and rotation it is free to move, and loads act on it, including a
-    ``force``.
+    Without displacement and rotation the surface is free to move as a rigid body, and loads may act
+    on it, including a ``force``.
 
     Args:
         on: Physical surface.
-        point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
-        displacement: Displacement of that point (length; 2 or 3 numbers); by default 0.
-        rotation: A number in the plane, one for each axis in space (rad); 0 if only a displacement
-            is given.
-        components: Letters of x, y, z that a prescribed motion holds; the default holds all. With
-            only some of them, a bar that is twisted at its end may warp there.
+        point: Centre of the rotation (length; 2 or 3 numbers); the default is the origin.
+        displacement: Displacement of this point (length; 2 or 3 numbers); the default is 0.
+        rotation: Angle of rotation (rad): one number in the plane, and one for each axis in space.
+            The default is 0 if a displacement is given.
+        components: Displacement components that the prescribed motion fixes, as letters of x, y, z;
+            the default is all. If only some are fixed, the end of a twisted bar can warp.
         constant: As for supports.
         name: As for supports.
-        held: Letters of x, y, z along which a free surface cannot move, as at a plane of symmetry.
-            The surface then does not rotate either.
+        held: Directions, as letters of x, y, z, in which a free surface cannot move, as at a plane
+            of symmetry. Such a surface does not rotate either.
     """
 
     on: str
@@ -74,10 +76,10 @@ class RigidSurfaceTable:
     held: str = ""
 
     def surface(self, driven: bool) -> RigidSurface:
-        """Return the surface, with or without motions that follow the load factor.
+        """Return the rigid surface that the table defines.
 
         Raises:
-            InputError: If it should follow a loading without motions.
+            InputError: If ``constant`` is false, but the loading moves nothing.
         """
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
@@ -86,15 +88,16 @@ class RigidSurfaceTable:
 
 
 def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) -> Contact:
-    """Return a contact, whose overlap may follow the load factor.
+    """Return the contact that a table defines.
 
     Args:
         table: Its table.
         moved: See :meth:`~perfplast_fenicsx.controls.control.Control.moved`.
-        place: Place in the input, which messages name.
+        place: Place in the input, for messages.
 
     Raises:
-        InputError: If keys are wrong, or if it should follow a loading without motions.
+        InputError: If a key or value is not valid, or if ``constant`` is false but the loading
+            moves nothing.
     """
     _, kind, rest = choose(table, "interface", INTERFACES, place, default="friction")
     contact = convert(rest, kind, place)
@@ -105,14 +108,14 @@ def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) ->
 
 
 def _stays(constant: bool | None, driven: bool, what: str) -> bool:
-    """Return whether a moved object keeps its place at any load factor.
+    """Return whether the prescribed motion of an object is the same at any load factor.
 
     Raises:
-        InputError: If it should follow a loading without motions.
+        InputError: If ``constant`` is false, but the loading moves nothing.
     """
     if not driven and constant is False:
         raise InputError(
-            f"{what} has constant = false, but nothing moves it: control = 'displacement' "
-            "or stages that name it would; choose one of them, or remove constant."
+            f"{what} has constant = false, but the loading does not move it; give control = "
+            "'displacement' or a stage that names it, or remove constant."
         )
     return not driven if constant is None else constant

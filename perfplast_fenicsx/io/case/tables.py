@@ -1,6 +1,7 @@
-"""Define the tables of a case file: one dataclass for a table, or several to choose from.
+"""Define dataclasses for tables of a case file.
 
-Tables of materials, contacts, obstacles, loadings and algorithms are in the modules that use them.
+The dataclasses for materials, contacts, obstacles, loadings and algorithms are in the modules that
+use them.
 """
 
 from dataclasses import dataclass, field
@@ -16,37 +17,40 @@ class Document:
     """The top level of a case file.
 
     Args:
-        mesh: Mesh of the bodies; with a geometry the table is missing, or contains only ``adapt``.
-        geometry: A CAD file that is meshed for the run, or how drawn ground is meshed.
-        region: Ground that is drawn in the case, each part as a polygon.
-        stratum: Ground that is drawn in the case as layers, from the surface downwards.
-        line: Lines of drawn ground that name parts of its boundary, and that the mesh follows.
-        material: The law of each body; NAME is the name of its physical volume.
-        load: Loads, at least one unless control = "displacement". The load factor ζ multiplies all
-            loads except constant ones.
-        loading: How the bodies are loaded and what controls the loading; missing with stages.
-        stage: A loading history instead of [loading]: the bodies then remember plastic flow.
+        mesh: Mesh of the bodies. With a geometry, omit this table, or give only ``adapt``.
+        geometry: A CAD file that is meshed for the run, or the meshing options for drawn ground.
+        region: Ground that is drawn in the case; each table is a polygon.
+        stratum: Ground that is drawn in the case as layers; the order is from the surface
+            downwards.
+        line: Lines in drawn ground; mesh edges follow them, and they name parts of the boundary.
+        material: The material law of each body; NAME is the name of the body's physical volume.
+        load: Loads; at least one is required unless control = "displacement". The load factor ζ
+            multiplies all loads except constant ones.
+        loading: How the bodies are loaded, and which quantity is prescribed. Omit this table with
+            stages.
+        stage: A loading history, instead of [loading]. Plastic strains remain from stage to stage.
         model: Meaning of the coordinates of a plane mesh.
-        title: Title of the case; by default the name of the file.
-        gravity: The weight of bodies, by their densities.
-        earthquake: A horizontal force on everything with a weight.
-        water: Water in the pores of ground and above the ground, from its table.
-        seepage: Water that flows through the ground.
-        combination: Loads that act together with factors, each combination solved separately;
-            results include a table with the worst one first.
+        title: Title of the case; the default is the name of the file.
+        gravity: The weight of the bodies, from their densities.
+        earthquake: A horizontal force on all bodies with a weight.
+        water: Hydrostatic water in the pores of the ground and above the ground, from a water
+            table.
+        seepage: Steady flow of water through the ground.
+        combination: Loads that act together, each with a factor. Each combination is solved
+            separately; results include a table that lists the worst combination first.
         design: Partial factors on strengths.
         support: Supports of the bodies.
         temperature: Changes of temperature.
-        initial_stress: Stress of bodies before any deformation.
+        initial_stress: Stress of bodies before any load acts.
         bolt: Bolts that are tightened before any load acts.
-        contact: Surfaces of bodies that touch, or may touch, each other.
+        contact: Pairs of surfaces that touch or may touch each other.
         obstacle: Rigid obstacles, which may move.
-        tie: Surfaces of bodies that are glued together.
-        rigid_surface: Surfaces that move as rigid bodies.
+        tie: Pairs of surfaces that are glued together.
+        rigid_surface: Surfaces that each move as a rigid body.
         element: The finite elements.
-        solve: The algorithm and its options.
+        solve: The solution algorithm and its options.
         output: Files that a run writes.
-        report: Heading of the report.
+        report: Document data for the head of the report.
         units: Units of the numbers.
     """
 
@@ -84,14 +88,15 @@ class Document:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Files of a run in addition to ``summary.json`` and ``path.csv``.
+    """Files that a run writes in addition to ``summary.json`` and ``path.csv``.
 
     Args:
-        fields: Write ``fields.vtkhdf.series`` and the folder ``fields``.
-        pictures: Draw ``path.png``, and with fields also ``fields.png`` and ``mechanism.png``.
-        points: With the fields, write stress at the quadrature points, where the solver evaluates
-            it, and the volume of each point: ``points.vtkhdf.series`` and
-            ``mechanism_points.vtkhdf``.
+        fields: Whether to write ``fields.vtkhdf.series`` and the folder ``fields``.
+        pictures: Whether to draw ``path.png``, and with fields also ``fields.png`` and
+            ``mechanism.png``.
+        points: Whether to write the stress at the quadrature points, where the solver evaluates it,
+            and the volume of each point: ``points.vtkhdf.series`` and ``mechanism_points.vtkhdf``.
+            The key has an effect only with fields.
     """
 
     fields: bool = True
@@ -101,16 +106,17 @@ class OutputOptions:
 
 @dataclass(frozen=True)
 class ReportHead:
-    """Document data at the head of the report, with the date, and in ``summary.json``.
+    """Document data for the head of the report and for ``summary.json``.
 
-    With any key from ``client`` on, the report has signature lines with a date next to each.
+    The report has signature lines, each with a date, if one of the keys from ``client`` to
+    ``approved`` is given.
 
     Args:
         project: Project of the case.
-        number: Number of the case or the document, as text, such as ``"2026-17 b"``.
-        author: Person responsible for the computation.
+        number: Number of the case or the document, as a string such as ``"2026-17 b"``.
+        author: Person who is responsible for the computation.
         client: Recipient of the report.
-        revision: Revision of the document, as text, such as ``"B"``.
+        revision: Revision of the document, as a string such as ``"B"``.
         prepared: Name of the person who prepared the document.
         checked: Name of the person who checks it.
         approved: Name of the person who approves it.
@@ -127,7 +133,7 @@ class ReportHead:
 
     @property
     def given(self) -> dict[str, str]:
-        """Return the given texts by their keys."""
+        """Return the texts that are not empty, by their keys."""
         return {key: text for key, text in vars(self).items() if text}
 
 
@@ -135,18 +141,19 @@ class ReportHead:
 class ModelOptions:
     """Meaning of the coordinates of a mesh of triangles.
 
-    In axisymmetry x is the radius (x ≥ 0), y the axis of revolution, and zz the hoop direction, as
-    in an initial stress. On the axis no point moves radially, even without a support. Loads are per
-    area and volume, as in other models. All forces and works in results are those of the full turn.
-    The column r of a force is the sum of outward forces around the axis, not a vector resultant.
+    In axisymmetry x is the radius (x ≥ 0), y is the axis of revolution, and the stress component zz
+    is the hoop stress, also in an initial stress. Points on the axis do not move radially, even
+    without a support. Loads are per area and per volume, as in other models. All forces and works
+    in results are those of the full turn. The column r of a force is the sum of outward forces
+    around the axis, not a vector resultant.
 
-    In plane stress, triangles are sheets whose thickness is free to change; laws are von Mises,
-    Hill or elastic. All forces and works in results are per unit of thickness.
+    In plane stress, triangles are sheets whose thickness is free to change. The law must be von
+    Mises, Hill or elastic. All forces and works in results are per unit of thickness.
 
     Args:
-        kind: Kind of the model; the default is plane strain.
-        thickness: Thickness of sheets in plane stress (length), 1 by default. Forces and moments on
-            a whole surface are spread over it.
+        kind: Kind of the plane model; the default is plane strain.
+        thickness: Thickness of sheets in plane stress (length); the default is 1. Forces and
+            moments on a whole surface are divided by the thickness.
     """
 
     kind: Literal["plane-strain", "plane-stress", "axisymmetric"] | None = None
@@ -160,7 +167,7 @@ class ModelOptions:
             )
 
     def of(self, tagged_mesh: TaggedMesh) -> TaggedMesh:
-        """Return the mesh with this meaning. Collective.
+        """Return the mesh as a mesh of this kind of model. Collective.
 
         Raises:
             InputError: If the mesh consists of tetrahedra or reaches negative radii, or if the
@@ -172,8 +179,8 @@ class ModelOptions:
             return tagged_mesh.thin(1.0 if self.thickness is None else self.thickness)
         if self.kind is not None and tagged_mesh.mesh.geometry.dim == 3:
             raise InputError(
-                f"kind = '{self.kind}' is for meshes of triangles, but this mesh has "
-                "tetrahedra; remove it."
+                f"kind = '{self.kind}' applies only to meshes of triangles, but this mesh has "
+                "tetrahedra; remove kind."
             )
         return tagged_mesh
 
@@ -183,8 +190,8 @@ class ElementOptions:
     """The finite element.
 
     Args:
-        degree: Degree of the displacements, 1 or 2; for mechanisms (control = "bounds") 2 by
-            default.
+        degree: Polynomial degree of the displacements, 1 or 2. The default is 1, but with control =
+            "bounds" the mechanisms have degree 2 by default.
     """
 
     degree: Literal[1, 2] = 1
@@ -192,12 +199,13 @@ class ElementOptions:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A gmsh file of tetrahedra, or of triangles in a plane z = const for plane strain.
+    """A gmsh mesh file with tetrahedra, or with triangles in a plane z = const.
 
     Args:
-        file: Its path, relative to the folder of the case file. Bodies and surfaces have physical
-            names.
-        adapt: With ``control = "bounds"``: bound the limit load on successively finer meshes.
+        file: Path of the file, relative to the folder of the case file. Bodies and surfaces must be
+            named physical groups.
+        adapt: Options for bounds on successively finer meshes, with control = "bounds" or
+            "strength".
     """
 
     file: str
@@ -206,7 +214,7 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class MeshBuilder:
-    """A structured builder of :mod:`perfplast_fenicsx.mesh.sample_meshes` and its arguments.
+    """A structured mesh from :mod:`perfplast_fenicsx.mesh.sample_meshes`, with its arguments.
 
     Args:
         builder: Name of the builder.

@@ -1,4 +1,4 @@
-"""Read ``[units]``, and check whether the materials use these units."""
+"""Read ``[units]``, and check the magnitudes of materials and mesh in these units."""
 
 from collections.abc import Mapping
 
@@ -18,13 +18,13 @@ from perfplast_fenicsx.units import Units
 def odd_magnitudes(
     units: Units, materials: Mapping[str, Material], comm: MPI.Intracomm, points: Floats
 ) -> list[str]:
-    """Return a sentence for each number that is unlikely in these units. Collective.
+    """Return a remark on each number that is implausible in these units. Collective.
 
     Args:
-        units: Units that the case names.
-        materials: Materials of each body.
+        units: Units of the case.
+        materials: Materials by names of bodies.
         comm: The ranks of the run.
-        points: Points of the mesh, on this rank, shape (n, 3).
+        points: Points of the mesh on this rank, shape (n, 3).
     """
     told = []
     for body, material in materials.items():
@@ -35,9 +35,9 @@ def odd_magnitudes(
             told += [f"material '{body}': {text}?" for text in odd]
     low, high = bounding_box(comm, points)
     size = float(np.max(high - low))
-    # Plausible sizes of bodies (m): a thousandth of a millimetre to ten kilometres.
+    # plausible sizes of bodies (m): a thousandth of a millimetre to ten kilometres
     least, most = 1e-6, 1e4
-    # The smallest plausible unit of length of a case without [units] (m).
+    # smallest plausible unit of length in a case without [units] (m)
     millimetre = 1e-3
     if units.known and not least <= size * units.known.metres <= most:
         length = units.known.length
@@ -54,18 +54,18 @@ def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Un
     """Return the units.
 
     Args:
-        table: The table, as TOML has read it.
-        materials: Materials of each body.
+        table: The parsed TOML table.
+        materials: Materials by names of bodies.
         name: Name of the case file.
 
     Raises:
-        InputError: If keys are wrong or contradict each other, or if a material has the numbers of
-            a common one in another system.
+        InputError: If keys are not valid or contradict each other, or if a material has the numbers
+            of a common material in another system of units.
     """
     units = convert(table, Units, f"{name}, [units]")
     if units.name is None:
         return units
-    # Properties that `perfplast materials` shows.
+    # properties that `perfplast materials` shows
     for strength, check in (("yield_stress", check_units), ("cohesion", check_soil_units)):
         copied = ("young", "poisson", strength)
         for body, material in materials.items():

@@ -1,4 +1,4 @@
-"""Replace values of a case file, as a sweep does."""
+"""Replace values in the content of a case file, for a sweep."""
 
 import copy
 import itertools
@@ -14,12 +14,12 @@ from perfplast_fenicsx.io.case.schema import Table
 
 @dataclass(frozen=True)
 class Variation:
-    """A key of a case file and its values in turn.
+    """A key of a case file, and the values that it takes one after another.
 
     Attributes:
-        key: Dotted key, such as ``material.block.yield_stress`` or ``load.live.pressure``: tables
-            by their names, entries of an array of tables by name, surface or number.
-        values: Values of the types in TOML.
+        key: Dotted key, such as ``material.block.yield_stress`` or ``load.live.pressure``. Tables
+            have their names; entries in an array of tables have their names, surfaces or numbers.
+        values: The values, with the types of TOML.
     """
 
     key: str
@@ -27,11 +27,11 @@ class Variation:
 
 
 def read_variation(text: str) -> Variation:
-    """Return the variation from a text KEY=VALUES.
+    """Return the variation that a text KEY=VALUES defines.
 
     Args:
-        text: The text, in which VALUES are FROM:TO:NUMBER, equally spaced with both ends, or a list
-            with commas.
+        text: The text. VALUES are a list with commas, or FROM:TO:NUMBER for equally spaced values
+            that include both ends.
 
     Raises:
         InputError: If the text does not have this form.
@@ -39,8 +39,8 @@ def read_variation(text: str) -> Variation:
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
         raise InputError(
-            f"--vary {text} is not KEY=VALUES; write material.block.yield_stress=200:300:5, or"
-            " load.live.pressure=1.0,1.5,2.0."
+            f"--vary {text} is not KEY=VALUES; write for example "
+            "material.block.yield_stress=200:300:5 or load.live.pressure=1.0,1.5,2.0."
         )
     parts = values.split(":")
     if len(parts) == 1:
@@ -51,8 +51,8 @@ def read_variation(text: str) -> Variation:
         first, last, number = math.nan, math.nan, 0
     if len(parts) != 3 or not (math.isfinite(first) and math.isfinite(last) and number >= 2):
         raise InputError(
-            f"--vary {text}: '{values}' is not FROM:TO:NUMBER with a NUMBER of 2 or more; write for"
-            " instance 200:300:5."
+            f"--vary {text}: '{values}' is not FROM:TO:NUMBER with a NUMBER of at least 2; write "
+            "for example 200:300:5."
         )
     step = (last - first) / (number - 1)
     inner = (first + i * step for i in range(1, number - 1))
@@ -60,20 +60,17 @@ def read_variation(text: str) -> Variation:
 
 
 def _all_different(values: list[Any], whole: str) -> tuple[Any, ...]:
-    """Return the values, after checking that no value is repeated."""
+    """Return the values as a tuple, after checking that no value is repeated."""
     for number, value in enumerate(values):
         if value in values[:number]:
-            raise InputError(
-                f"--vary {whole}: the value {value} occurs twice, and would be solved "
-                "twice; give different values."
-            )
+            raise InputError(f"--vary {whole}: the value {value} occurs twice; remove one of them.")
     return tuple(values)
 
 
 def _value(text: str, whole: str) -> Any:
-    """Return a value as in TOML; a word without quotes is a text."""
+    """Return the value that a text has in TOML; a word without quotes is a string."""
     if not text.strip():
-        raise InputError(f"--vary {whole}: there is an empty value; remove the comma.")
+        raise InputError(f"--vary {whole}: a value between commas is empty; remove a comma.")
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -81,16 +78,18 @@ def _value(text: str, whole: str) -> Any:
 
 
 def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
-    """Return all cases of a sweep: a value for each key, the last key varying fastest.
+    """Return the values of all cases in a sweep by key; the last key varies fastest.
 
     Raises:
-        InputError: If a key is given twice, or if there are very many cases.
+        InputError: If a key is given twice, or if there are more than 10 000 cases.
     """
     keys = [variation.key for variation in variations]
     for key in keys:
         if keys.count(key) > 1:
-            raise InputError(f"--vary gives '{key}' twice; give all its values at once.")
-    most_cases = 10_000  # largest number of cases of a sweep; more are probably a mistake
+            raise InputError(
+                f"--vary gives the key '{key}' twice; give all its values in one --vary."
+            )
+    most_cases = 10_000  # more cases are probably a mistake
     if math.prod(len(variation.values) for variation in variations) > most_cases:
         raise InputError(f"the sweep has more than {most_cases} cases; give fewer values.")
     product = itertools.product(*(variation.values for variation in variations))
@@ -98,14 +97,14 @@ def grid(variations: Sequence[Variation]) -> list[dict[str, Any]]:
 
 
 def varied(table: Table, values: Mapping[str, Any]) -> Table:
-    """Return a case file's content with other values.
+    """Return the content of a case file with other values.
 
     Args:
         table: The table, as TOML has read it.
-        values: Values by their keys, see :class:`Variation`.
+        values: New values by key; see :class:`Variation`.
 
     Raises:
-        InputError: If a key names no table.
+        InputError: If a part of a key does not exist in the case.
     """
     found = copy.deepcopy(table)
     for key, value in values.items():
@@ -123,7 +122,7 @@ def varied(table: Table, values: Mapping[str, Any]) -> Table:
 
 
 def _inside(place: Any, part: str, key: str) -> Any:
-    """Return the entry for one part of a key."""
+    """Return the entry of a table or array that one part of a key names."""
     if isinstance(place, list):
         return place[_index(place, part, key)]
     if not isinstance(place, dict) or part not in place:
@@ -133,8 +132,8 @@ def _inside(place: Any, part: str, key: str) -> Any:
 
 
 def _index(entries: Sequence[Any], part: str, key: str) -> int:
-    """Return the number of an entry with this name or number."""
-    # Keys that identify an entry of an array of tables.
+    """Return the index of the entry that has a name or number."""
+    # keys that identify an entry in an array of tables
     named_by = ("name", "on", "primary")
     names = [
         [entry[name] for name in named_by if name in entry] if isinstance(entry, dict) else []
@@ -147,8 +146,8 @@ def _index(entries: Sequence[Any], part: str, key: str) -> int:
         return int(part)
     if called:
         raise InputError(
-            f"--vary {key}: several entries are called '{part}'; use the number of the entry in"
-            " place of its name (the first one is 0)."
+            f"--vary {key}: several entries are called '{part}'; give the number of the entry "
+            "instead (the first entry is 0)."
         )
     known = [name for all_ in names for name in all_] or [str(i) for i in range(len(entries))]
     raise InputError(f"--vary {key}: there is no '{part}' in the case; {nearest(part, known)}")

@@ -1,4 +1,4 @@
-"""Read ``[water]``: water in the pores of ground, above the ground, and in its weight."""
+"""Read ``[water]``: pore pressure, pressure of open water on the ground, and saturated weight."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,39 +17,43 @@ from perfplast_fenicsx.problem.declared.loads import ForceBelow, Load, PorePress
 from perfplast_fenicsx.units import Units
 
 NAME = "water"
-"""Name of all loads of water in messages and stages."""
+"""Name of all loads from water, for messages and stages."""
 
 NEWTONS = 9810.0
 """Unit weight of water (N/m³)."""
 
 
 MOST_WATER = 3.0
-"""Largest density of saturated ground relative to the same ground with air in its pores. Beyond it
-one of them has another unit, such as a weight beside a mass."""
+"""Largest plausible ratio of the density of saturated ground to the density of the same ground
+above the water table. Above this ratio, the two numbers have different units, such as a weight and
+a mass."""
 
 
 @dataclass(frozen=True)
 class WaterTable:
     """Water in the pores of ground and above the ground.
 
-    Below the table the pore pressure is the unit weight of water times the vertical depth; above it
-    the pressure is zero. Where the table is above the surface of drawn ground, the water presses on
-    the surface. The mesh of drawn ground has lines at the table and below its corners, so that the
-    pressure is linear in each cell. On other meshes both bounds are strict, too.
+    Below the water table the pore pressure is the unit weight of water times the vertical depth;
+    above the table the pressure is zero. Where the table is above the surface of drawn ground, the
+    water presses on the surface. The mesh of drawn ground has edges along the table and below the
+    corners of the table, so the pressure is linear in each cell. Both bounds are also strict on
+    other meshes.
 
     Args:
-        table: The water table, points [x, y] from left to right (length), across the whole ground.
+        table: Points [x, y] of the water table from left to right, across the whole ground
+            (length).
         unit_weight: Unit weight of water (force per volume); by default 9.81 kN/m³ in the system of
             [units].
-        piezometric: Piezometric lines by names of bodies, for bodies whose pore pressure follows
-            another level than the table; such water does not press on the surface.
-        ru: Pore pressure divided by the total weight above, by the names of bodies of drawn ground;
-            from 0 to 1.
-        dry: Bodies without pore pressure.
-        saturated: Densities of bodies below the table, by their names; those of [gravity] apply
-            above it.
-        on: Surface on which water above the ground presses; for drawn ground it is "surface". It is
-            required for ground that is not drawn; "" if no water is above the ground.
+        piezometric: Piezometric lines by names of bodies. They replace the water table for the pore
+            pressure in these bodies. Their water does not press on the surface.
+        ru: Pore pressure divided by the total weight of the ground above, from 0 to 1, by names of
+            bodies of drawn ground.
+        dry: Names of bodies without pore pressure.
+        saturated: Densities below the water table, by names of bodies; the densities in [gravity]
+            apply above the table.
+        on: Surface on which water above the ground presses; the default for drawn ground is
+            "surface". The key is required for other ground; give "" if no water is above the
+            ground.
     """
 
     table: list[list[float]] = field(default_factory=list)
@@ -63,12 +67,13 @@ class WaterTable:
 
 @dataclass(frozen=True, eq=False)
 class Water:
-    """Water as loads, and the lines that a mesh should follow for them.
+    """The loads from water, and the lines that mesh edges should follow.
 
     Attributes:
-        loads: Loads in the order of the bodies.
-        kinks: Polylines at which pore pressures have kinks, shape (n, 2) each.
-        table: The water table, for pictures, shape (n, 2); no points without one.
+        loads: The loads, pore pressures first in the order of the bodies.
+        kinks: Polylines where the gradient of a pore pressure jumps, each of shape (n, 2).
+        table: Points of the water table for pictures, shape (n, 2); no points without a water
+            table.
     """
 
     loads: list[Load] = field(default_factory=list)
@@ -83,25 +88,25 @@ def read_water(
     units: Units,
     name: str,
 ) -> Water:
-    """Return the water of a case; without ``[water]`` it contains no loads.
+    """Return the water that a case defines; without ``[water]`` there are no loads.
 
     Args:
-        top: The case as a document.
-        ground: The ground that the case draws, if any.
+        top: The top level of the case file.
+        ground: The ground that the case draws; None without drawn ground.
         bodies: Names of all bodies.
         units: Units of the numbers.
         name: Name of the case file.
 
     Raises:
-        InputError: As :func:`water_of`.
+        InputError: As for :func:`water_of`, and if there is also ``[seepage]``.
     """
     if top.water is None:
         return Water()
     place = f"{name}, [water]"
     if top.seepage is not None:
         raise InputError(
-            f"{place}: there is also [seepage], which computes the pore pressures; remove "
-            "one of them."
+            f"{place}: the case also has [seepage], which computes the pore pressures; remove one "
+            "of the two tables."
         )
     table = convert(top.water, WaterTable, place)
     gravity = None
@@ -114,30 +119,30 @@ def read_water(
 def water_in_cracks(
     ground: DrawnGround | None, given: float | None, units: Units, gravity: GravityTable | None
 ) -> tuple[list[Load], tuple[str, ...]]:
-    """Return the loads of water in cracks, and the names of all cracks' sides.
+    """Return the loads from water in cracks, and the names of the sides of all cracks.
 
     Args:
-        ground: The ground that the case draws, if any.
-        given: The unit weight of water, if the case gives it.
+        ground: The ground that the case draws; None without drawn ground.
+        given: The unit weight of water in the case; None if it is not given.
         units: Units of the numbers.
-        gravity: The weight of the bodies, if they have any.
+        gravity: The table ``[gravity]``; None without weight.
 
     Raises:
-        InputError: If the unit weight is unknown, if water is not in a crack, or if its level is at
-            no point of its crack.
+        InputError: If the unit weight is unknown, if a line with water is not a crack, or if a
+            crack has no point at its water level.
     """
     for line in () if ground is None else ground.lines:
         heights = [point[1] for point in line.points]
         if line.water is not None and not line.crack:
             raise InputError(
-                f"the line '{line.name}' has water, but is not a crack; give crack = true, "
+                f"the line '{line.name}' has the key water, but is not a crack; give crack = true, "
                 "or remove water."
             )
         if line.water is not None and line.water < max(heights) and line.water not in heights:
             raise InputError(
-                f"the water in the crack '{line.name}' is at {line.water:g}, where the "
-                "crack has no point; give the line a point at that height, so that the "
-                "mesh has a vertex there."
+                f"the water in the crack '{line.name}' reaches y = {line.water:g}, where the crack "
+                "has no point; add a point at this height to the line, so that the mesh has a "
+                "vertex at the water level."
             )
     cracks = [] if ground is None else ground.cracks()
     loads = list[Load]()
@@ -162,14 +167,14 @@ def water_of(
 
     Args:
         table: The table ``[water]``.
-        ground: The ground that the case draws, if any.
-        gravity: The weight of the bodies, if they have any.
+        ground: The ground that the case draws; None without drawn ground.
+        gravity: The table ``[gravity]``; None without weight.
         bodies: Names of the bodies.
         units: Units of the numbers.
 
     Raises:
-        InputError: If lines do not cross the whole ground or are not ordered, if a name is unknown
-            or has two pressures, or if numbers are not plausible for water or ground.
+        InputError: If a line does not cross the ground from left to right, if a body is unknown or
+            has two pore pressures, or if a number is not plausible.
     """
     given = _Given(table, ground, gravity, bodies, units)
     given.check_names()
@@ -190,7 +195,7 @@ def water_of(
 
 
 class _Given:
-    """The ``[water]`` of a case with its ground and units."""
+    """The table ``[water]`` of a case, with the ground and the units of the case."""
 
     def __init__(
         self,
@@ -213,10 +218,12 @@ class _Given:
         }
 
     def check_names(self) -> None:
-        """Refuse unknown bodies, and several pressures in one body."""
+        """Raise an error for unknown bodies, and for bodies with several pore pressures."""
         said = self.said
         if not (len(self.table) or said.piezometric or said.ru):
-            raise InputError("no water is given; give table = [[x, y], ...], piezometric or ru.")
+            raise InputError(
+                "the table defines no water; give table = [[x, y], ...], piezometric or ru."
+            )
         kinds = {"piezometric": [*said.piezometric], "ru": [*said.ru], "dry": said.dry}
         for kind, names in {**kinds, "saturated": [*said.saturated]}.items():
             for name in names:
@@ -228,12 +235,13 @@ class _Given:
             own = [kind for kind, names in kinds.items() if body in names]
             if len(own) > 1:
                 raise InputError(
-                    f"'{body}' is in {' and in '.join(own)}, which contradict each other; name it"
-                    " in one of them."
+                    f"'{body}' is in {' and in '.join(own)}, which contradict each other; name the "
+                    "body in only one of these keys."
                 )
         if said.saturated and not len(self.table):
             raise InputError(
-                "saturated applies to ground below a table, but there is no table; give one."
+                "saturated applies to ground below a water table, but there is no water table; "
+                "give table."
             )
 
     def weight_of_water(self) -> float:
@@ -241,7 +249,7 @@ class _Given:
         return unit_weight_of_water(self.said.unit_weight, self.units, self.gravity)
 
     def line(self, body: str) -> Floats | None:
-        """Return the level that determines the pore pressure of a body; None without one."""
+        """Return the line that determines the pore pressure in a body; None without one."""
         if body in self.others:
             return self.others[body]
         if body in self.said.dry or body in self.said.ru or not len(self.table):
@@ -249,11 +257,11 @@ class _Given:
         return self.table
 
     def reaches(self, body: str, line: Floats) -> bool:
-        """Return whether a part of a body is below a line, as far as it is drawn."""
+        """Return whether a part of a body is below a line; true for bodies that are not drawn."""
         return body not in self.shapes or _deepest(self.shapes[body], line, True)[0] > 0
 
     def pressure(self, weight: float, body: str = "") -> WordedFormula:
-        """Return the pressure of water below the line of a body, or below the table."""
+        """Return the pressure of water as a formula, below a body's line or below the table."""
         line = self.others.get(body, self.table)
         unit = self.units.table()["force_density"]
         what = "its piezometric line" if body in self.others else "the water table"
@@ -261,14 +269,14 @@ class _Given:
         return WordedFormula(f"{_number(weight)}*maximum({level(line)} - y, 0)", words)
 
     def on_surface(self, weight: float) -> list[Load]:
-        """Return the pressure of water above the ground."""
+        """Return the pressure of open water on the surface of the ground, as a list of loads."""
         if not len(self.table):
             return []
         if self.outline is not None and not self.said.on:
             if self.outline.unnamed:
                 raise InputError(
-                    f"{self.outline.unnamed}, so that on must name the surface on which "
-                    "water above the ground presses; name a [[line]] along it."
+                    f"{self.outline.unnamed}; draw a [[line]] along the surface under water, and "
+                    "give its name as on."
                 )
             plan = self.outline.plan
             edges = plan.points[plan.edges[self.outline.sides["surface"]]]
@@ -276,35 +284,34 @@ class _Given:
                 return []
         elif self.said.on is None:
             raise InputError(
-                "the ground is not drawn in the case, so its surface is unknown; "
-                'give the surface under water as on, or on = "" if no water is above '
-                "the ground."
+                "on is missing, and the case does not draw the ground; give the surface under "
+                'water as on, or on = "" if no water is above the ground.'
             )
         elif not self.said.on:
             return []
         return [Pressure(self.said.on or "surface", self.pressure(weight), NAME, constant=True)]
 
     def extra_weight(self) -> list[Load]:
-        """Return the additional weight of saturated ground below the table."""
+        """Return the additional weight of saturated ground below the water table, as loads."""
         found = list[Load]()
         for body, density in self.said.saturated.items():
             if self.gravity is None or body not in self.gravity.density:
                 raise InputError(
-                    f"saturated has '{body}', which has no density in [gravity]; give "
-                    "there the density of the ground above the table."
+                    f"saturated has '{body}', which has no density in [gravity]; give the density "
+                    "of this body above the water table in [gravity]."
                 )
             bulk = self.gravity.density[body]
             more = density - bulk
             if more < 0:
                 raise InputError(
-                    f"saturated has {density:g} for '{body}', less than its density"
-                    f" {bulk:g} in [gravity]; exchange them."
+                    f"saturated has {density:g} for '{body}', less than its density {bulk:g} in "
+                    "[gravity]; swap the two numbers."
                 )
             if density > MOST_WATER * bulk:
                 raise InputError(
-                    f"saturated has {density:g} for '{body}', {density / bulk:.3g} times its"
-                    f" density {bulk:g} in [gravity]; give both in the same unit, and"
-                    " 'acceleration' multiplies both."
+                    f"saturated has {density:g} for '{body}', {density / bulk:.3g} times its "
+                    f"density {bulk:g} in [gravity]; give both in the same unit, because "
+                    "'acceleration' multiplies both."
                 )
             if more > 0 and self.reaches(body, self.table):
                 force = tuple(more * g for g in self.gravity.acceleration)
@@ -316,20 +323,21 @@ class _Given:
         return found
 
     def weight_above(self) -> list[tuple[Floats, float]]:
-        """Return lines, and the difference of the unit weights below and above each line.
+        """Return lines, each with the difference between the unit weights below and above it.
 
-        The weight above a point is the sum of these differences times the height of each line above
-        the point.
+        The weight above a point is a sum over all lines: this difference times the height of the
+        line above the point.
         """
         if self.outline is None or self.gravity is None:
             raise InputError(
-                "ru needs the weight of ground whose surface is known; draw it by "
-                "[[region]] and give [gravity], or give the pressure as a [[load]]."
+                "ru needs the weight and the surface of the ground; draw the ground by [[region]] "
+                "and give [gravity], or give the pore pressure as a [[load]]."
             )
         down = -self.gravity.acceleration[1]
         if not down > 0:
             raise InputError(
-                f"ru needs weight along -y, but the acceleration is {self.gravity.acceleration}."
+                "ru needs weight along -y, but the acceleration in [gravity] is "
+                f"{self.gravity.acceleration}; correct it."
             )
         outline, density = self.outline, dict(self.gravity.density)
         plan, unit = outline.plan, np.zeros(len(outline.face_body) + 1)
@@ -348,15 +356,15 @@ class _Given:
         steps = upright & (more != 0) & (ends[:, 0, 0] > first) & (ends[:, 0, 0] < last)
         if steps.any():
             raise InputError(
-                "ru: the weight above the ground jumps below the vertical side at"
-                f" {place_of(ends[np.argmax(steps)].mean(axis=0))}; give that side a slope."
+                "ru: the weight of the ground above jumps at the vertical side near "
+                f"{place_of(ends[np.argmax(steps)].mean(axis=0))}; make this side inclined."
             )
         return _joined(ends[~upright & (more != 0)], more[~upright & (more != 0)])
 
     def share_of_weight(
         self, body: str, share: float, above: Sequence[tuple[Floats, float]]
     ) -> PorePressure:
-        """Return the pore pressure as a share of the weight above."""
+        """Return the pore pressure in a body as a share of the weight of the ground above."""
         if not 0 <= share <= 1:
             raise InputError(f"ru has {share:g} for '{body}'; give a number from 0 to 1.")
         x = np.concatenate([line[:, 0] for line, _ in above])
@@ -371,13 +379,14 @@ class _Given:
         text = " + ".join(terms)
         if len(text) > LONGEST:
             raise InputError(
-                f"ru of '{body}': the ground above has too many corners; remove some of them."
+                f"ru of '{body}': the ground above this body has too many corners; remove some of "
+                "them."
             )
         words = f"{share:g} times the weight of the ground above"
         return PorePressure(body, WordedFormula(text, words), NAME)
 
     def kinks(self, line: Floats, ends: bool = False) -> list[Floats]:
-        """Return a line and verticals below its corners, and below its ends if requested."""
+        """Return a line with vertical lines below its corners, and below its ends if ``ends``."""
         if self.outline is None:
             return []
         lowest = min(float(corners[:, 1].min()) for corners in self.shapes.values())
@@ -388,12 +397,12 @@ class _Given:
         return [line, *down]
 
     def _line(self, given: Sequence[Sequence[float]], what: str) -> Floats:
-        """Return a polyline from left to right across the whole ground."""
+        """Return the points of a polyline, after checking that it crosses the whole ground."""
         line = points_of(given, what)
         back = np.flatnonzero(np.diff(line[:, 0]) <= 0)
         if back.size:
             raise InputError(
-                f"{what} does not go to the right from {place_of(line[back[0]])} to "
+                f"{what} does not go from left to right between {place_of(line[back[0]])} and "
                 f"{place_of(line[back[0] + 1])}; give its points from left to right."
             )
         if not self.shapes:
@@ -402,15 +411,14 @@ class _Given:
         little = 1e-9 * float(np.ptp(x))
         if line[0, 0] > x.min() + little or line[-1, 0] < x.max() - little:
             raise InputError(
-                f"{what} goes from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the "
-                f"ground from {x.min():.6g} to {x.max():.6g}; extend it across the whole "
-                "ground."
+                f"{what} reaches from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the ground "
+                f"from {x.min():.6g} to {x.max():.6g}; extend the line across the whole ground."
             )
         if not any(_deepest(corners, line, True)[0] > 0 for corners in self.shapes.values()):
             lowest = int(np.argmin(y))
             raise InputError(
-                f"{what} is below all of the ground, whose lowest point is"
-                f" {place_of((x[lowest], y[lowest]))}; correct it."
+                f"{what} lies below the whole ground, whose lowest point is "
+                f"{place_of((x[lowest], y[lowest]))}; correct it."
             )
         return line
 
@@ -421,35 +429,36 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
     Args:
         given: The value that the case gives, if any.
         units: Units of the numbers.
-        gravity: The weight of the bodies, if they have any.
+        gravity: The table ``[gravity]``; None without weight.
 
     Raises:
-        InputError: If it is missing and [units] does not define it, or if it is not plausible for
-            water.
+        InputError: If the value is missing and [units] does not define it, or if it is not
+            plausible for water.
     """
     system = units.known
     usual = None if system is None else NEWTONS * system.metres / system.pascals
     if given is None:
         if usual is None:
             raise InputError(
-                "unit_weight is missing; give that of water in the case's units, or [units]"
-                ' with a system, such as system = "m-kN-kPa" (9.81 kN/m^3).'
+                "unit_weight is missing; give the unit weight of water, or a system under [units],"
+                ' such as system = "m-kN-kPa" (9.81 kN/m^3).'
             )
         return usual
     if not (given > 0 and math.isfinite(given)):
         raise InputError(
-            f"unit_weight = {given:g} is not possible for water; give a positive number."
+            f"unit_weight = {given:g} is not a valid unit weight of water; give a positive number."
         )
-    least, most = 0.9, 1.4  # relative to fresh water; mud is the heaviest
+    least, most = 0.9, 1.4  # limits relative to fresh water; the upper one is that of mud
     if usual is not None and not least <= given / usual <= most:
         unit = units.table()["force_density"]
         raise InputError(
-            f"unit_weight = {given:g} {unit} is {given / usual:.3g} times that of water,"
-            f" {usual:.4g} {unit}; correct it, or [units]."
+            f"unit_weight = {given:g} {unit} is {given / usual:.3g} times the usual value for "
+            f"water, {usual:.4g} {unit}; correct it, or correct [units]."
         )
     if usual is None and gravity is not None:
         ground = max(gravity.density.values()) * math.hypot(*gravity.acceleration)
-        lightest, heaviest = 0.3, 20.0  # weights of ground and buildings, relative to water
+        # plausible unit weights of ground and buildings, relative to water
+        lightest, heaviest = 0.3, 20.0
         if not lightest <= ground / given <= heaviest:
             raise InputError(
                 f"unit_weight = {given:g}, but the heaviest body weighs {ground:.4g} per "
@@ -460,7 +469,7 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
 
 
 def level(points: Floats) -> str:
-    """Return the height of a polyline over x as a formula.
+    """Return the formula for the height y of a polyline as a function of x.
 
     Args:
         points: Points from left to right, shape (n, 2).
@@ -476,7 +485,7 @@ def level(points: Floats) -> str:
 
 
 def _joined(ends: Floats, values: Floats) -> list[tuple[Floats, float]]:
-    """Return polylines of adjoining edges with equal values.
+    """Return polylines, each with a value, from adjoining edges with equal values.
 
     Args:
         ends: Ends of the edges, from left to right, shape (n, 2, 2).
@@ -494,12 +503,12 @@ def _joined(ends: Floats, values: Floats) -> list[tuple[Floats, float]]:
 
 
 def _deepest(corners: Floats, line: Floats, closed: bool) -> tuple[float, Floats]:
-    """Return how deep a polygon or its side is below a line, and where; not positive if nowhere.
+    """Return the largest depth of a polygon or polyline below a line, and the place.
 
     Args:
-        corners: Corners of the polygon, shape (n, 2).
-        line: Line from left to right.
-        closed: Whether an edge joins the last corner to the first.
+        corners: Corners of the polygon or polyline, shape (n, 2).
+        line: Points of the line from left to right, shape (m, 2).
+        closed: Whether an edge joins the last corner to the first one.
     """
     ends = np.roll(corners, -1, axis=0)
     start, end = (corners, ends) if closed else (corners[:-1], corners[1:])

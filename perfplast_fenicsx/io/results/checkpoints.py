@@ -1,17 +1,16 @@
-"""Store checkpoints: all data to continue a run from its last level, on any number of ranks.
+"""Write and read checkpoints, with which a run continues on any number of ranks.
 
-``checkpoint.h5`` is written after each level, and the previous one is kept as
-``checkpoint_before.h5``. Both use the order of the input. A checkpoint contains the data of loading
-by chosen steps: the previous state and the progress of the limit load search. It also contains the
-internal variables of the laws, each under its name. The algorithms need no other data from previous
-levels: ALG2 begins each level with σ = Σ(ε(u)) and a new penalty.
+A run writes ``checkpoint.h5`` after each level, and keeps the previous file as
+``checkpoint_before.h5``. The arrays in both files are in the order of the input. A checkpoint
+contains the state of the last level, the previous state, and the internal variables of the laws,
+each under its name. If the run searches for a limit load, the checkpoint also contains the progress
+of the search. The algorithms need no other data from previous levels: ALG2 begins each level with σ
+= Σ(ε(u)) and a new penalty.
 
-Check whether the case and the mesh are the same.
-A restart uses this check before it continues.
+Before a restart continues, the program checks that the case and the mesh have not changed.
 
-Define the header of a checkpoint, and list the checkpoints of a folder.
-A checkpoint contains the hashes of its case and its mesh. Its header has its own hash, so that
-damage is detected.
+The header of a checkpoint contains the hashes of the case and of the mesh. A further hash of the
+header itself detects damage.
 """
 
 import copy
@@ -63,21 +62,21 @@ log = logging.getLogger(__name__)
 NOTHING = object()
 
 CONTENT = "content"
-"""Key of the hash of a file's content, next to its name in ``file``."""
+"""Key for the hash of a data file's content; the key ``file`` beside it has the file's name."""
 
 
 def case_hash(table: Table) -> str:
-    """Return the SHA-256 of the data of a case file, independent of layout and comments."""
+    """Return the SHA-256 of a case's data, which does not depend on layout and comments."""
     text = json.dumps(table, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
-    """Return a case with the hash of each data file next to its name.
+    """Return the content of a case file with the hash of each data file added.
 
     Args:
         table: Content of the case file.
-        materials: Its materials, by the names of the bodies.
+        materials: The materials of the case by names of bodies.
     """
     found = copy.deepcopy(table)
     for body, material in materials.items():
@@ -88,34 +87,34 @@ def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
 
 
 def first_difference(now: Table, then: Table) -> str | None:
-    """Return in words where a case differs from an earlier one; None if it does not.
+    """Return in words the first difference between a case and an earlier case; None if equal.
 
-    Additional load levels at the end are not a difference.
+    Additional load levels at the end do not count as a difference.
     """
     entries, earlier = dict(_entries(now)), dict(_entries(then))
-    levels = ("loading.values",)  # lists to which a restart may append
+    levels = ("loading.values",)  # a restart may have more entries at the end of these lists
     for key in (*entries, *earlier):
         new, old = entries.get(key, NOTHING), earlier.get(key, NOTHING)
         if key.endswith(f".{CONTENT}") and new != old:
             file = entries[key.removesuffix(CONTENT) + "file"]
-            return f"the content of '{file}' differs from that"
+            return f"the content of '{file}' differs from the content"
         if new is NOTHING:
-            return f"{key} is not given, but was {shown(old)}"
+            return f"{key} is missing, but was {shown(old)}"
         if old is NOTHING:
-            return f"{key} = {shown(new)}, but was not given"
+            return f"{key} = {shown(new)}, but the key was missing"
         if new != old and not (key in levels and _goes_on(new, old)):
             return _changed(key, new, old)
     return None
 
 
 def _goes_on(new: object, old: object) -> bool:
-    """Return whether a list is an earlier list with more entries at its end."""
+    """Return whether ``new`` is the list ``old`` with additional entries at the end."""
     both = isinstance(new, list) and isinstance(old, list)
     return both and len(new) > len(old) and new[: len(old)] == old  # type: ignore[arg-type,index]
 
 
 def _changed(key: str, new: object, old: object) -> str:
-    """Return a text on the changed value; for lists on the first changed entry."""
+    """Return the new and the old value in words; for lists those of the first changed entry."""
     if not (isinstance(new, list) and isinstance(old, list)):
         return f"{key} = {shown(new)}, but was {shown(old)}"
     pairs = enumerate(zip_longest(new, old, fillvalue=NOTHING), start=1)
@@ -124,14 +123,14 @@ def _changed(key: str, new: object, old: object) -> str:
         return f"{key} has {len(new)} entries, but had {len(old)}"
     if then is NOTHING:
         return (
-            f"{key} has {len(new)} entries, but had {len(old)}; the first additional one "
-            f"is {shown(now)}"
+            f"{key} has {len(new)} entries, but had {len(old)}; the first additional entry is "
+            f"{shown(now)}"
         )
     return f"{key}: entry {number} is {shown(now)}, but was {shown(then)}"
 
 
 def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:
-    """Return a hash of points, cells and tags, the same on any number of ranks. Collective."""
+    """Return a hash of points, cells and tags that does not depend on the ranks. Collective."""
     mesh = tagged_mesh.mesh
     comm, tdim, dofs = mesh.comm, mesh.topology.dim, geometry_dofmap(mesh)
     index_map = mesh.geometry.index_map()
@@ -157,7 +156,7 @@ def mesh_hash(tagged_mesh: TaggedMesh, cells: Ordering) -> str:
 
 
 def _entries(table: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield values of nested tables by names such as ``material.upper.young``, ``load[2].on``."""
+    """Yield the values in nested tables with names such as ``material.upper.young``."""
     if isinstance(table, dict):
         for key, value in table.items():
             yield from _entries(value, f"{place}.{key}" if place else key)
@@ -169,12 +168,12 @@ def _entries(table: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 SCHEMA = 2
-"""Version of the content of a checkpoint."""
+"""Version of the checkpoint format."""
 
 
 @dataclass(frozen=True)
 class Header:
-    """The data of a checkpoint besides its fields; its attributes are the keys of its JSON.
+    """The data of a checkpoint besides its arrays; the attributes are the keys of its JSON.
 
     Attributes:
         schema: :data:`SCHEMA`.
@@ -185,7 +184,7 @@ class Header:
         reports: Reports of the levels so far.
         search: State of the search for a limit load.
         timings: Wall time by activity (s).
-        checksums: Checksums of the arrays.
+        checksums: Checksums of the arrays by name.
     """
 
     schema: int
@@ -200,10 +199,11 @@ class Header:
 
 
 def read_header(folder: ResultFolder) -> Header:
-    """Return the header of the newest checkpoint that has one. Collective.
+    """Return the header of the newest checkpoint with a readable header. Collective.
 
     Raises:
-        InputError: If no checkpoint has a header, or if it is from another version of this format.
+        InputError: If no checkpoint has a readable header, or if it has another version of the
+            format.
     """
     faults = []
     for path in generations(folder):
@@ -214,24 +214,25 @@ def read_header(folder: ResultFolder) -> Header:
             continue
         if header.schema != SCHEMA:
             raise InputError(
-                f"the checkpoint '{path}' has schema {header.schema}, but this version of"
-                f" perfplast reads {SCHEMA}; continue with perfplast {header.version}, or start"
-                " again with -o."
+                f"the checkpoint '{path}' has format {header.schema}, but this version of "
+                f"perfplast reads format {SCHEMA}; continue with perfplast {header.version}, or "
+                "start again with -o."
             )
         return header
     raise nothing_left(folder, faults)
 
 
 def check_case(folder: ResultFolder, table: Table, name: str) -> None:
-    """Refuse a checkpoint of another case. Collective.
+    """Raise an error if the checkpoint belongs to another case. Collective.
 
     Args:
         folder: Its folder.
         table: Content of the case file.
-        name: Name of the case, which messages use.
+        name: Name of the case file, for messages.
 
     Raises:
-        InputError: With the first difference.
+        InputError: If the case differs from that of the checkpoint; the message has the first
+            difference.
     """
     difference = first_difference(table, read_header(folder).case)
     if difference is not None:
@@ -242,7 +243,7 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
 
 
 def packed(header: Header, rank: int) -> Block:
-    """Return the header as bytes after a hash of them; complete on rank 0, empty elsewhere."""
+    """Return the hash and the bytes of a header as a block: all on rank 0, none elsewhere."""
     text = json.dumps(dataclasses.asdict(header)).encode()
     data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
     return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
@@ -252,7 +253,7 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
     """Return the header of a checkpoint. Collective.
 
     Raises:
-        InputError: If it cannot be read.
+        InputError: If the header cannot be read.
     """
     text, fault = b"", None
     if comm.rank == 0:
@@ -275,25 +276,25 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
 
 
 def generations(folder: ResultFolder) -> list[Path]:
-    """Return the possible checkpoints of a folder, the newest first."""
+    """Return the paths that checkpoints have in a folder, the newest first."""
     return [folder.file(NEWEST), folder.file(BEFORE)]
 
 
 def damaged(path: Path, reason: object) -> str:
-    """Return a sentence on a checkpoint that is damaged."""
+    """Return a clause that states why a checkpoint is damaged."""
     return f"the checkpoint '{path}' is damaged ({' '.join(str(reason).split())})"
 
 
 def nothing_left(folder: ResultFolder, faults: Sequence[str]) -> InputError:
-    """Return the error if no checkpoint of a folder can be used."""
+    """Return the error for a folder without a usable checkpoint."""
     return InputError(f"{', and '.join(faults)}; start again with -o {folder.path} --force.")
 
 
 HISTORY = "history"
-"""Group of the internal variables, arrays of numbers at the points of each cell."""
+"""Group of the internal variables: arrays with values at the quadrature points of each cell."""
 
 BEFORE_LAST = "_before"
-"""Suffix of the names of arrays and groups of the level before the last."""
+"""Suffix in the names of arrays and groups that belong to the level before the last."""
 
 
 @dataclass(frozen=True)
@@ -302,9 +303,9 @@ class Saved:
 
     Attributes:
         reports: Reports of the levels so far.
-        level: The last level, without its iterations; None before the first.
-        before: State of the previous level.
-        search: State of the search for a limit load, if there is one.
+        level: The last level, without its iterations; None before the first level.
+        before: State of the level before the last; None without such a level.
+        search: State of the search for a limit load; None without a search.
         timings: Wall time by activity (s).
     """
 
@@ -316,7 +317,7 @@ class Saved:
 
     @property
     def reached(self) -> Reached | None:
-        """Return how far a loading by chosen steps has come."""
+        """Return the point that a loading with automatic steps has reached; None before a level."""
         if self.level is None:
             return None
         rest = self.search.rest if self.search else None
@@ -328,11 +329,11 @@ class Checkpoints:
     """Writes and reads the checkpoints of one problem."""
 
     def __init__(self, folder: ResultFolder, problem: Problem, case: Table, version: str) -> None:
-        """Number cells and nodes, and check the mesh. Collective.
+        """Number the cells and nodes, and compute the hash of the mesh. Collective.
 
         Args:
             folder: Folder of the checkpoints.
-            problem: Problem of the states.
+            problem: The problem whose levels are stored.
             case: Content of the case file.
             version: Version of the program.
         """
@@ -346,10 +347,10 @@ class Checkpoints:
         self._bit = _bits(problem)
 
     def write(self, saved: Saved) -> None:
-        """Write a new checkpoint, and keep the present one as the previous one. Collective.
+        """Write a new checkpoint; the existing one becomes the previous one. Collective.
 
         Raises:
-            InputError: If the system refuses; the checkpoints are then unchanged.
+            InputError: If the file cannot be written; existing checkpoints are then unchanged.
         """
         arrays: dict[str, Block] = {}
         if saved.level is not None:
@@ -376,18 +377,17 @@ class Checkpoints:
         """Return the newest undamaged checkpoint. Collective.
 
         Args:
-            stages: The stages of the problem, if any; the problem is then at the time of the last
-                level.
+            stages: The stages of the problem, if it has any. This function sets them to the time of
+                the last level.
 
         Raises:
-            InputError: If there is no such checkpoint, or if the mesh is different.
+            InputError: If there is no undamaged checkpoint, or if the mesh is different.
         """
         header, faults = read_header(self._folder), []
         if header.mesh_hash != self._mesh_hash:
             raise InputError(
-                f"the mesh differs from that of the checkpoint in '{self._folder.path}' "
-                "(its points, cells or names have changed); give the original mesh, or "
-                "start again with -o."
+                "the points, cells or names of the mesh differ from those of the checkpoint in "
+                f"'{self._folder.path}'; give the original mesh, or start again with -o."
             )
         for path in generations(self._folder):
             try:
@@ -440,9 +440,9 @@ class Checkpoints:
         return Saved(reports, level, before, search, header.timings)
 
     def _of_state(self, state: State, end: str = "") -> dict[str, Block]:
-        """Return displacement, history, and a byte for each node with a bit for each closed pair.
+        """Return displacement, history, and for each node a byte with one bit per closed pair.
 
-        ``end`` is the suffix of the names of the level before the last.
+        ``end`` is the suffix of the array names; the level before the last has one.
         """
         width = self._problem.V.dofmap.index_map_bs
         u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
@@ -466,7 +466,7 @@ class Checkpoints:
         return State(u, report.zeta, report.alpha, active, self._to_history(arrays, end))
 
     def _to_history(self, arrays: dict[str, npt.NDArray], end: str) -> dict[str, fem.Function]:
-        """Return internal variables by name. Collective."""
+        """Return the internal variables from a checkpoint by name. Collective."""
         history, mesh = {}, self._problem.tagged_mesh.mesh
         for array, values in arrays.items():
             group, _, name = array.partition("/")
@@ -482,7 +482,7 @@ class Checkpoints:
         return self._cells if at_points else self._nodes
 
     def _of_points(self, function: fem.Function) -> Block:
-        """Return vectors or numbers at the points of each cell, shape (num_cells, points, size)."""
+        """Return values at the points of each cell as a block, shape (num_cells, points, size)."""
         dofmap = function.function_space.dofmap
         points = dofmap.list[: self._owned_cells]
         return block(self._cells, function.x.array.reshape(-1, dofmap.index_map_bs)[points])
@@ -495,9 +495,9 @@ class Checkpoints:
 
 
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
-    """Return a bit for each pair on this rank; pairs of one host have different bits."""
+    """Return a bit for each pair on this rank; pairs with the same host have different bits."""
     constraints = problem.constraints
-    # Along this direction the normals of all faces that meet at a node differ.
+    # the components of normals along this direction differ between the faces that meet at a node
     generic = np.array([0.5377, 0.8319, 0.1379])
     along = constraints.normal @ generic[: constraints.normal.shape[1]]
     order = np.lexsort([along, constraints.surface, constraints.host])

@@ -1,4 +1,4 @@
-"""Compare the claims of a result folder with the proofs that its files contain."""
+"""Compare the bounds that a result folder claims with the bounds that its proof files prove."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -14,19 +14,19 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.verdict import Checked
 
 Proofs = dict[str, dict[str, Checked]]
-"""The proven results of each half, by the name of the file."""
+"""The results of the checker by name of the proof file and by kind, "lower" or "upper"."""
 
 SAME = 1e-9
-"""Bounds with a smaller relative difference are equal."""
+"""Relative difference up to which bounds count as equal."""
 
 
 def direction_file(angles: tuple[float, ...]) -> str:
-    """Return the name of the proof file for a direction (degrees) of an envelope."""
+    """Return the name of the proof file for a direction of an envelope (angles in degrees)."""
     return "_".join([DIRECTIONS, *(f"{angle:06.2f}" for angle in angles)]) + ".h5"
 
 
 def proofs_in(folder: Path) -> Proofs:
-    """Return the results that the proof files of a folder prove.
+    """Return the results that the checker finds in the proof files of a folder.
 
     Raises:
         InputError: If a file cannot be read.
@@ -37,14 +37,14 @@ def proofs_in(folder: Path) -> Proofs:
 
 
 def proven_by(path: Path) -> dict[str, Checked]:
-    """Return the results that a file proves.
+    """Return the checker's result for each half of a proof file, by "lower" and "upper".
 
     Raises:
         InputError: If the file cannot be read.
     """
     if path.is_symlink():
         raise InputError(
-            f"'{path}' is a link, which may lead out of the results; run the case again."
+            f"'{path}' is a link, which may lead to another folder; run the case again."
         )
     try:
         return check(path)
@@ -53,31 +53,32 @@ def proven_by(path: Path) -> dict[str, Checked]:
 
 
 def check_claims(limit: dict[str, Any], proofs: Proofs) -> None:
-    """Check that files prove the bounds that ``summary.json`` calls strict.
+    """Check that proof files prove the bounds that ``summary.json`` claims as strict.
 
-    A bound of the body whose proof is missing is removed from the table, with the reason.
+    If the proof of a bound for the body is missing, the function removes the bound from the table
+    and adds the reason.
 
     Args:
-        limit: Table of the limit load in ``summary.json``.
-        proofs: Verdicts of the checker on the files.
+        limit: The table ``limit`` of ``summary.json``.
+        proofs: The results of the checker for the files.
 
     Raises:
-        InputError: If a file proves another bound than the table has, or if an envelope or a factor
-            of safety has no proof.
+        InputError: If a file proves a different bound, or if the proof of an envelope or of a
+            factor of safety is missing.
     """
     body = limit.get("body") or {}
     for name, kind, claimed in list(_claims(limit)):
         halves = proofs.get(name, {})
         if name == PROOF and kind not in halves:
             _take_out(body, kind)
-            why = f"summary.json claims {claimed:.9g}, but {name} with its proof is missing"
+            why = f"summary.json claims {claimed:.9g}, but {name} has no proof of it"
             body["why_not"] = [*body.get("why_not", []), f"{kind} bound: {why}"]
             continue
         check_claim("summary.json", name, kind, claimed, halves)
 
 
 def _take_out(body: dict[str, Any], kind: str) -> None:
-    """Remove a bound of the body from its table."""
+    """Remove a bound from the table of the body."""
     if body.get("standing"):
         low, high = body["standing"]
         body["standing"] = [None, high] if kind == "lower" else [low, None]
@@ -86,18 +87,18 @@ def _take_out(body: dict[str, Any], kind: str) -> None:
 
 
 def check_factor(folder: Path, limit: Mapping[str, Any], proofs: Proofs) -> None:
-    """Check that the files of a factor of safety prove it for the same bodies.
+    """Check that both proof files of a factor of safety prove it, and for the same bodies.
 
-    For ground with ψ < φ, the associated ground depends on the factor; the bodies of such an
-    estimate are not compared.
+    For ground with ψ < φ the bodies are not compared, because the equivalent associated ground
+    depends on the factor.
 
     Args:
         folder: The result folder.
-        limit: The table of the limit load in ``summary.json``.
-        proofs: Verdicts of the checker on the files.
+        limit: The table ``limit`` of ``summary.json``.
+        proofs: The results of the checker for the files.
 
     Raises:
-        InputError: If the files do not prove the factor, or if their bodies differ.
+        InputError: If the files do not prove the factor, or if the bodies in both files differ.
     """
     strength = limit.get("strength") or {}
     both = {"lower": folder / STANDS, "upper": folder / FALLS}
@@ -118,43 +119,43 @@ def check_factor(folder: Path, limit: Mapping[str, Any], proofs: Proofs) -> None
             )
     if faults:
         raise InputError(
-            f"{STANDS} and {FALLS} do not prove a factor of safety of the same bodies"
-            f" ({'; '.join(faults)}); run the case again."
+            f"{STANDS} and {FALLS} do not prove a factor of safety for the same bodies "
+            f"({'; '.join(faults)}); run the case again."
         )
 
 
 def check_claim(
     source: str, name: str, kind: str, claimed: float, halves: Mapping[str, Checked]
 ) -> None:
-    """Check that a file proves a bound.
+    """Check that a proof file proves a bound.
 
     Args:
-        source: Name of the file with the claim.
+        source: Name of the file that claims the bound.
         name: Name of the proof file.
         kind: "lower" or "upper".
         claimed: The bound.
-        halves: Verdicts of the checker on both halves.
+        halves: The results of the checker for both halves of the file.
 
     Raises:
-        InputError: If the file does not prove it.
+        InputError: If the file does not prove the bound.
     """
     said = f"{source} says that the {kind} bound {claimed:.9g} is proven, but {name}"
     again = "run the case again"
     half = halves.get(kind)
     if half is None:
-        raise InputError(f"{said}, which has the proof, is missing; {again}.")
+        raise InputError(f"{said}has no proof of this bound; {again}.")
     if half.proven is None:
-        raise InputError(f"{said} does not prove it ({'; '.join(half.faults)}); {again}.")
+        raise InputError(f"{said} does not prove this bound ({'; '.join(half.faults)}); {again}.")
     excess = claimed - half.claimed if kind == "lower" else half.claimed - claimed
     if not excess <= SAME * abs(half.claimed):
-        raise InputError(f"{said} proves {half.proven:.9g}; {again}.")
+        raise InputError(f"{said} proves only {half.proven:.9g}; {again}.")
 
 
 def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
-    """Yield the file, the kind and the value of each claimed bound.
+    """Yield the proof file, the kind and the value of each claimed bound.
 
-    For a factor of safety, the strengths of the lower factor carry the loads at least once, and
-    those of the upper factor do not.
+    For a factor of safety, the claimed value is 1. With strengths divided by the lower factor, the
+    bodies carry the loads; with strengths divided by the upper factor, they do not.
     """
     body, strength = limit.get("body") or {}, limit.get("strength") or {}
     if strength:
@@ -166,7 +167,7 @@ def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
     for kind, value in zip(("lower", "upper"), bounds, strict=True):
         if value is not None:
             yield PROOF, kind, float(value)
-    least = body.get("least") or {}  # bounds of the reversed loads
+    least = body.get("least") or {}  # these are bounds for the reversed loads
     for kind, key in (("lower", "carried"), ("upper", "none_below")):
         if least.get(key) is not None:
             yield LEAST, kind, -float(least[key])
@@ -175,19 +176,20 @@ def _claims(limit: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
 
 
 def _in_directions(envelope: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
-    """Yield the claims of an envelope: each point is λ times the ray of one of its directions.
+    """Yield the claims of an envelope, whose points are each λ times the ray of a direction.
 
-    Half-spaces are excluded, since a proof contains the loads of only one direction.
+    Half-spaces are not included, because a proof file contains the loads of only one direction.
     """
     directions = [tuple(map(float, angles)) for angles in envelope["directions"]]
     rays = rays_at(np.array(directions))
-    parallel = 1e-9  # smallest error of a unit vector off a ray
+    parallel = 1e-9  # relative deviation at which a point does not lie on a ray
     for point in np.array(envelope["carried"], dtype=np.float64):
         if point.any():
             along = rays @ point
             best = int(np.argmax(np.abs(along)))
             if not abs(along[best]) >= (1 - parallel) * np.linalg.norm(point):
                 raise InputError(
-                    "summary.json has a point without a direction; run the case again."
+                    "summary.json has an envelope point that lies on none of the directions; run "
+                    "the case again."
                 )
             yield direction_file(directions[best]), "lower", float(along[best])

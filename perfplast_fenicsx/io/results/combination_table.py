@@ -1,4 +1,4 @@
-"""Write ``combinations.csv``: the results of each combination of loads, the worst first."""
+"""Write and read ``combinations.csv``: the results of all load combinations, the worst first."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -11,19 +11,20 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.tables import csv_table
 
 TABLE = "combinations.csv"
-"""File of the table, in the folder that contains those of the combinations."""
+"""File of the table, in the folder that contains the folders of the combinations."""
 
 
 Rows = list[dict[str, Any]]
-"""Rows with ``combination``, ``lower``, ``upper``, ``estimate`` and ``design load``."""
+"""Rows with the keys ``combination``, ``lower``, ``upper``, ``estimate`` and ``design load``."""
 
 
 def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> Rows:
     """Write the table. Not collective.
 
     Args:
-        folder: Folder with the folders of the combinations.
-        found: Table of the limit load in ``summary.json`` of each combination, by their names.
+        folder: Folder that contains the folders of the combinations.
+        found: Table ``limit`` from the ``summary.json`` of each combination, by name of the
+            combination.
 
     Returns:
         The rows of the table.
@@ -53,7 +54,7 @@ def read_table(folder: Path) -> Rows:
 
 
 def as_cells(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """Return the table as text: a line of headings, then combinations, bounds and verdicts."""
+    """Return the cells of the table as text: a row of headings, then a row per combination."""
     cells = [["combination", "carried", "collapses", "estimate", "design load"]]
     dash = "-"
     for row in rows:
@@ -71,10 +72,11 @@ def as_cells(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Return the row of a combination: strict bounds of the bodies, and the estimate."""
+    """Return the row of a combination: strict bounds for the body, estimate, and verdict."""
     known = limit or {}
     body, design = known.get("body") or {}, known.get("design") or {}
-    if strength := known.get("strength"):  # the factor of safety, which must be at least 1
+    # bounds of the factor of safety, which must be at least 1
+    if strength := known.get("strength"):
         body = design = strength
     low, high = design.get("lower"), design.get("upper")
     carried = low is not None and low >= 1
@@ -89,7 +91,7 @@ def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _worst(row: Mapping[str, Any]) -> float:
-    """Return the sort key of rows: the smallest known load, unknown loads first."""
+    """Return the sort key of a row: its smallest known number; rows without numbers come first."""
     known = [row[key] for key in ("lower", "estimate", "upper") if row[key] is not None]
     return min(known, default=float("-inf"))
 

@@ -1,15 +1,15 @@
-"""Write the fields of all levels: VTKHDF files of cells and of points, and a list for ParaView.
+"""Write the fields of all levels as VTKHDF files, and the list of levels for ParaView.
 
-Each file is renamed when it is complete; then the list is replaced as a whole. So a crash does not
-damage existing levels, and a restart continues them.
+Each file gets its final name when it is complete; then the list is replaced as a whole. So a crash
+does not damage existing levels, and a restart adds further levels.
 
-ParaView opens ``fields.vtkhdf.series``; PyVista shows a level by one line::
+ParaView opens ``fields.vtkhdf.series``; in PyVista one line shows a level::
 
     pyvista.HDFReader("results/fields/level_0001.vtkhdf").read().plot(scalars="yield_ratio")
 
-Write fields at the quadrature points, as VTKHDF files of single points.
-At these points the stress is that of the solver, not a cell mean. Points are in the order of the
-input's cells, and within a cell in that of the quadrature rule, whatever the number of ranks.
+Fields at the quadrature points are written as VTKHDF files of single points. At these points the
+stress is that of the solver, not a cell mean. The points are in the order of the cells in the
+input, and within a cell in the order of the quadrature rule, whatever the number of ranks.
 """
 
 import json
@@ -63,7 +63,7 @@ log = logging.getLogger(__name__)
 
 
 def write_flow(flow: SteadyFlow, path: Path) -> None:
-    """Write a flow at the vertices of its cells. Not collective.
+    """Write the fields of a seepage flow at the vertices of its cells. Not collective.
 
     Args:
         flow: The seepage flow.
@@ -98,14 +98,14 @@ def write_flow(flow: SteadyFlow, path: Path) -> None:
 
 
 class PointWriter:
-    """Writes fields at the points where the laws of a problem are evaluated."""
+    """Writes fields at the quadrature points, where the laws are evaluated."""
 
     def __init__(self, folder: ResultFolder, problem: Problem) -> None:
         """Compute the points and their volumes. Collective.
 
         Args:
             folder: Result folder, which provides the ranks and the message for system errors.
-            problem: Problem with the points.
+            problem: The problem whose quadrature points are used.
         """
         mesh = problem.tagged_mesh.mesh
         self._folder, self._cells = folder, cell_ordering(mesh)
@@ -131,12 +131,12 @@ class PointWriter:
     def write(
         self, path: Path, fields: Mapping[str, Floats], facts: Mapping[str, float | int | str]
     ) -> None:
-        """Write fields. Collective.
+        """Write fields at the points. Collective.
 
         Args:
             path: The file, which is replaced if it exists.
-            fields: Values by name, shape (num_cells, points of a cell, ...), including ghosts.
-            facts: Further facts by name.
+            fields: Values by name, shape (num_cells, points per cell, ...), including ghost cells.
+            facts: Further scalar data by name.
 
         Raises:
             InputError: If the file cannot be written; an existing file remains complete.
@@ -147,13 +147,14 @@ class PointWriter:
         blocks: dict[str, Block] = {}
         for name, array in arrays.items():
             rows = cells.to_blocks(np.ascontiguousarray(array[: self._owned]))
-            width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)  # VTK stores tensors as rows
+            # VTK stores a tensor as a row of numbers
+            width = rows.shape[2:] and (int(np.prod(rows.shape[2:])),)
             blocks[name] = Block(rows.reshape(-1, *width), first, total)
         number = np.arange(first, first + count * cells.count)
         last = self._folder.comm.rank == self._folder.comm.size - 1
         blocks[CONNECTIVITY] = Block(number, first, total)
         blocks[OFFSETS] = Block(np.arange(first, first + len(number) + last), first, total + 1)
-        vertex = 1  # VTK's number for a cell that is a point
+        vertex = 1  # VTK's type number of a vertex cell
         blocks[TYPES] = Block(np.full(len(number), vertex, dtype=np.uint8), first, total)
 
         def describe(file: h5py.File) -> None:
@@ -165,7 +166,7 @@ class PointWriter:
 
 
 class FieldSeries:
-    """Writes fields of load levels; the time is the prescribed quantity ζ or α."""
+    """Writes the fields of load levels; the time of a level is its prescribed quantity, ζ or α."""
 
     def __init__(
         self,
@@ -175,14 +176,14 @@ class FieldSeries:
         kept: Sequence[LevelReport] = (),
         points: bool = False,
     ) -> None:
-        """Write the mesh, and keep the levels of an earlier run. Collective.
+        """Write the mesh, and list the levels of an earlier run. Collective.
 
         Args:
             folder: Folder of the files.
-            problem: Problem of the levels.
+            problem: The problem of the levels.
             prescribed: The prescribed quantity of a level.
-            kept: The levels that an earlier run has written, from the first one on; files of later
-                levels are removed.
+            kept: Reports of the levels that an earlier run has written, from the first one; files
+                of other levels are removed.
             points: Whether to write fields at the quadrature points too.
 
         Raises:
@@ -195,8 +196,8 @@ class FieldSeries:
         self._times = {number: prescribed.of(kept[number - 1]) for number in there}
         if len(there) < len(kept) and folder.comm.rank == 0:
             log.warning(
-                "the fields of %d of the %d solved levels are missing in '%s': they are "
-                "not listed, and have no pictures; to write them, run the case again with "
+                "fields of %d of the %d solved levels are missing in '%s': these levels are not "
+                "listed and have no pictures; to write their fields, run the case again with "
                 "--force",
                 *(len(kept) - len(there), len(kept), folder.file(FIELDS)),
             )
@@ -216,13 +217,13 @@ class FieldSeries:
         report: LevelReport,
         at_points: Mapping[str, Floats] | None = None,
     ) -> None:
-        """Append a solved level. Collective.
+        """Write the fields of a solved level, and add the level to the list. Collective.
 
         Args:
-            number: Number of the level, from 1; higher than the previous ones.
+            number: Number of the level, from 1; larger than the numbers of previous levels.
             fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
             report: The level.
-            at_points: Fields at the quadrature points by name, if these are written.
+            at_points: Fields at the quadrature points by name; None without such fields.
 
         Raises:
             InputError: If the files cannot be written; existing files remain complete.
@@ -246,10 +247,11 @@ class FieldSeries:
         """Write ``mechanism.vtkhdf``. Collective.
 
         Args:
-            fields: A velocity of unit work, its plastic work, and further fields by name.
-            zeta: The load factor of the velocity.
-            alpha: The reached work α.
-            at_points: Fields at the quadrature points by name, if these are written.
+            fields: A velocity field with unit work of the loads, its plastic work, and further
+                fields, by name.
+            zeta: The load factor of the mechanism.
+            alpha: The work α at the end of the path.
+            at_points: Fields at the quadrature points by name; None without such fields.
 
         Raises:
             InputError: If the file cannot be written.
@@ -263,7 +265,7 @@ class FieldSeries:
         return self._folder.file(level_file(number)).is_file()
 
     def _list_levels(self) -> None:
-        """Replace the list of the levels. Collective."""
+        """Replace the list of levels. Collective."""
 
         def write() -> None:
             self._list(SERIES, {level_file(number): time for number, time in self._times.items()})
@@ -280,7 +282,7 @@ class FieldSeries:
         replace(self._folder.file(series), f"{text}\n".encode())
 
     def _remove_others(self) -> None:
-        """Remove the files of levels that are not listed."""
+        """Remove the files of levels that are not in the list."""
         ours = {self._folder.file(of(n)) for n in self._times for of in (level_file, point_file)}
         for kind in ("level", "points"):
             for path in self._folder.file(FIELDS).glob(f"{kind}_*.vtkhdf"):

@@ -1,4 +1,4 @@
-"""Compute output fields: stress, plastic zone, contact pressure, slip, and those of bounds."""
+"""Compute output fields: stress, plastic zone, contact pressure, slip, and fields of bounds."""
 
 import basix.ufl
 import numpy as np
@@ -21,19 +21,19 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 class FrictionFields:
-    """Fields that are linear on surfaces with friction and zero elsewhere.
+    """Slip and friction stress: linear on surfaces with friction, and zero elsewhere.
 
     Attributes:
-        fields: ``slip`` (length), u_a − u_b along the surface since the beginning, on both
-            surfaces; and ``friction_stress``, the friction on each surface, with opposite signs.
+        fields: ``slip`` (length), on both surfaces of a pair, is u_a − u_b along the surface since
+            the start. ``friction_stress`` has opposite signs on the two surfaces.
     """
 
     def __init__(self, problem: Problem, vertices: fem.FunctionSpace) -> None:
-        """Create the map from values at places of friction to vertices. Collective.
+        """Create the map from values at friction points to vertices. Collective.
 
         Args:
             problem: The bodies.
-            vertices: Space of linear functions.
+            vertices: Space of the linear functions.
         """
         self._problem = problem
         gdim = problem.bodies.gdim
@@ -54,7 +54,7 @@ class FrictionFields:
 
         Args:
             level: The level.
-            areas: ∫ψ of each owned vertex over the contact surfaces.
+            areas: ∫ψ over the contact surfaces for each owned vertex.
         """
         problem, friction = self._problem, self._problem.friction
         y = problem.create_vector()
@@ -80,7 +80,7 @@ class FrictionFields:
         array[: len(values), axis] = values
 
     def _at_vertices(self, of_places: Floats) -> Floats:
-        """Return values at places distributed to nodes and then to vertices. Collective."""
+        """Return values at friction points, distributed to nodes and to vertices. Collective."""
         on_rows, on_nodes = self._shares.createVecLeft(), self._shares.createVecRight()
         on_rows.array[self._problem.friction.pair] = of_places
         self._shares.multTranspose(on_rows, on_nodes)
@@ -101,21 +101,22 @@ class FrictionFields:
 
 
 class OutputFields:
-    """Computes the output fields of a problem's levels, with expressions compiled once.
+    """Computes the output fields of load levels, with expressions that are compiled once.
 
     Attributes:
         fields: Functions by name, updated by :meth:`update`. ``displacement`` (length); ``stress``
-            (3×3, mean of each cell); ``plastic`` (share of each cell's points that are plastic);
-            ``yield_ratio`` (the gauge of the law's yield set, largest value in each cell, 0 in
-            elastic bodies); ``contact_pressure`` (linear on the contact surfaces, 0 elsewhere,
-            positive where bodies push each other, at an edge of two contact faces the mean of
-            both). Internal variables of the laws by their names, the mean of each cell: numbers, or
-            Mandel vectors as tensors (3×3). With friction, also the fields of
+            (3×3, mean in each cell); ``plastic`` (fraction of the points in each cell that are
+            plastic); ``yield_ratio`` (gauge of the law's yield set: largest value in each cell, 0
+            in elastic bodies); ``contact_pressure`` (linear on the contact surfaces and 0
+            elsewhere; positive where bodies push each other; at an edge between two contact faces
+            the mean of both). Internal variables of the laws by name, as the mean in each cell:
+            numbers, or Mandel vectors as tensors (3×3). With friction, also the fields of
             :class:`output_fields.FrictionFields`.
         at_points: ``stress`` (3×3), ``yield_ratio`` and, for levels, ``plastic`` (1 or 0) at the
-            quadrature points, shape (num_cells, points of a cell, ...), of the last update.
-        resultants: Force of each contact on its primary surface, followed by that of each obstacle
-            on its surface, shape (num_contacts, gdim), the same on every rank.
+            quadrature points after the last update, shape (num_cells, points per cell, ...).
+        resultants: Force of each contact on its primary surface, followed by the force of each
+            obstacle on its surface, shape (num_contacts, gdim). The array is the same on every
+            rank.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -163,7 +164,7 @@ class OutputFields:
             self.fields |= self._friction.fields
 
     def update(self, level: Level) -> dict[str, fem.Function]:
-        """Update all fields from a level, before the next one begins. Collective."""
+        """Update all fields from a level before the next level begins. Collective."""
         self.fields["displacement"].x.array[:] = level.state.u.x.array
         evaluate(self._strain, self._e, self._problem.cells)
         self._plastic.interpolate(self._at_points)
@@ -178,7 +179,7 @@ class OutputFields:
         return self.fields
 
     def _remember(self, name: str, variable: fem.Function) -> None:
-        """Store the mean of an internal variable in each cell."""
+        """Update the field of an internal variable with its mean in each cell."""
         dofmap = variable.function_space.dofmap
         width = dofmap.index_map_bs
         means = variable.x.array.reshape(-1, width)[dofmap.list].mean(axis=1)
@@ -189,11 +190,12 @@ class OutputFields:
             self.fields[name].interpolate(self._tensor)
 
     def of_stress(self, sigma: fem.Function, contact_forces: Floats) -> dict[str, fem.Function]:
-        """Update the fields that depend on a stress, and return them. Collective.
+        """Update the fields that depend on the stress, and return them. Collective.
 
         Args:
-            sigma: Stress as Mandel vectors at the points.
-            contact_forces: Contact forces of the pairs hosted by this rank, shape (num_pairs,).
+            sigma: Stress as Mandel vectors at the quadrature points.
+            contact_forces: Contact forces of the pairs whose host node this rank owns, shape
+                (num_pairs,).
         """
         stress, size = self._stress.x.array, self._mean.function_space.dofmap.index_map_bs
         stress[:] = sigma.x.array
@@ -210,12 +212,13 @@ class OutputFields:
         return {name: self.fields[name] for name in names}
 
     def _contact(self, forces: Floats) -> None:
-        """Compute pressure p and resultants of the forces λ of the contact pairs.
+        """Compute the pressure p and the resultants from the forces λ of the contact pairs.
 
-        The nodal force at node k is f_k = Σ_i s_ik λ_i with its shares s_ik of the rows' forces.
-        The pressure at vertex j is Σ_k f_k ψ_j(x_k) / ∫ψ_j with the linear shape functions ψ_j: the
-        force of a midside goes to the ends of its edge in equal parts. So p is exact for a constant
-        pressure, and ∫p equals Σλ on either side; for matching nodes p is nowhere negative.
+        The force at node k is f_k = Σ_i s_ik λ_i, where s_ik is the node's share of the force of
+        row i. The pressure at vertex j is Σ_k f_k ψ_j(x_k) / ∫ψ_j with the linear shape functions
+        ψ_j. So the force at a midside node is divided equally between the ends of its edge. So p is
+        exact for a constant pressure, and ∫p equals Σλ on either side. For matching nodes p is
+        nowhere negative.
         """
         constraints, comm = self._problem.constraints, self._problem.comm
         on_pairs, on_nodes = constraints.shares.createVecLeft(), fem.Function(self._nodes)
@@ -232,7 +235,7 @@ class OutputFields:
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> Floats:
-        """Return ∫ψ_j over the contact surfaces for each owned vertex, 1 for other vertices."""
+        """Return ∫ψ_j over the contact surfaces for each owned vertex; 1 off these surfaces."""
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)
@@ -245,9 +248,9 @@ class OutputFields:
 
 
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
-    """Return the plastic work of a velocity by its law, the mean of each cell. Collective.
+    """Return the plastic work of a velocity field as its mean in each cell. Collective.
 
-    The plastic work is the support function of the law's yield set, and 0 in elastic bodies.
+    The plastic work is the support function of the law's yield set; it is 0 in elastic bodies.
 
     Args:
         problem: The bodies.
@@ -263,12 +266,13 @@ def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
 
 
 def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
-    """Return piecewise constant functions by name. Collective.
+    """Return the fields of bounds by name. Collective.
 
     Returns:
-        ``lower_bound_stress`` is the mean stress of each cell (3×3), if there is a lower bound.
-        ``gap_share`` is the contribution of each given cell to the gap, repeated in its parts after
-        a split. For rigid blocks, ``contact_pressure`` is the pressure of the forces on joints.
+        Piecewise constant functions. ``lower_bound_stress`` (3×3), if there is a lower bound, is
+        the mean stress in each cell. ``gap_share`` is the contribution of each cell to the gap; if
+        cells were split, all parts of a cell have its value. For rigid blocks also the function
+        ``contact_pressure``, from the forces on joints, which is linear in each cell.
     """
     fields = dict[str, fem.Function]()
     if body.joints is not None:
@@ -276,7 +280,7 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     tagged_mesh = body.problem.tagged_mesh
     if body.stress is not None:
         means = body.stress.mean(axis=1)
-        if tagged_mesh.axisymmetric:  # coefficients of rσ
+        if tagged_mesh.axisymmetric:  # the stress coefficients are those of rσ
             vertices, points = corners(tagged_mesh.mesh)
             means /= points[vertices][..., 0].mean(axis=1)[:, None]
         fields["lower_bound_stress"] = _tensors(body, means)
@@ -295,7 +299,7 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
 
 
 def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
-    """Return the pressure of forces at vertices, divided by their tributary areas. Collective."""
+    """Return the pressure at vertices: force divided by tributary area. Collective."""
     mesh, body = problem.tagged_mesh.mesh, bound_body(problem)
     space = fem.functionspace(mesh, ("Lagrange", 1))
     pressure, areas = fem.Function(space, name="contact_pressure"), fem.Function(space)
@@ -315,7 +319,7 @@ def _of_joints(problem: Problem, joints: JointProof) -> dict[str, fem.Function]:
 
 
 def _tensors(body: BodyBounds, mandel: Floats) -> fem.Function:
-    """Return Mandel vectors of the cells as 3×3 tensors."""
+    """Return the piecewise constant 3×3 tensor field with the given Mandel vectors."""
     mesh = body.problem.tagged_mesh.mesh
     space = fem.functionspace(mesh, basix.ufl.element("DG", mesh.basix_cell(), 0, shape=(3, 3)))
     function = fem.Function(space, name="lower_bound_stress")

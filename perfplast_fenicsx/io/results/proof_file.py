@@ -1,7 +1,7 @@
-"""Write ``bounds.h5`` and ``directions.json``: proofs of bounds, to be checked without the program.
+"""Write and check proof files such as ``bounds.h5``, and the file ``directions.json``.
 
-The groups ``lower`` and ``upper`` contain the arrays of :mod:`proof_arrays`, and
-:mod:`proof.checker` checks them.
+The groups ``lower`` and ``upper`` of a proof file contain the arrays from :mod:`proof_arrays`.
+:mod:`proof.checker` checks them without other code of the program.
 """
 
 import json
@@ -41,12 +41,12 @@ def write_proof(
     Args:
         folder: Result folder, which provides the ranks and the message for system errors.
         path: The file; its folder exists.
-        lower: The lower half, if there is one.
-        upper: The upper half; its bodies may be meshed differently.
+        lower: Proof of the lower bound; None without one.
+        upper: Proof of the upper bound; its mesh of the bodies may be different. None without one.
 
     Raises:
-        InputError: If cells or obstacles are curved, if the file format does not support the kind
-            of a load, or if the system refuses.
+        InputError: If cells or obstacles are curved, if the file format does not support a kind of
+            load, or if the file cannot be written.
     """
     blocks, numbers = half_arrays(lower, upper)
 
@@ -59,18 +59,18 @@ def write_proof(
 
 
 def save_proof(bounds: BodyBounds | AdaptiveBounds, path: str | Path) -> dict[str, Checked]:
-    """Write the proof of bounds, and have the checker prove it again from the file. Collective.
+    """Write the proof of bounds to a file, and return what the checker proves. Collective.
 
     Args:
-        bounds: As :func:`~.limit_bounds` or :func:`~.adaptive_bounds` has returned them.
+        bounds: Bounds from :func:`~.limit_bounds` or :func:`~.adaptive_bounds`.
         path: The file, such as ``bounds.h5``; it is replaced.
 
     Returns:
-        By "lower" and "upper" what the checker proves, on every rank; without a half that has no
-        strict bound or that the checker refuses.
+        The checker's results by "lower" and "upper", the same on every rank. Bounds that are not
+        strict or that the checker refuses are missing.
 
     Raises:
-        InputError: On every rank, if the bounds have no proof, or the file cannot be written.
+        InputError: On every rank, if the bounds have no proof, or if the file cannot be written.
     """
     both = (bounds.low, bounds.high) if isinstance(bounds, AdaptiveBounds) else (bounds, bounds)
     target, comm = Path(path), both[0].problem.comm
@@ -79,7 +79,7 @@ def save_proof(bounds: BodyBounds | AdaptiveBounds, path: str | Path) -> dict[st
     low, high = judge(folder, folder.file(target.name), *both)
     if not (low.lower.strict or high.upper.strict):
         why = "; ".join((*low.lower.why_not, *high.upper.why_not))
-        raise InputError(f"these bounds have no proof ({why}); use strict ones.")
+        raise InputError(f"these bounds have no proof ({why}); give strict bounds.")
     found: dict[str, Checked] = comm.bcast(check(target) if comm.rank == 0 else {})
     return found
 
@@ -91,21 +91,21 @@ def judge(
     high: BodyBounds,
     divisor: float | None = None,
 ) -> tuple[BodyBounds, BodyBounds]:
-    """Write the proof of two bounds, and check it with the checker. Collective.
+    """Write the proof of two bounds, and replace bounds that the checker refuses. Collective.
 
     Args:
         folder: The result folder.
-        path: The file. It contains only proven results, and does not exist if nothing is proven.
-        low: Result with the lower bound.
-        high: Result with the upper bound.
-        divisor: F that divides the strengths of the bodies; None without such a factor.
+        path: The file. It contains only proven bounds, and does not exist if nothing is proven.
+        low: Bounds whose lower bound is proven.
+        high: Bounds whose upper bound is proven.
+        divisor: Factor F that divides the strengths of the bodies; None without such a factor.
 
     Returns:
-        Both results; bounds that the checker refuses are replaced by estimates of the mesh. If the
-        checker proves only a weaker bound, the result has this bound.
+        ``low`` and ``high``, in which bounds that the checker refuses are only estimates of the
+        mesh. If the checker proves a weaker bound, this bound replaces the given one.
 
     Raises:
-        InputError: As :func:`write_proof`.
+        InputError: As for :func:`write_proof`.
     """
 
     def ask(lower: LowerProof | None, upper: VelocityProof | None) -> dict[str, Checked]:
@@ -119,10 +119,11 @@ def judge(
 
 
 def write_proven(folder: ResultFolder, proven: Proven) -> None:
-    """Add the proven bounds of a direction to the file. Collective.
+    """Add the proven bounds of a direction to ``directions.json``. Collective.
 
     Raises:
-        InputError: On every rank, if the system refuses, or if the existing file cannot be read.
+        InputError: On every rank, if the file cannot be written, or if the existing file cannot be
+            read.
     """
     others = [one for one in read_proven(folder) if not one.is_at(proven.angles)]
     text = json.dumps([asdict(one) for one in [*others, proven]], indent=1)
@@ -130,11 +131,11 @@ def write_proven(folder: ResultFolder, proven: Proven) -> None:
 
 
 def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
-    """Return the proven directions of an earlier run; an empty list without a file. Collective.
+    """Return the proven directions of an earlier run; no directions without a file. Collective.
 
     Args:
         folder: The result folder.
-        again: Whether the proof file of each direction must prove it again.
+        again: Whether to check the proof file of each direction again.
 
     Raises:
         InputError: On every rank, if the file cannot be read, or if a proof is missing or not
@@ -159,10 +160,10 @@ def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
 
 
 def _check(folder: ResultFolder, found: Sequence[Proven]) -> None:
-    """Check that the file of each direction proves its bounds. Only rank 0 calls this function.
+    """Check that the proof file of each direction proves its bounds. Not collective.
 
     Raises:
-        InputError: If a file does not.
+        InputError: If a file does not prove its bounds.
     """
     for one in found:
         name, ray = direction_file(one.angles), rays_at(np.array([one.angles]))[0]
@@ -173,8 +174,8 @@ def _check(folder: ResultFolder, found: Sequence[Proven]) -> None:
             off = float(np.linalg.norm(one.carried - along * ray))
             if off > 1e-9 * abs(along):
                 raise InputError(
-                    f"{KNOWN} has a point that does not lie in the direction of {one.angles}"
-                    " degrees; start again with -o DIR --force."
+                    f"{KNOWN} has a point outside the direction {one.angles} (degrees); start "
+                    "again with -o DIR --force."
                 )
             check_claim(KNOWN, name, "lower", along, halves)
         if one.side is not None:

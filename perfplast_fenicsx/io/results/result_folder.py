@@ -1,7 +1,7 @@
-"""Keep the result folder up to date level by level: ``summary.json`` and ``path.csv``.
+"""Manage a result folder, and write ``summary.json`` and ``path.csv`` after each level.
 
-An error on one rank is raised on every rank. Files are replaced as a whole, so that a reader never
-finds a partial file, even after a crash or with a full disk.
+An error on one rank is raised on every rank. A file is always replaced as a whole, so a reader
+never finds a partial file, even after a crash or on a full disk.
 """
 
 import dataclasses
@@ -67,15 +67,16 @@ KINDS: tuple[Mapping[str, type[Any]], ...] = (
     OBSTACLES,
     {"temperature": Temperature, "initial_stress": InitialStress, "bolt": Bolt},
 )
-"""Classes of objects of several kinds, by their names in case files."""
+"""Classes of materials, loads, obstacles and initial strains, by their names in case files."""
 
 
 def given_table(given: Given) -> dict[str, Any]:
-    """Return the input as JSON data.
+    """Return the data of a problem in a form that JSON can store.
 
     Returns:
-        The keys are the fields of :class:`control.Given`. A dataclass becomes a table of its fields
-        with its ``kind``: its name in case files, or the name of its class.
+        A table whose keys are the fields of
+        :class:`~perfplast_fenicsx.problem.declared.given.Given`. A dataclass becomes a table of its
+        fields, with an additional key ``kind``: its name in case files, or the name of its class.
     """
     return {field.name: _told(getattr(given, field.name)) for field in dataclasses.fields(given)}
 
@@ -98,18 +99,18 @@ def _told(value: Any) -> Any:
 
 
 DATA = ("summary.json", "path.csv", "run.log", "scene.json", SERIES)
-"""Files that are listed before the pictures of :func:`result_files.figures`."""
+"""Result files that are listed before the pictures from :func:`result_files.figures`."""
 
 BESIDE = (
     *("loading.gif", MECHANISM, PROOF, LEAST, POINT_SERIES, MECHANISM_POINTS, STANDS, FALLS, KNOWN),
     "report.html",
     *(FLOW, NEWEST, BEFORE, *EARLIER),
 )
-"""Files that are listed after the pictures."""
+"""Result files that are listed after the pictures."""
 
 
 def result_files() -> tuple[str, ...]:
-    """Return the files that a run looks for before it writes, and removes with ``--force``."""
+    """Return the names of all result files; with ``--force`` a run removes these files."""
     pictures = tuple(figure.file for figure in figures())
     return *DATA, *pictures, *BESIDE
 
@@ -123,11 +124,11 @@ STEP_KEYS = (
     *("slipping", "friction_dissipation", "friction_excess", "rounds"),
     *("contact_programs", "snes_vi_programs", "snes_vi_iterations"),
 )
-"""Keys of a step in ``summary.json``, on which other tools rely; ``path.csv`` has all values."""
+"""Keys of a level in ``summary.json``, on which other tools rely; ``path.csv`` has all values."""
 
 
 class ResultFolder:
-    """A folder for the results of one run, which never silently replaces those of another."""
+    """A folder for the results of one run. Existing results are replaced only on request."""
 
     def __init__(
         self,
@@ -136,20 +137,21 @@ class ResultFolder:
         force: bool = False,
         restart: bool = False,
     ) -> None:
-        """Check whether the folder can be used, without writing or removing files. Collective.
+        """Check that the folder can be used; do not write or remove files. Collective.
 
         Args:
             comm: The ranks of the run.
-            path: The folder; made with its parents if it does not exist.
+            path: The folder. :meth:`create` makes it, with its parents, if it does not exist.
             force: Whether to replace existing results.
             restart: Whether to continue from existing results.
 
         Raises:
-            InputError: If ``path`` is not a folder, cannot be written, has results although neither
-                ``force`` nor ``restart`` is set, or has no results to continue from.
+            InputError: If ``path`` is not a folder or cannot be written, if it has results but
+                neither ``force`` nor ``restart`` is set, or if a restart finds no checkpoint.
         """
         self.comm, self.path = comm, Path(path)
-        on_all_ranks(comm, figures)  # errors of these are reported before only rank 0 works
+        # raises errors in entry points on all ranks, before rank 0 works alone
+        on_all_ranks(comm, figures)
         raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
     def file(self, name: str) -> Path:
@@ -157,7 +159,7 @@ class ResultFolder:
         return self.path / name
 
     def found(self) -> list[str]:
-        """Return the names of the existing result files."""
+        """Return the names of the result files that exist."""
         return [name for name in result_files() if self.file(name).exists()]
 
     def create(self) -> None:
@@ -186,21 +188,21 @@ class ResultFolder:
         self.on_root(create)
 
     def on_root(self, action: Callable[[], None]) -> None:
-        """Execute a write on rank 0. Collective.
+        """Call a function that writes, on rank 0. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if the write fails.
         """
         self.on_each(action if self.comm.rank == 0 else lambda: None)
 
     def on_each(self, action: Callable[[], None]) -> None:
-        """Execute a write on every rank. Collective; the action itself is not collective.
+        """Call a function that writes on every rank. Collective, but ``action`` is not.
 
         Raises:
-            InputError: On every rank, if the system refuses on any rank.
+            InputError: On every rank, if the write fails on any rank.
         """
         fault = None
-        # Errors of the system for a full disk.
+        # error numbers of a full disk, a quota or a file size limit
         full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         try:
             action()
@@ -208,9 +210,8 @@ class ResultFolder:
             fault = self._unwritable(error.strerror or str(error))
             if error.errno in full:
                 fault = (
-                    f"the output folder '{self.path}' cannot be written "
-                    f"({error.strerror}); free some space, then continue with --restart: "
-                    "earlier files are complete."
+                    f"the output folder '{self.path}' cannot be written ({error.strerror}); free "
+                    "some space, then continue with --restart. Earlier files are complete."
                 )
         raise_together(self.comm, fault)
 
@@ -228,8 +229,8 @@ class ResultFolder:
             return self._unwritable(error.strerror or str(error))
         if links:
             return (
-                f"'{links[0].name}' in '{links[0].parent}' is a link, so that results would be"
-                " written elsewhere; remove it."
+                f"'{links[0].name}' in '{links[0].parent}' is a link, so results would be written "
+                "elsewhere; remove the link."
             )
         if restart and not self.path.exists():
             return (
@@ -249,18 +250,18 @@ class ResultFolder:
         return None
 
     def _links(self) -> list[Path]:
-        """Return links at paths where a run would write files; the folder itself may be a link."""
+        """Return symbolic links at paths to which a run writes; the folder itself may be a link."""
         ours = [self.file(name) for name in (*result_files(), FIELDS)]
         fields = self.file(FIELDS)
         inside = [*fields.glob("*.vtkhdf"), *fields.glob("*.h5")]
         return [path for path in (*ours, *inside) if path.is_symlink()]
 
     def _unwritable(self, reason: str) -> str:
-        return f"the output folder '{self.path}' cannot be written ({reason}); give another one."
+        return f"the output folder '{self.path}' cannot be written ({reason}); give another folder."
 
 
 class Results:
-    """Summary and path of a run, stored from the first level on."""
+    """The data of ``summary.json`` and ``path.csv``, which are written after each level."""
 
     def __init__(
         self,
@@ -272,7 +273,7 @@ class Results:
         prescribed: Prescribed,
         reports: Sequence[LevelReport] = (),
     ) -> None:
-        """Write a summary without levels, or with those of an earlier run. Collective."""
+        """Write a summary, which contains the levels of an earlier run, if any. Collective."""
         mesh, kinematics = problem.tagged_mesh.mesh, problem.kinematics
         self.folder = folder
         self.summary = Summary(
@@ -315,7 +316,7 @@ class Results:
 
     @contextmanager
     def timed(self, activity: str) -> Iterator[None]:
-        """Add the wall time of a block to ``timings``."""
+        """Add the wall time of a ``with`` block to ``timings``."""
         began = time.perf_counter()
         yield
         timings = self.summary.timings
@@ -334,7 +335,7 @@ class Results:
 
 
 def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
-    """Return a row of ``path.csv``: columns for each reaction component and each name of stages."""
+    """Return a row of ``path.csv``, with one column for each reaction component and each name."""
     row = {"step": step} | dataclasses.asdict(report)
     for key in NAMED:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}
@@ -342,31 +343,31 @@ def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
         row |= {f"{name} {axis}".replace(" ", "_"): f for axis, f in zip(axes, force, strict=False)}
     if str(row["stage"]).startswith(
         ("=", "+", "-", "@")
-    ):  # spreadsheets would treat it as a formula
+    ):  # spreadsheets would read such a text as a formula
         row["stage"] = f"'{row['stage']}"
     return row
 
 
 def peak_memory() -> float:
-    """Return the largest resident size of this process so far (MiB)."""
+    """Return the peak resident size of this process (MiB)."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 class ResultantTables:
-    """Tables of the forces of loads and supports."""
+    """Makes tables of forces and moments of loads and supports."""
 
     def __init__(self, units: Units, whole: bool) -> None:
         """Store the units.
 
         Args:
-            units: Units of the case; without a system, moments have the unit force × length of the
-                case.
+            units: Units of the case. Without a system of units, the unit of moments is force ×
+                length.
             whole: See :meth:`units.Units.table`.
         """
         self._scale = units.moment_scale(whole)
 
     def loads(self, problem: Problem) -> list[dict[str, Any]]:
-        """Return a table for each load at ζ = 1. Collective."""
+        """Return for each load a table of its force and moment at ζ = 1. Collective."""
         found, rounding = load_resultants(problem), self._rounding(problem)
         return [
             asdict(load) | {"moment": self._told(load.moment, rounding * _largest([load.force]))}
@@ -376,7 +377,7 @@ class ResultantTables:
     def at_limit(
         self, problem: Problem, limit: LimitLoad, body: BodyBounds | None
     ) -> dict[str, Any] | None:
-        """Return the table of loads and supports at the limit. Collective."""
+        """Return the forces and moments of loads and supports at the limit. Collective."""
         found = limit_forces(problem, limit, body)
         if found is None:
             return None
@@ -385,7 +386,7 @@ class ResultantTables:
         return asdict(found) | {"moments": moments}
 
     def _rounding(self, problem: Problem) -> float:
-        """Return the moment of a unit force that counts as zero. Collective."""
+        """Return the moment per unit force up to which moments count as zero. Collective."""
         mine = float(np.abs(problem.tagged_mesh.mesh.geometry.x).max(initial=0.0))
         return ROUNDING * problem.comm.allreduce(mine, MPI.MAX)
 

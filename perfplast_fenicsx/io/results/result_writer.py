@@ -1,4 +1,4 @@
-"""Write the results of a run: the scene, its levels, its limit load."""
+"""Write the results of a run: the scene, the levels and the limit load."""
 
 import math
 from collections.abc import Sequence
@@ -42,11 +42,11 @@ LIMIT_KEYS = (
     *("method", "lower", "estimate", "upper", "alpha", "levelled_off", "reason"),
     *("iterations", "linear_solves", "factorisations", "theorem"),
 )
-"""Keys of ``limit`` in ``summary.json``, besides ``body`` and the texts on both."""
+"""Keys of ``limit`` in ``summary.json`` that are attributes of the limit load of the mesh."""
 
 
 class ResultWriter:
-    """Writes ``scene.json``, ``summary.json``, ``path.csv`` and the fields, level by level.
+    """Writes ``scene.json``, then ``summary.json``, ``path.csv`` and fields level by level.
 
     Attributes:
         results: Summary and path.
@@ -67,17 +67,17 @@ class ResultWriter:
         """Write the files that exist before the first level. Collective.
 
         Args:
-            folder: Folder for the results, which must exist.
+            folder: Result folder, which must exist.
             problem: The problem that is solved.
             scene: Data for pictures.
-            method: Method of the solver.
-            prescribed: Prescribed quantity of the loading: the time of the fields.
+            method: Name of the solution method.
+            prescribed: Prescribed quantity of the loading, which is the time of the fields.
             fields: Whether to write fields.
             points: Whether to write fields at the quadrature points too.
-            saved: State of an earlier run to continue.
+            saved: State of an earlier run that continues; None for a new run.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if files cannot be written.
         """
         self._problem = problem
         saved = saved or Saved()
@@ -106,14 +106,14 @@ class ResultWriter:
         )
 
     def write(self, level: Level, fields: bool = True) -> None:
-        """Write a level; without fields if it is not solved. Collective.
+        """Write a level; a level without a solution has no fields. Collective.
 
         Args:
             level: The next level.
-            fields: Whether to write its fields.
+            fields: Whether to write the fields of the level.
 
         Raises:
-            InputError: On every rank, if the system refuses; earlier files remain complete.
+            InputError: On every rank, if files cannot be written; earlier files remain complete.
         """
         with self.results.timed("output"):
             solved = fields and level.report.converged
@@ -134,21 +134,21 @@ class ResultWriter:
         fields: bool = True,
         proven: bool = True,
     ) -> None:
-        """Write a limit load and its mechanism. Collective.
+        """Write a limit load with its collapse mechanism. Collective.
 
         Args:
             limit: The limit load of the mesh.
             body: Proven bounds of the body.
-            adaptive: The sequence of meshes with bounds, if there are several.
-            steps: Next steps for the user, a sentence each without a full stop.
+            adaptive: The bounds from a sequence of meshes; None for one mesh.
+            steps: Next steps for the user, each a sentence without a full stop.
             design: Comparison of the limit load with the design load.
-            answer: Meaning of the bounds, if they are not of a load factor.
-            fields: Whether to write the mechanism; if it is on another mesh, the fields of levels
-                are removed.
+            answer: Meaning of the bounds in words, if the bounded quantity is not a load factor.
+            fields: Whether to write the mechanism. If it belongs to another mesh than the levels,
+                the fields of the levels are removed.
             proven: Whether to write the proofs of the bounds.
 
         Raises:
-            InputError: On every rank, if the system refuses; earlier files remain complete.
+            InputError: On every rank, if files cannot be written; earlier files remain complete.
         """
         if body is not None and proven:
             body, adaptive = self.judged(body, adaptive)
@@ -156,7 +156,7 @@ class ResultWriter:
             shown = fields and limit.collapses
             if self._fields is not None and self._output is not None and shown:
                 problem = body.problem if body else self._problem
-                if problem is not self._problem:  # the mesh was split or refined
+                if problem is not self._problem:  # true if the mesh was split or refined
                     folder, prescribed = self.results.folder, Prescribed.WORK
                     self._fields = FieldSeries(folder, problem, prescribed, points=self._points)
                     self._output = OutputFields(problem)
@@ -194,13 +194,14 @@ class ResultWriter:
 
         Args:
             body: The bounds.
-            adaptive: The sequence of meshes with bounds, if there are several.
+            adaptive: The bounds from a sequence of meshes; None for one mesh.
 
         Returns:
-            Both; bounds that the checker refuses become estimates of the mesh.
+            ``body`` and ``adaptive``, in which bounds that the checker refuses are only estimates
+            of the mesh.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if files cannot be written.
         """
         if body is self._judged:
             return body, adaptive
@@ -218,12 +219,12 @@ class ResultWriter:
         return body, adaptive
 
     def judged_safety(self, found: FactorOfSafety) -> FactorOfSafety:
-        """Write the proofs of a factor of safety, and keep the sides that they prove. Collective.
+        """Write the proofs of a factor of safety, and remove unproven bounds. Collective.
 
-        Each side has different strengths, and so a separate file.
+        The two bounds have separate files, because their strengths differ.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if files cannot be written.
         """
         if found is self._judged_safety:
             return found
@@ -243,10 +244,10 @@ class ResultWriter:
         return found
 
     def write_safety(self, found: FactorOfSafety) -> None:
-        """Write a factor of safety and the collapse mechanism. Collective.
+        """Write a factor of safety with a collapse mechanism. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses; earlier files remain complete.
+            InputError: On every rank, if files cannot be written; earlier files remain complete.
         """
         shown = found.falls or found.last
         self.write_limit(shown.mesh, shown, proven=False)
@@ -260,23 +261,24 @@ class ResultWriter:
     def judged_direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds
     ) -> tuple[BodyBounds, BodyBounds]:
-        """Write the proofs of the bounds in a direction of an envelope. Collective.
+        """Write the proofs of the bounds in one direction of an envelope. Collective.
 
         Returns:
-            Both results; bounds that the checker refuses become estimates of the mesh.
+            ``low`` and ``high``, in which bounds that the checker refuses are only estimates of the
+            mesh.
 
         Raises:
-            InputError: On every rank, if the system refuses.
+            InputError: On every rank, if files cannot be written.
         """
         with self.results.timed("output"):
             folder = self.results.folder
             return judge(folder, folder.file(direction_file(angles)), low, high)
 
     def write_envelope(self, found: Envelope, names: Sequence[str]) -> None:
-        """Write which multiples of loads are carried, and the last mechanism. Collective.
+        """Write an envelope of load multiples, and the mechanism of its last direction. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses; earlier files remain complete.
+            InputError: On every rank, if files cannot be written; earlier files remain complete.
         """
         self.write_limit(found.last.mesh, found.last, proven=False)
         table = {
@@ -295,10 +297,10 @@ class ResultWriter:
             self.results.write()
 
     def write_shakedown(self, found: ShakedownLoad, diagram: Sequence[Direction]) -> None:
-        """Write a shakedown load with its displacement and residual stress. Collective.
+        """Write a shakedown load with its mechanism and residual stress. Collective.
 
         Raises:
-            InputError: On every rank, if the system refuses; earlier files remain complete.
+            InputError: On every rank, if files cannot be written; earlier files remain complete.
         """
         limit = found.as_limit()
         with self.results.timed("output"):
@@ -316,19 +318,19 @@ class ResultWriter:
 
 
 def _alone(found: BodyBounds, kind: str) -> BodyBounds:
-    """Return bounds of which only one kind can be proven."""
+    """Return bounds of which only the given kind can become proven."""
     if kind == "lower":
         return replace(found, upper=replace(found.upper, of=Scope.MESH))
     return replace(found, lower=replace(found.lower, of=Scope.MESH))
 
 
 def _as_before(bound: Bound, before: Bound) -> bool:
-    """Return whether the check leaves a bound as strict as before."""
+    """Return whether a bound is still strict after the check, if it was strict before."""
     return bound.strict or not before.strict
 
 
 def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
-    """Return the outcome in words: a proven result for the body if there is one, else the estimate.
+    """Return the outcome in words: the proven bounds if there are any, otherwise the estimate.
 
     Args:
         limit: Limit load of the mesh.
@@ -346,7 +348,7 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
-    """Return the table of the body in ``summary.json``, with only bounds that hold for it."""
+    """Return the table ``body`` of ``summary.json``; its bounds are only strict ones."""
     lower, upper = body.limits
     standing = None
     if body.question is Question.STANDS:

@@ -1,4 +1,4 @@
-"""Define ``summary.json``, and rows of ``path.csv`` without levels."""
+"""Define the content of ``summary.json``, and of ``path.csv`` for runs without load levels."""
 
 import json
 import math
@@ -8,30 +8,30 @@ from typing import Any
 
 @dataclass
 class Summary:
-    """The content of ``summary.json``; its fields are the keys.
+    """The content of ``summary.json``; the attributes are the keys.
 
     Attributes:
         prescribed: Prescribed quantity of each level, "zeta" or "alpha".
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
-        element_size: Mean of the longest edges of the cells (length).
-        model: The ``kind`` of the model, the ``axes`` of the components of ``reactions``, and the
-            reference of ``forces`` and works: per unit of depth, or the full turn.
+        element_size: Mean over the cells of the longest edge of each cell (length).
+        model: The ``kind`` of the model, and the ``axes`` of the components of ``reactions``.
+            ``forces`` states whether forces and works are per unit of depth or of the full turn.
         given: Materials, supports, loads and other input (:func:`result_folder.given_table`).
-        seepage: Discharges of water by surface, and iterations of SNES-VI, with seepage.
+        seepage: Discharges of water by surface, and iterations of SNES-VI; None without seepage.
         loads: Force and moment of each load at ζ = 1 (:class:`resultants.LoadResultant`).
         case: The case ``file`` and its ``text``; empty for a Python program.
-        report: Keys ``project``, ``number`` and ``author``, if the case has them.
-        surroundings: Keys ``versions`` by name, ``petsc_options`` of the command line, ``command``
-            without them, and ``began``, the start of the run.
+        report: The keys that the case gives under ``[report]``, such as ``project`` and ``author``.
+        surroundings: ``versions`` by name, ``petsc_options`` (PETSc options in use), ``command``
+            (the shell command without these options), and ``began`` (the start of the run).
         remarks: Remarks on the problem before it was solved, one sentence each.
         warnings: Warnings of the run.
-        steps: A :data:`result_folder.STEP_KEYS` table for each level.
-        limit: Limit load, if it was sought.
+        steps: For each level a table with the keys :data:`result_folder.STEP_KEYS`.
+        limit: The limit load; None if the run did not search for one.
         timings: Wall time by activity (s).
-        peak_memory_mb: Sum over the ranks of their largest resident sizes (MiB).
+        peak_memory_mb: Sum of the peak resident sizes of all ranks (MiB).
         units: The unit of each quantity (:meth:`units.Units.table`); empty for a Python program
             without a scene.
-        planned: Number of levels of the whole run; None if it chooses them itself.
+        planned: Number of levels in the whole run; None if the run chooses its levels.
     """
 
     title: str
@@ -59,7 +59,7 @@ class Summary:
 
 
 def to_json(value: Any) -> str:
-    """Return a value as JSON, with numbers that are not finite as null."""
+    """Return a value as JSON; numbers that are not finite become null."""
 
     def finite(item: Any) -> Any:
         if isinstance(item, dict):
@@ -67,28 +67,30 @@ def to_json(value: Any) -> str:
         if isinstance(item, list | tuple):
             return [finite(entry) for entry in item]
         if isinstance(item, float):
-            return item + 0.0 if math.isfinite(item) else None  # turns -0.0 into 0.0
+            return item + 0.0 if math.isfinite(item) else None  # adding 0.0 turns -0.0 into 0.0
         return item
 
     return json.dumps(finite(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def limit_rows(summary: Summary) -> list[dict[str, Any]]:
-    """Return the rows, all with the same columns; unknown values are empty.
+    """Return the rows of ``path.csv`` for a run without levels; all rows have the same columns.
 
     Args:
-        summary: Summary with a ``limit`` that was computed without levels.
+        summary: The summary, whose ``limit`` was computed without levels.
 
     Returns:
-        A row for each mesh, with its number ``mesh`` (1 to n) and its ``cells``; ``estimate``,
-        ``static`` and ``kinematic`` of its limit load, for the last mesh only; ``body_lower`` and
-        ``body_upper``, the best bounds of the bodies so far; ``seconds`` since the start of the
-        first. For a factor of safety: each ``factor`` with strict bounds, ``lower`` and ``upper``,
-        of how many times the loads are carried; then the points of its curve, each ``factor`` with
-        the ``work`` of the loads, the largest ``displacement``, and the cost. For an envelope: each
-        ``angle`` (degrees), with three numbers also ``elevation``, with the distance ``carried`` up
-        to which all is carried, and ``not carried from``. For a shakedown diagram: each ``angle``
-        with the factors ``first`` and ``second`` to which bodies shake down, and its ``failure``.
+        A row for each mesh, with its number ``mesh`` (1 to n) and its ``cells``. The row of the
+        last mesh also has the limit load of this mesh, as ``estimate``, ``static`` and
+        ``kinematic``. ``body_lower`` and ``body_upper`` are the best bounds so far, and ``seconds``
+        the time since the start of the first mesh. Unknown values are empty. For a factor of
+        safety: each ``factor`` with strict bounds, ``lower`` and ``upper``, of the load multiple
+        that the bodies carry with strengths divided by this factor. Rows of its curve follow: each
+        ``factor`` with the ``work`` of the loads, the largest ``displacement``, and the cost. For
+        an envelope: each ``angle`` (degrees), with three loads also ``elevation``; the distance
+        ``carried``, up to which the bodies carry all loads; and the distance ``not carried from``.
+        For a shakedown diagram: each ``angle`` with the factors ``first`` and ``second`` up to
+        which the bodies shake down, and the type of ``failure``.
     """
     limit = summary.limit or {}
     if envelope := limit.get("envelope"):

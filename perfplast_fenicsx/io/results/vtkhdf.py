@@ -1,18 +1,18 @@
 """Write HDF5 files of distributed arrays, and VTKHDF files for ParaView and PyVista.
 
-The mesh is a separate file. A field file refers to the mesh by HDF5 links. VTK then reads each file
-as a complete data set, without repeated meshes. All arrays are in the order of the input, whatever
-the number of ranks.
+The mesh is in a separate file, to which field files refer by HDF5 links. So VTK reads each field
+file as a complete data set, although the mesh is stored only once. All arrays are in the order of
+the input, whatever the number of ranks.
 
-The points are the nodes of the displacements, so that quadratic displacements keep their midside
-values, even on straight edges. Fields of lower degree are interpolated at these points. If the
-edges are curved, linear displacements are shown on the curved mesh.
+The points of the mesh are the nodes of the displacements, so quadratic displacements keep their
+midside values, even on straight edges. Fields of lower degree are interpolated to these points. If
+edges are curved, linear displacements are interpolated to the nodes of the curved mesh.
 
-Write HDF5 files of distributed arrays so that a crash does not damage them.
-Rank 0 creates the file under a temporary name and reserves its whole size on the disk. Each rank
-writes its own rows directly into the file, bypassing HDF5, at the position of the array. The file
-gets its final name when all data are on the disk. So no rank gathers an array, and a full disk is
-detected before a file changes. Every error comes from the system, and all ranks can report it.
+A crash does not damage files. Rank 0 creates a file under a temporary name and reserves its whole
+size on the disk. Each rank writes its own rows directly into the file, at the position of the array
+and without HDF5. The file gets its final name when all data are on the disk. So no rank gathers an
+array, and a full disk is detected before an existing file changes. Every error comes from the
+operating system, so all ranks can report it.
 """
 
 import os
@@ -57,7 +57,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.proof.stored_file import stored_file
 
 LAYOUT = 1 << 16
-"""Largest size of the HDF5 data besides the arrays (bytes)."""
+"""Largest size of the data in a file besides the arrays (bytes)."""
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
@@ -69,25 +69,26 @@ def write_arrays(
     before: Path | None = None,
     describe: Callable[[h5py.File], None] | None = None,
 ) -> None:
-    """Write a file or replace it. Collective.
+    """Write a file with arrays, or replace the file. Collective.
 
     Args:
         folder: Result folder, which provides the ranks and the message for system errors.
         path: The file; its folder exists.
-        blocks: Arrays by name, including their groups; arrays that only rank 0 has are complete
-            there.
-        before: New name of an existing file; None to replace it.
-        describe: Function that rank 0 calls with the file during its creation, to add small data:
-            groups, attributes, links, names. They may take up to :data:`LAYOUT` bytes.
+        blocks: This rank's blocks of the arrays, by the full names of the arrays with their groups.
+            An array may also be complete on rank 0 and empty on other ranks.
+        before: New name for an existing file; None to replace the existing file.
+        describe: Function that rank 0 calls with the new file, to add small data: groups,
+            attributes, links, names. These data may take up to :data:`LAYOUT` bytes.
 
     Raises:
-        InputError: On every rank, if the system refuses; the file is then unchanged.
+        InputError: On every rank, if the file cannot be written; an existing file is then
+            unchanged.
     """
     part = path.with_name(path.name + ".part")
     offsets: dict[str, int] = {}
 
     def lay_out() -> None:
-        part.unlink(missing_ok=True)  # a link may lead elsewhere
+        part.unlink(missing_ok=True)  # a link may lead to another folder
         _reserve(part, LAYOUT + sum(_bytes(block) for block in blocks.values()))
         offsets.update(_lay_out(part, blocks, describe))
         _reserve(part, part.stat().st_size)
@@ -114,10 +115,10 @@ def write_arrays(
 
 
 def read_rows(path: Path, name: str, ordering: Ordering) -> npt.NDArray:
-    """Return this rank's block of an array. Not collective.
+    """Return this rank's block of an array in a file. Not collective.
 
     Raises:
-        OSError: If there is no array of this length, or if it cannot be read.
+        OSError: If the array is missing, has another length, or cannot be read.
     """
     try:
         with stored_file(path) as file:
@@ -130,7 +131,7 @@ def read_rows(path: Path, name: str, ordering: Ordering) -> npt.NDArray:
 
 
 def checksum(comm: MPI.Intracomm, rows: Block) -> int:
-    """Return a checksum of an array, independent of its distribution. Collective.
+    """Return a checksum of an array, which does not depend on its distribution. Collective.
 
     The checksum is the sum over all entries of a hash of entry and index (the mixer of splitmix64).
     """
@@ -144,7 +145,7 @@ def checksum(comm: MPI.Intracomm, rows: Block) -> int:
 
 
 def set_checksum(comm: MPI.Intracomm, rows: Longs) -> int:
-    """Return a checksum of unordered rows, independent of their distribution. Collective."""
+    """Return a checksum of rows, which does not depend on their order or ranks. Collective."""
     hashes: npt.NDArray[np.uint64] = np.full(len(rows), GOLDEN)
     for column in rows.T:
         hashes = _mixed(hashes * GOLDEN ^ column.astype(np.uint64))
@@ -165,7 +166,7 @@ def _bytes(rows: Block) -> int:
 def _lay_out(
     part: Path, blocks: Mapping[str, Block], describe: Callable[[h5py.File], None] | None
 ) -> dict[str, int]:
-    """Create a file with positions but no values of its arrays; return the positions (bytes)."""
+    """Create a file with space for its arrays, and return their positions in the file (bytes)."""
     early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
@@ -183,7 +184,7 @@ def _lay_out(
 
 
 def _reserve(path: Path, size: int) -> None:
-    """Reserve disk space for a file of this size; create the file if it does not exist."""
+    """Reserve disk space for a file of ``size`` bytes; create the file if it does not exist."""
     file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
     try:
         if size:
@@ -206,19 +207,19 @@ LINKED = (
     *(f"{GRID}/{name}" for name in COUNTS),
     *(POINTS, CONNECTIVITY, OFFSETS, TYPES, BODY, BODY_TAGS, BODY_NAMES),
 )
-"""Mesh datasets to which field files link."""
+"""Datasets of the mesh file to which field files link."""
 
 
 class FieldWriter:
-    """Writes the mesh of a problem, and fields on it."""
+    """Writes the mesh of a problem, and fields on this mesh."""
 
     def __init__(self, folder: ResultFolder, problem: Problem, mesh_file: Path) -> None:
-        """Number nodes and cells, and write the mesh. Collective.
+        """Number the nodes and cells, and write the mesh. Collective.
 
         Args:
             folder: Result folder, which provides the ranks and the message for system errors.
-            problem: Problem whose nodes are the points.
-            mesh_file: The file of the mesh; its folder exists.
+            problem: The problem; its nodes are the points of the mesh file.
+            mesh_file: The mesh file; its folder exists.
 
         Raises:
             InputError: If the file cannot be written.
@@ -245,9 +246,9 @@ class FieldWriter:
 
         Args:
             path: The file, which is replaced if it exists.
-            fields: Nodal or piecewise constant functions by name, with up-to-date ghosts. Vectors
-                in the plane get a third component 0.
-            facts: Further facts by name; VTK's field data.
+            fields: Nodal or piecewise constant functions by name, with up-to-date ghost values.
+                Vectors in the plane get a third component, which is 0.
+            facts: Further scalar data by name, which become VTK's field data.
 
         Raises:
             InputError: If the file cannot be written; an existing file remains complete.
@@ -264,7 +265,7 @@ class FieldWriter:
         write_arrays(self._folder, path, arrays, describe=describe)
 
     def _write_mesh(self, problem: Problem) -> None:
-        """Write points, cells, tags and names of bodies, and named facets in the ranks' order."""
+        """Write the points, cells, tags and names of bodies, and named facets in rank order."""
         tagged_mesh, mesh, cells = problem.tagged_mesh, self._mesh, self._cells
         tdim, comm, dofmap = mesh.topology.dim, mesh.comm, self._space.dofmap
         owned = mesh.topology.index_map(tdim).size_local
@@ -274,9 +275,9 @@ class FieldWriter:
         corners = block(cells, number[dofmap.list[:owned]][:, to_vtk])
         body = np.zeros(len(dofmap.list), dtype=np.int32)
         body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
-        last = comm.rank == comm.size - 1  # there is one more offset than cells
+        last = comm.rank == comm.size - 1  # the number of offsets is that of the cells plus one
         offsets = per_cell * np.arange(cells.first, cells.first + cells.count + last)
-        # VTK's numbers of simplices by dimension and degree.
+        # VTK's type numbers of simplices by dimension and degree
         cell_types = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}
         kind = np.full(cells.count, cell_types[tdim, self._degree], dtype=np.uint8)
         points = self._space.tabulate_dof_coordinates()[: dofmap.index_map.size_local]
@@ -305,7 +306,7 @@ class FieldWriter:
         write_arrays(self._folder, self._mesh_file, arrays, describe=describe)
 
     def _named_facets(self, problem: Problem, number: Longs) -> tuple[Longs, Ints]:
-        """Return the points at vertices of named owned facets, shape (n, tdim), and their tags."""
+        """Return the vertices of owned facets with names, shape (n, tdim), and the facets' tags."""
         mesh, tags = self._mesh, problem.tagged_mesh.facet_tags
         tdim, nodes = mesh.topology.dim, geometry_dofmap(mesh)
         at_node = np.zeros(len(mesh.geometry.x), dtype=np.int64)
@@ -315,7 +316,7 @@ class FieldWriter:
         return np.ascontiguousarray(at_node[vertices]), tags.values[ours].astype(np.int32)
 
     def _array(self, name: str, function: fem.Function) -> tuple[str, Block]:
-        """Return values at the points or of the cells, and their path in a file. Collective."""
+        """Return a field's path in a file, and its values at points or in cells. Collective."""
         nodal = self._nodal(name, function)
         V, shape = nodal.function_space, nodal.ufl_shape
         values = nodal.x.array.reshape(-1, V.dofmap.index_map_bs)
@@ -334,7 +335,7 @@ class FieldWriter:
         return place, block(ordering, rows if shape else rows[:, 0])
 
     def _nodal(self, name: str, function: fem.Function) -> fem.Function:
-        """Return the function, interpolated to the points' degree if it is nodal."""
+        """Return a function in the degree of the mesh points, by interpolation if it is nodal."""
         if function.function_space.element.basix_element.degree in (0, self._degree):
             return function
         if name not in self._interpolated:
@@ -348,28 +349,28 @@ class FieldWriter:
 
 
 def make_grid(file: h5py.File) -> None:
-    """Create the group that VTK reads."""
+    """Create the HDF5 group that VTK reads."""
     grid = file.create_group(GRID)
-    # Of the format, and of the content; VTK needs a string of fixed length.
+    # version of the format, and type of the data; VTK needs a string of fixed length
     version, type_name = (2, 0), b"UnstructuredGrid"
     grid.attrs["Version"] = version
     grid.attrs.create("Type", type_name, dtype=h5py.string_dtype("ascii", len(type_name)))
 
 
 def add_counts(file: h5py.File, counts: tuple[int, int, int]) -> None:
-    """Add the numbers of points, of cells and of points of all cells."""
+    """Add the numbers of points, of cells, and of entries in the connectivity."""
     for name, count in zip(COUNTS, counts, strict=True):
         _add_row(file, f"{GRID}/{name}", [count])
 
 
 def add_facts(file: h5py.File, facts: Mapping[str, float | int | str]) -> None:
-    """Add further data by name, as VTK's field data."""
+    """Add scalar data by name as VTK's field data."""
     for name, fact in facts.items():
         _add_row(file, f"{FIELD_DATA}/{name}", [fact])
 
 
 def _add_row(file: h5py.File, name: str, values: Sequence[float | int | str]) -> None:
-    """Add a small array; strings as UTF-8, marked as ASCII so that VTK reads them."""
+    """Add a small array. Strings are in UTF-8, but marked as ASCII so that VTK reads them."""
     if isinstance(values[0], str):
         texts = np.array([str(value).encode() for value in values], dtype=object)
         file.create_dataset(name, data=texts, dtype=h5py.string_dtype("ascii"))

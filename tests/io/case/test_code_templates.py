@@ -58,7 +58,7 @@ def test_filled_in_it_is_read(name: str) -> None:
     """And its code is told with the results."""
     (remark,) = read(name, 1.25)
     assert tomllib.loads(TEMPLATES[name])["design"]["code"] in remark
-    assert remark.endswith("the program does not check them")
+    assert remark.endswith("the program does not check the factors")
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))

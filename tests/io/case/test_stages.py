@@ -145,7 +145,7 @@ def test_elastic_bodies_have_nothing_to_remember(read: Read) -> None:
         (
             STAGES,
             '[[support]]\non = "top"\nvalue = 1.0\nconstant = false\n' + STAGES,
-            ["nothing moves it", "stages that name it"],
+            ["the loading does not move it", "a stage that names it"],
         ),
     ],
 )

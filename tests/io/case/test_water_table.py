@@ -103,14 +103,17 @@ def test_units_have_their_unit_weight_of_water() -> None:
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ({}, "no water is given"),
+        ({}, "defines no water"),
         ({"table": [[0, 5], [50, 5]]}, "from x = 0 to 50"),
         (
             {"table": [[0, -5], [60, -1]]},
-            "below all of the ground",
+            "below the whole ground",
         ),
-        ({"table": [[0, 5], [30, 6], [30, 7], [60, 7]]}, r"from \(30, 6\) to \(30, 7\)"),
-        ({"table": INSIDE, "unit_weight": 9.81e-3}, r"9\.81 kN/m\^3; correct it, or \[units\]"),
+        ({"table": [[0, 5], [30, 6], [30, 7], [60, 7]]}, r"between \(30, 6\) and \(30, 7\)"),
+        (
+            {"table": INSIDE, "unit_weight": 9.81e-3},
+            r"9\.81 kN/m\^3; correct it, or correct \[units\]",
+        ),
         ({"table": INSIDE, "unit_weight": -1.0}, "unit_weight = -1"),
         ({"table": INSIDE, "dry": ["clay"]}, "dry names 'clay', .*; known: soil"),
         (
@@ -120,7 +123,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
         ({"table": INSIDE, "saturated": {"soil": 18.0}}, "18 for 'soil', less than its density 19"),
         ({"table": INSIDE, "saturated": {"soil": 196.0}}, "10.3 times its density 19"),
         ({"ru": {"soil": 1.5}}, r"1\.5 for 'soil'"),
-        ({"piezometric": {"soil": POND}, "saturated": {"soil": 20.0}}, "there is no table"),
+        ({"piezometric": {"soil": POND}, "saturated": {"soil": 20.0}}, "there is no water table"),
     ],
 )
 def test_water_that_cannot_be_is_refused(said: dict[str, Any], words: str) -> None:
@@ -141,6 +144,6 @@ def test_ground_without_sides_needs_the_name_of_its_surface() -> None:
     apart = DrawnGround(
         [Region("soil", [[0, 0], [4, 0], [4, 4]]), Region("b", [[60, 0], [56, 0], [56, 4]])]
     )
-    with pytest.raises(InputError, match="several parts, so that on must name"):
+    with pytest.raises(InputError, match="several parts; draw a"):
         water(apart, table=POND)
     assert len(water(apart, table=POND, on="a").loads) == 2
