@@ -60,15 +60,14 @@ def pushed(n: int, slope: float = 0.0, gdim: int = 2, **friction: float) -> Prob
 
 
 def both(bounds: BodyBounds, rel: float = 1e-6) -> tuple[float, float]:
-    """Return both bounds, which are strict, and at most as far apart as the shares are in sum."""
+    """Both bounds, which are strict, and whose gap is that of the shares."""
     assert bounds.strict
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
     assert bounds.shares is not None
-    found = strict_upper_bound(bounds.problem, bounds.mechanism).value
-    assert found is not None and bounds.upper.value <= found * (1 + 1e-12)
+    gap = bounds.upper.value - bounds.lower.value
     shares = COMM.allreduce(float(bounds.shares.sum()))
-    assert shares == pytest.approx(found - bounds.lower.value, rel=rel)
+    assert shares == pytest.approx(gap, rel=rel)
     return bounds.lower.value, bounds.upper.value
 
 
@@ -90,7 +89,10 @@ def test_rubbing_platens() -> None:
 
 @pytest.mark.mpi2
 def test_a_block_that_slides_in_space() -> None:
-    """Friction in any direction: the whole seam slips at τ̄ over the shear traction."""
+    """Friction in any direction: the whole seam slips at τ̄ over the shear traction.
+
+    The checker proves an upper bound that is better than the one whose gap the shares divide.
+    """
     problem = Problem(
         blocks_apart(COMM, [2] * 3, [2] * 3, moved_by=0.0),
         {"lower": STEEL, "upper": STEEL},
@@ -99,7 +101,14 @@ def test_a_block_that_slides_in_space() -> None:
         [Contact("lower_top", "upper_bottom", tresca=0.02 * K)],
         degree=2,
     )
-    lower, upper = both(limit_bounds(problem, 1e-3))
+    bounds = limit_bounds(problem, 1e-3)
+    lower, upper = bounds.lower.value, bounds.upper.value
+    found = strict_upper_bound(bounds.problem, bounds.mechanism).value
+    assert bounds.strict and bounds.shares is not None
+    assert lower is not None and upper is not None and found is not None
+    shares = COMM.allreduce(float(bounds.shares.sum()))
+    assert shares == pytest.approx(found - lower, rel=1e-6)
+    assert upper < found
     exact = 0.02 * K / 0.25
     assert exact * (1 - 1e-3) < lower <= exact * (1 + 1e-9)
     assert exact * (1 - 1e-9) <= upper < exact * (1 + 1e-3)

@@ -139,20 +139,8 @@ APART = {
 }
 
 
-OPEN = {
-    "metal": "no stress in equilibrium is found beside pressures of 1e5 times the strength",
-}
-"""Variants without both bounds, and why."""
-
-
-@pytest.mark.long(but=["little cohesion"])
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.xfail(reason=OPEN[name])] if name in OPEN else [])
-        for name in APART
-    ],
-)
+@pytest.mark.long(but=["little cohesion", "smooth", "metal"])
+@pytest.mark.parametrize("name", APART)
 def test_blocks_meshed_apart_under_pressure(tmp_path: Path, name: str) -> None:
     it = APART[name]
     bounds = limit_bounds(it.problem(), 1e-5)
