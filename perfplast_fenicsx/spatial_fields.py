@@ -219,7 +219,7 @@ _ENDS = (np.argmin, np.argmax)
 
 @dataclass(frozen=True)
 class PointValues(SpatialField):
-    """Values at points of a file, linear in triangles or tetrahedra between the points.
+    """Values at points from a file, interpolated linearly in triangles or tetrahedra.
 
     Args:
         net: The points with their values and simplices.

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Bounds for the body, on meshes that follow them
 #
-# Both bounds of the limit load hold for the body that the mesh fills, whatever the mesh is. So an
+# Both bounds on the limit load hold for the body that the mesh fills, whatever the mesh is. So an
 # exact limit load must lie between them, and the mesh decides only their distance. Coarse meshes
 # with cells of similar size are refined where the bounds require it, until the gap is small enough;
 # the number of cells is limited. The cases are footings, rough platens, and strips with a slit and

@@ -48,8 +48,8 @@ def force_lines(
 
     Args:
         loads: See :func:`outcome_words.force_rows`.
-        lower: Proven lower bound of the load factor; None without one.
-        upper: Proven upper bound of the load factor; None without one.
+        lower: Proven lower bound on the load factor; None without one.
+        upper: Proven upper bound on the load factor; None without one.
         at_limit: The forces that are in balance with the stress of the lower bound or of the mesh.
         axes: Letters of the force components, such as "xyz".
         units: Units by quantity, from :meth:`units.Units.table`.

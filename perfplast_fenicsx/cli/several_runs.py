@@ -46,7 +46,8 @@ def run_combined(
             combinations.
 
     Returns:
-        The largest exit status. After an interruption, which ends the run, its exit status.
+        The largest exit status. If a case is interrupted, the run ends
+        with the exit status of that case.
 
     Raises:
         InputError: As for :func:`run.run`, if possible before the first combination is solved.
@@ -285,7 +286,8 @@ def sweep(
             solved in part.
 
     Returns:
-        The largest exit status. After an interruption, which ends the sweep, its exit status.
+        The largest exit status. If a case is interrupted, the sweep
+        ends with the exit status of that case.
 
     Raises:
         InputError: If the case, a value or the folder cannot be used; if possible before the first

@@ -98,7 +98,7 @@ class EnvelopeControl(OfBody):
         check_bounds(problem, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Compute bounds of the limit load in one direction after another. Collective."""
+        """Compute bounds on the limit load in one direction after another. Collective."""
         growing = [load for load in run.problem.given.loads if not load.constant]
         named = self.named.values()
         groups = [[load for load in growing if called(load) in names] for names in named]

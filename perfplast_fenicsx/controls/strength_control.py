@@ -1,4 +1,4 @@
-"""Compute bounds of the factor of safety on strengths."""
+"""Compute bounds on the factor of safety on strengths."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

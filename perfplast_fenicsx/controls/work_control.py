@@ -35,7 +35,7 @@ class WorkControl:
             supports the work is α₀ at ζ = 0, and the values may be negative or decrease.
         until: "limit" computes the limit load. With Coulomb's friction it computes the load at
             which the path loses equilibrium.
-        limit_tolerance: Relative difference between the bounds of the limit load, or relative
+        limit_tolerance: Relative difference between the bounds on the limit load, or relative
             distance from the limit of ζ(α), between 0 and 1; by default 1e-3. Only with ``until``.
         limit_method: "interior-point" computes only the limit load, in 5 to 30 factorisations;
             "path" follows ζ(α) to its plateau, and chooses its own steps. By default

@@ -86,7 +86,7 @@ class RunResults(NotebookResult):
             axes.legend()
         else:
             raise InputError(
-                f"'{self.folder}' has neither levels nor bounds of a load factor; perfplast plot"
+                f"'{self.folder}' has neither levels nor bounds on a load factor; perfplast plot"
                 " DIR draws the pictures of this run."
             )
         axes.grid(alpha=0.3)

@@ -20,7 +20,7 @@ IN_CONTACT = 2 / 3
 
 BOUNDS = """\
 [loading]
-control = "bounds"              # proven lower and upper bounds of the limit load
+control = "bounds"              # proven lower and upper bounds on the limit load
 """
 
 ADAPT = """\

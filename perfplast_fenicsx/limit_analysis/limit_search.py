@@ -1,7 +1,7 @@
 """Compute the limit load where the loading path levels off, with its bounds and its mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
-Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound of the limit load of
+Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound on the limit load of
 the discrete problem. Where the curve is nearly flat, the increments of displacement are nearly a
 mechanism. The mechanism gives an upper bound of the discrete limit load, and the direction in which
 the path is extrapolated next. The search ends when both bounds agree. They are not bounds for the

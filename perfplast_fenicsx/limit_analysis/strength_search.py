@@ -3,7 +3,7 @@
 This is the indirect continuation of S. Sysala et al. (arXiv:2312.12170). For a prescribed work ω =
 L(u), the method seeks the F and u for which the loads are in equilibrium. For any F, ALG3 computes
 u and the multiplier ζ of the constraint L(u) = ω, with a duality gap. The secant method for ln ζ as
-a function of ln F then solves ζ(F, ω) = 1. Each u is the start of the next solve.
+a function of ln F then solves ζ(F, ω) = 1. Each u is the initial guess for the next solve.
 
 For fixed F, ζ is non-decreasing in ω and tends to the limit load ζ_lim(F). This limit load
 decreases with F. Therefore ζ_lim(F(ω)) ≥ 1: the discrete problem carries the loads with each F(ω).

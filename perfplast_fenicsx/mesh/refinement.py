@@ -316,7 +316,7 @@ def _cut(
 
 
 def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
-    """Return rows of parts of cells, redistributed in the order of the parents in the input.
+    """Return rows of child cells, redistributed in the input order of their parent cells.
 
     Collective.
 

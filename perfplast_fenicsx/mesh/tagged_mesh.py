@@ -191,7 +191,7 @@ class TaggedMesh:
         if self.mesh.geometry.dim == 3:
             raise InputError(
                 "plane stress needs a mesh of triangles, but this mesh has tetrahedra; give a "
-                "mesh of the middle plane, or remove kind."
+                "mesh of the mid-plane, or remove kind."
             )
         if not (thickness > 0 and math.isfinite(thickness)):
             raise InputError(
@@ -272,7 +272,7 @@ class TaggedMesh:
         kind = self.mesh.topology.cell_name()
         if kind not in ("triangle", "tetrahedron"):
             raise InputError(
-                f"the mesh has cells of the kind {kind}, but only triangles and tetrahedra are "
+                f"the mesh has cells of type {kind}, but only triangles and tetrahedra are "
                 "supported; divide the cells, for example with CellType.triangle in DOLFINx."
             )
         tags = list(self.volumes.values())

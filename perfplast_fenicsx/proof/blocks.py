@@ -5,7 +5,7 @@ No cell of these bodies can yield.
 A block is a set of cells that inner facets connect. It bears any stress, so only its resultant
 force and moment must balance. Forces act on its joints at the vertices of facets, per thickness in
 the plane. Where surfaces adhere, shear tractions act in addition; they are linear between vertices.
-λ is a lower bound of the limit load if
+λ is a lower bound on the limit load if
 
 - the loads at λ, the forces and the tractions balance on each block;
 - the forces and tractions on both sides of a contact are opposite;
@@ -132,7 +132,7 @@ def carried_by(
 def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
     """Return the weights of the inner forces that the caller tries in turn.
 
-    With the first weight, the capacity slightly exceeds what the balancing forces need.
+    With the first weight, the capacity is twice the largest share of it that balance needs.
 
     Args:
         rows: Forces and moments that each anchor exerts on blocks, shape (num_rows, num_anchors).

@@ -119,7 +119,7 @@ class Jumps:
     def rows(self, some: Longs) -> tuple[Floats, Longs]:
         """Return vectors r such that r·w ≤ −1 means separation, and the index of each one's jump.
 
-        In space, a pyramid with eight sides that encloses the friction cone replaces the cone.
+        In space, an enclosing eight-sided pyramid replaces the friction cone.
         """
         n, mu = self._units[some], self._friction[some]
         if not (mu > 0).any():

@@ -2,7 +2,7 @@
 
 The stress is linear in each cell, and is given at the cells' vertices.
 
-λ is a lower bound of the limit load of the bodies under the following conditions (static theorem,
+λ is a lower bound on the limit load of the bodies under the following conditions (static theorem,
 W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, where
 b is the force per volume of all loads at λ. Tractions are equal on both sides of inner facets, and
 equal to the loads on outer facets. Contact has a pressure q ≥ 0 and no shear; with friction, it has

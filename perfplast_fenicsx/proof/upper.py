@@ -1,6 +1,6 @@
 """Check whether a velocity, continuous and quadratic in each cell, proves an upper bound.
 
-(∫D(ε(v)) − L₀(v))/L(v) is an upper bound of the limit load if v = 0 at supports, ε(v) = 0 in
+(∫D(ε(v)) − L₀(v))/L(v) is an upper bound on the limit load if v = 0 at supports, ε(v) = 0 in
 elastic bodies, and v causes no penetration. L₀(v) is the work of permanent loads, and L(v) that of
 the sought loads. D is the supremum of σ:ε over the cone of each cell (:mod:`cones`); ε is
 admissible where D is finite (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic

@@ -77,7 +77,7 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
         [f"{path['in_words']} The curve is in strength.png."] if (path := table.get("path")) else []
     )
     if not sides:
-        words = "No bound of the factor of safety is proven."
+        words = "No bound on the factor of safety is proven."
         return Verdict("open", words, [says, *beside, FINER])
     proof = " and ".join(f"python3 -m perfplast_fenicsx.proof {name}" for name in files)
     strict = "It is" if len(sides) == 1 else "Both are"

@@ -1,4 +1,4 @@
-"""Bounds of the limit load of a body, and what is said where there is none."""
+"""Bounds on the limit load of a body, and what is said where there is none."""
 
 import math
 from pathlib import Path

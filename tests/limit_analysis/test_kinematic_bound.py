@@ -1,4 +1,4 @@
-"""The upper bound of the limit load: its value, why there is none, and what it leaves behind."""
+"""The upper bound on the limit load: its value, why there is none, and what it leaves behind."""
 
 from typing import Any
 

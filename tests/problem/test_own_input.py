@@ -85,7 +85,7 @@ def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
 @pytest.mark.parametrize(
     ("mesh", "part"),
     [
-        (lambda: square(CellType.quadrilateral), "cells of the kind quadrilateral,"),
+        (lambda: square(CellType.quadrilateral), "cells of type quadrilateral,"),
         (lambda: square(cell_tag=7), "has the tags 7, which"),
         (lambda: without_a_cell(square()), "belong to no named volume"),
         (lambda: square(facet_tag=9), "'left' has the tag 1,"),
@@ -163,7 +163,7 @@ def test_names_for_tags_of_dolfinx() -> None:
         ),
         ({"surfaces": {"left": ()}}, "'left' has the tag ();"),
         ({"surfaces": {"left": "1"}}, "'left' has the tag '1';"),
-        ({"kind": CellType.quadrilateral}, "cells of the kind quadrilateral,"),
+        ({"kind": CellType.quadrilateral}, "cells of type quadrilateral,"),
         ({"swap": True}, "are of entities of dimension 1,"),
     ],
 )

@@ -75,7 +75,7 @@ def _row(name: str, limit: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return the row of a combination: strict bounds for the body, estimate, and verdict."""
     known = limit or {}
     body, design = known.get("body") or {}, known.get("design") or {}
-    # bounds of the factor of safety, which must be at least 1
+    # bounds on the factor of safety, which must be at least 1
     if strength := known.get("strength"):
         body = design = strength
     low, high = design.get("lower"), design.get("upper")

@@ -38,7 +38,7 @@ EXPORTED = "export"
 """Folder with files for other programs."""
 
 PROOF, LEAST = "bounds.h5", "least.h5"
-"""Proof files: bounds of the limit load, and bounds of the limit load for reversed loads."""
+"""Proof files: bounds on the limit load, and bounds on the limit load for reversed loads."""
 
 DIRECTIONS = "direction"
 """Prefix in the names of an envelope's proof files; the angles (degrees) follow."""

@@ -15,7 +15,7 @@ design load."""
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Mesh refinement that is driven by the bounds of the limit load, with its stopping criterion.
+    """Mesh refinement that is driven by the bounds on the limit load, with its stopping criterion.
 
     Args:
         until: Gap between the proven bounds at which refinement ends, relative to the lower bound,

@@ -158,7 +158,7 @@ def adaptive_bounds(
     design: float | None = None,
     so_far: Callable[[AdaptiveBounds], None] | None = None,
 ) -> AdaptiveBounds:
-    """Return bounds of the limit load on successively refined meshes, as far as memory allows.
+    """Return bounds on the limit load on successively refined meshes, as far as memory allows.
 
     Collective.
 

@@ -62,7 +62,7 @@ def check_blocks(problem: Problem) -> None:
 
 
 def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
-    """Return both bounds of the limit load of rigid blocks. Collective.
+    """Return both bounds on the limit load of rigid blocks. Collective.
 
     Args:
         problem: The bodies and their loads; :func:`are_blocks` must be true for them.

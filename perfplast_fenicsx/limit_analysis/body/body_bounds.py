@@ -1,4 +1,4 @@
-"""Store bounds of the limit load of the body that the mesh fills, and describe them in words."""
+"""Store bounds on the limit load of the body that the mesh fills, and describe them in words."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -171,12 +171,12 @@ class JointProof:
 
 @dataclass(frozen=True)
 class BodyBounds(NotebookResult):
-    """Bounds of the limit load of a body.
+    """Bounds on the limit load of a body.
 
     Attributes:
         problem: Problem on whose mesh the mechanism is given. In three dimensions its cells are
             split at their centres.
-        lower: Lower bound of the load factor.
+        lower: Lower bound on the load factor.
         upper: Upper bound.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero if there is no mechanism.
         by_flux: In axisymmetry, the velocity v = ru (:mod:`ring_flux`), to which the upper bound

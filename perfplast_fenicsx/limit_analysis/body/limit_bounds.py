@@ -94,7 +94,7 @@ MOST_TIMES = 6
 def limit_bounds(
     problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
 ) -> BodyBounds:
-    """Return lower and upper bounds of the limit load of the body that the mesh fills. Collective.
+    """Return lower and upper bounds on the limit load of the body that the mesh fills. Collective.
 
     The mechanism of the upper bound preserves the volume everywhere; for this purpose tetrahedra
     are split from their centres. In dilating bodies its dilatancy suffices everywhere, since the

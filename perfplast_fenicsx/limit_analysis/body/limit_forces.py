@@ -138,7 +138,7 @@ def _forces(problem: Problem, form: ufl.Form, zeta: float) -> LimitForces:
 
     Args:
         problem: The bodies and their loads.
-        form: Work of the stress on displacements.
+        form: Linear form of the internal virtual work of the stress.
         zeta: The load factor.
     """
     internal = problem.create_vector()

@@ -52,7 +52,7 @@ collapse."""
 
 @dataclass(frozen=True)
 class FactorOfSafety(NotebookResult):
-    """Bounds of a factor of safety, with their proofs.
+    """Bounds on a factor of safety, with their proofs.
 
     Attributes:
         lower: Strengths divided by this factor carry the loads; None if not found.
@@ -141,7 +141,7 @@ def factor_of_safety(
     monitor: Monitor | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
 ) -> FactorOfSafety:
-    """Return strict bounds of the factor of safety of permanent loads. Collective.
+    """Return strict bounds on the factor of safety of permanent loads. Collective.
 
     Args:
         problem: The bodies and their loads, all of which are constant.

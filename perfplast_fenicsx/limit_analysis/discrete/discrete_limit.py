@@ -8,7 +8,7 @@ The module also identifies bodies that lock, because no velocity on their mesh p
 quadratic velocities on arbitrary tetrahedra preserve the volume at all points. The volume changes
 of the projected velocity show the bodies whose mesh is too coarse for a mechanism.
 
-The module also computes Drucker's bounds of the limit load with Coulomb's friction. No limit
+The module also computes Drucker's bounds on the limit load with Coulomb's friction. No limit
 theorem holds for Coulomb's friction, because slip is not normal to the friction cone. However, the
 load is at least the limit load without friction. The load is at most the limit load with surfaces
 that can neither slip nor separate where there is friction. Both bounds are limit loads of perfect

@@ -151,7 +151,7 @@ MOST_UNKNOWNS = {2: 1_000_000, 3: 300_000}
 
 
 TOLERANCE = 1e-3
-"""Default relative difference between the bounds of a limit load."""
+"""Default relative difference between the bounds on a limit load."""
 
 
 def method_for(problem: Problem) -> LimitMethod:

@@ -191,8 +191,8 @@ class DruckerBounds:
     """Drucker's two bounds for a mesh with Coulomb's friction.
 
     Attributes:
-        lower: Lower bound of the limit load without friction; 0 if only friction holds the bodies.
-        upper: Upper bound of the limit load if surfaces with friction neither slip nor separate.
+        lower: Lower bound on the limit load without friction; 0 if only friction holds the bodies.
+        upper: Upper bound on the limit load if surfaces with friction neither slip nor separate.
             The value is ∞ if the load seems to be unbounded, None if no bound was found.
     """
 
@@ -336,7 +336,7 @@ GROWS_TOO_LITTLE = (
 
 @dataclass(frozen=True)
 class Bound:
-    """A bound of a limit load, with the object for which it holds.
+    """A bound on a limit load, with the object for which it holds.
 
     Attributes:
         value: The bound; None without one.

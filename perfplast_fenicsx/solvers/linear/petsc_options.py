@@ -33,7 +33,7 @@ ACTIVE_SET = "perfplast_vi_"
 """Prefix of the user's options for SNES-VI, which finds the active contact set."""
 
 BOUND = "perfplast_bound_"
-"""Prefix of the user's options for the projection in an upper bound of a limit load."""
+"""Prefix of the user's options for the projection in an upper bound on a limit load."""
 
 LIMIT = "perfplast_limit_"
 """Prefix of the user's options for the factorisations of limit analysis."""
