@@ -182,8 +182,8 @@ class FieldSeries:
             folder: Folder of the files.
             problem: The problem of the levels.
             prescribed: The prescribed quantity of a level.
-            kept: Reports of the levels that an earlier run has written, starting with level 1; files
-                of other levels are removed.
+            kept: Reports of the levels that an earlier run has written, starting with level 1;
+                files of other levels are removed.
             points: Whether to write fields at the quadrature points too.
 
         Raises:

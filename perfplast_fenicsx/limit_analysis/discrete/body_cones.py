@@ -312,8 +312,8 @@ def check_whole_cones(problem: Problem) -> None:
     for name, material in sorted(materials_of(problem).items()):
         if any(isinstance(one, SpatialField) for one in material.parameters().values()):
             raise InputError(
-                f"a strength of '{name}' varies in space, but shakedown needs constant values; give a "
-                "separate body for each layer, or compute a limit load instead."
+                f"a strength of '{name}' varies in space, but shakedown needs constant values; "
+                "give a separate body for each layer, or compute a limit load instead."
             )
         if _cone_of(material, size, False, problem.tagged_mesh.is_thin) is not None:
             continue

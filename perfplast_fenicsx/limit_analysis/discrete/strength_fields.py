@@ -192,8 +192,8 @@ def check_profiles(problem: Problem) -> None:
         name, fields = next(iter(varying_of(problem).items()))
         raise InputError(
             f"{' and '.join(fields)} of '{name}' varies in space, but strict bounds in "
-            "axisymmetry need constant values; give a separate body for each layer, or control = 'work' "
-            "with until = 'limit' for an estimate of the limit load."
+            "axisymmetry need constant values; give a separate body for each layer, or "
+            "control = 'work' with until = 'limit' for an estimate of the limit load."
         )
     message = None
     try:
