@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.problem.declared.loads import LOADS
+from perfplast_fenicsx.problem.declared.loads import LOADS, FieldPores
 
 Table = Mapping[str, Any]
 Row = tuple[str, str]
@@ -231,6 +231,8 @@ class CaseWords:
 
     def _load(self, load: Table) -> str:
         """Return the kind and size of a load."""
+        if load["kind"] == FieldPores.__name__:
+            return f"pore pressure of {load['value']}"
         known = LOADS.get(load["kind"])
         words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
         acts = [f"{words} {self.number(load['value'], unit)}"] if load["value"] != [] else []

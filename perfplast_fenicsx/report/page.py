@@ -220,7 +220,7 @@ def _water(reader: ResultReader) -> str:
     if flow is None:
         return ""
     rows = [
-        [escape(name), f"{max(discharge, 0.0):.5g}", f"{max(-discharge, 0.0):.5g}"]
+        [escape(name), f"{max(discharge, 0.0):.5g}", f"{max(0.0, -discharge):.5g}"]
         for name, discharge in flow["discharges"].items()
     ]
     unit = reader.summary.units.get("stress", "")
