@@ -198,9 +198,9 @@ def _generate(dim: int, parts: Sequence[Part]) -> None:
     flat = [name for name, quality in worst[best].items() if quality < NO_VOLUME]
     if flat:
         raise InputError(
-            f"{' and '.join(map(repr, flat))} have flat elements with each of {len(ALGORITHMS)} "
-            "meshing algorithms; remove tiny edges and faces in the CAD system, or give another "
-            "size."
+            f"{' and '.join(map(repr, flat))} cannot be meshed: elements are flat with each of "
+            f"{len(ALGORITHMS)} meshing algorithms; remove tiny edges and faces in the CAD "
+            "system, or give another size."
         )
     if best != ALGORITHMS[-1]:
         _worst_by(dim, parts, best)

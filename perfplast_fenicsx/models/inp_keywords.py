@@ -140,8 +140,8 @@ def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keywo
     other = (path.parent / name).resolve()
     if not name or not other.is_relative_to(so_far.folder):
         raise InputError(
-            f"'{path}', line {keyword.number}: *INCLUDE of '{name}'names a file outside the folder "
-            "of the model; move this file into the folder."
+            f"'{path}', line {keyword.number}: *INCLUDE of '{name}' names a file outside the "
+            "folder of the model; move this file into the folder."
         )
     if other in so_far.open:
         raise InputError(
@@ -151,8 +151,8 @@ def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keywo
     so_far.times[other] += 1
     if so_far.times[other] > MOST_TIMES or so_far.times.total() > MOST_INCLUDED:
         raise InputError(
-            f"'{path}', line {keyword.number}: *INCLUDE of '{name}'exceeds the limit of "
-            f"{MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} of all files; put their "
+            f"'{path}', line {keyword.number}: *INCLUDE of '{name}' exceeds the limit "
+            f"of {MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} of all files; put their "
             "lines into one file."
         )
     so_far.open.append(other)

@@ -59,10 +59,10 @@ def test_distances_and_directions_of_obstacles() -> None:
         (Sphere(ON, (0, 0, 0), 0.0), ["sphere", "radius = 0", "positive"]),
         (Sphere(ON, (0, 0, 0), -1.0), ["sphere", "radius = -1", "positive"]),
         (Sphere(ON, (0, 0, 0), math.inf), ["sphere", "radius = inf", "positive"]),
-        (Sphere(ON, (0, 0, 1), 5.0, hollow=True), ["sphere", "middle"]),
+        (Sphere(ON, (0, 0, 1), 5.0, hollow=True), ["sphere", "centre of the"]),
         (Cylinder(ON, (0, 0, 0), (0, 0, 0), 0.5), ["cylinder", "axis", "zero"]),
         (Cylinder(ON, (0, 0, 0), (0, 1, 0), math.nan), ["cylinder", "radius = nan"]),
-        (Cylinder(ON, (0, 0, 1), (0, 1, 0), 3.0, hollow=True), ["cylinder", "middle"]),
+        (Cylinder(ON, (0, 0, 1), (0, 1, 0), 3.0, hollow=True), ["cylinder", "centre of the"]),
         (Plane("upper_side", (0, 0, 0), (0, 0, 1)), ["'upper_side'", "lower_top"]),
     ],
 )

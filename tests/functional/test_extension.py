@@ -113,5 +113,5 @@ def test_an_extension_that_cannot_be_imported_is_named(tmp_path: Path) -> None:
     assert (run.returncode, run.stderr) == (
         2,
         "perfplast: the extension 'law' cannot be imported from no_such_module"
-        " (ModuleNotFoundError: No module named 'no_such_module'); mend or uninstall own-law.\n",
+        " (ModuleNotFoundError: No module named 'no_such_module'); repair or uninstall own-law.\n",
     )

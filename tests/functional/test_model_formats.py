@@ -84,7 +84,7 @@ def test_a_folder_for_each_format(
     listed = text[text.index("# Surfaces") :]
     top = "pid_12" if name == "a.bdf" else "top"
     assert f" {top}," in listed and f" {top} " in told
-    assert "'lower' and 'upper' share nodes, and are one piece there" in text
+    assert "'lower' and 'upper' share nodes, so they are connected" in text
     assert "upper_x_low" in listed  # a flat end, which the file has no name for
     assert (out / "case.msh").exists()
 

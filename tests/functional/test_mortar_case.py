@@ -69,7 +69,9 @@ def test_bodies_meshed_apart(
     comm.barrier()
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     out = capsys.readouterr().out
-    remark = "hosted by 49 nodes of 'outer_tube_seam'; of it and of 'inner_tube_seam' 100%"
+    remark = (
+        "hosted by 49 nodes of 'outer_tube_seam'; of this surface and of 'inner_tube_seam', 100%"
+    )
     assert comm.rank or remark in out
     assert remark in (results / "run.log").read_text(encoding="utf-8")
     steps = json.loads((results / "summary.json").read_text(encoding="utf-8"))["steps"]

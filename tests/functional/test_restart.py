@@ -341,9 +341,13 @@ def refused(
         ),
         ("n = 2", "n = 4", "mesh.n = 4, but was 2"),
         ("[200.0, 350.0, 380.0]", "[200.0, 350.0]", "loading.values has 2 entries, but had 3"),
-        ("[output]", "[element]\ndegree = 2\n[output]", "element.degree = 2, but was not given"),
+        (
+            "[output]",
+            "[element]\ndegree = 2\n[output]",
+            "element.degree = 2, but the key was missing",
+        ),
         ('on = "bottom"', 'on = "bottom"\ncomponents = "z"', 'support[3].components = "z"'),
-        ('gap = "0.0004 * x**2"\n', "", "contact.gap is not given, but was"),
+        ('gap = "0.0004 * x**2"\n', "", "contact.gap is missing, but was"),
     ],
 )
 def test_another_case_is_refused(

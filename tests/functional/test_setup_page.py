@@ -203,7 +203,7 @@ def test_clicks_make_the_case_of_the_tutorial(
     page.add("pressure", pressure="1.0")
     page.wait(COMPLETE)
     assert tomllib.loads(page.case) == tomllib.loads(by_hand(prop))
-    assert "# finer ones until bounds are 10 % apart" in page.case
+    assert "# refined until the gap is 10 %" in page.case
     assert "<-" not in page.case.split("title")[1]
 
     folder = {"behavior": "allow", "downloadPath": str(tmp_path)}

@@ -288,7 +288,7 @@ def test_what_was_solved_is_not_solved_again(
     monkeypatch.setattr(tribunal, "solve", solve)
     arguments = ["-o", str(tmp_path / "out")]
     assert tribunal.main(arguments) == 1
-    assert "pruska_02 has no bounds: it has too few cells" in capsys.readouterr().out
+    assert "pruska_02 no bounds: it has too few cells" in capsys.readouterr().out
     assert tribunal.main([*arguments, "--only", "pruska_01"]) == 0
     assert solved == ["pruska_01", "pruska_02"]
     with (home / "pruska_01.toml").open("a", encoding="utf-8") as case:

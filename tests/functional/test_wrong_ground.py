@@ -91,7 +91,7 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
     ),
     "a table that does not cover its body": (
         [("cohesion = 30.0", "cohesion = [[31, 30], [25, 40]]")],
-        ["from 25 to 31", "material at ("],
+        ["covers 25 to 31", "material at ("],
     ),
     "a head below the base": ([("", FLOW.format(18.0))], ["18", "right", "20"]),
 }

@@ -15,11 +15,10 @@ from perfplast_fenicsx.limit_analysis.conic.cone_program import ConeProgram
 from perfplast_fenicsx.limit_analysis.conic.conic_program import (
     ConicProgram,
     Start,
-    choose_units,
 )
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import conic_solver
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, Unknowns
-from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict, iterate
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict, choose_units, iterate
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point, limit_program
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.stress.static_form import static_form

@@ -188,7 +188,7 @@ def test_writings_of_one_field_agree() -> None:
     ("field", "words"),
     [
         (Formula("10 - 12*x"), r"strength of 'lower', 10 - 12\*x, is -2 at \(1, "),
-        (DepthTable([(0.0, 1.0), (0.7, 1.0)]), r"goes from 0 to 0.7.*material at \("),
+        (DepthTable([(0.0, 1.0), (0.7, 1.0)]), r"covers 0 to 0.7.*material at \("),
         (Formula("10 + sqrt(y)"), "linear functions below and above"),
     ],
 )
@@ -385,7 +385,7 @@ def test_meshes_of_values_that_are_refused(tmp_path: Path) -> None:
         read_vtu(path, "d")
     with pytest.raises(InputError, match=r"material at \(0\.5, 2\), outside"):
         read_vtu(path, "c").at(np.array([[0.5, 2.0]]), "here")
-    with pytest.raises(InputError, match="points in 2 dimensions, and the body has 3"):
+    with pytest.raises(InputError, match="points in 2 dimensions, but the body has 3"):
         read_vtu(path, "c").at(np.array([[0.5, 0.5, 0.5]]), "here")
     for wrong, words in [
         ([[0, 1, 2], [0, 1, 3]], r"cells that overlap at \("),

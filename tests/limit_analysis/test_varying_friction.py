@@ -190,7 +190,7 @@ def test_the_checker_judges_slopes_of_cells(shared_tmp_path: Path) -> None:
         (Formula("30 - 40*x"), r"friction_angle, 30 - 40\*x, is -10 degrees at \(1, "),
         (Formula("60 + 40*x"), r"is 100 degrees at \(1, "),
         (Formula("30*abs(y - 0.31) + 1e-3"), r"so steeply in the cell at \("),
-        (DepthTable([(0.0, 20.0), (0.7, 30.0)]), r"goes from 0 to 0.7.*material at \("),
+        (DepthTable([(0.0, 20.0), (0.7, 30.0)]), r"covers 0 to 0.7.*material at \("),
         (Formula("10 + sqrt(y)"), "linear functions below and above"),
     ],
 )

@@ -86,7 +86,7 @@ def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
     ("mesh", "part"),
     [
         (lambda: square(CellType.quadrilateral), "cells of type quadrilateral,"),
-        (lambda: square(cell_tag=7), "has the tags 7, which"),
+        (lambda: square(cell_tag=7), "no volume has the tags 7"),
         (lambda: without_a_cell(square()), "belong to no named volume"),
         (lambda: square(facet_tag=9), "'left' has the tag 1,"),
     ],
@@ -136,7 +136,7 @@ def test_names_for_tags_of_dolfinx() -> None:
         tagged_mesh = TaggedMesh.from_tags(*tagged_square(ghosts=ghosts), **NAMES)
         assert tagged_mesh.volumes == {"lower": 3, "upper": 4}
         assert tagged_mesh.surfaces == {"left": 1, "right": 2, "sides": (1, 2)}
-        assert tagged_mesh.remarks == ("facets with the tags 3 have no name and are not used",)
+        assert tagged_mesh.remarks == ("facets with the tags 3 have no name and are ignored",)
         cells = tagged_mesh.mesh.topology.index_map(2)
         assert len(tagged_mesh.cell_tags.indices) == cells.size_local + cells.num_ghosts
         problem = Problem(
@@ -152,7 +152,7 @@ def test_names_for_tags_of_dolfinx() -> None:
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"volumes": {"lower": 3}}, "has the tags 4, which"),
+        ({"volumes": {"lower": 3}}, "no volume has the tags 4"),
         ({"volumes": {"lower": 3, "upper": 7}}, "'upper' has the tag 7,"),
         ({"volumes": {"a": 3, "b": 3, "c": 4}}, "'b' has the tag 3 of 'a';"),
         ({"volumes": {"lower": 3.0, "upper": 4}}, "'lower' has the tag 3.0"),
@@ -164,7 +164,7 @@ def test_names_for_tags_of_dolfinx() -> None:
         ({"surfaces": {"left": ()}}, "'left' has the tag ();"),
         ({"surfaces": {"left": "1"}}, "'left' has the tag '1';"),
         ({"kind": CellType.quadrilateral}, "cells of type quadrilateral,"),
-        ({"swap": True}, "are of entities of dimension 1,"),
+        ({"swap": True}, "belong to entities of dimension 1,"),
     ],
 )
 def test_names_for_wrong_tags(changes: dict[str, Any], part: str) -> None:

@@ -105,7 +105,7 @@ def test_a_larger_claim_in_the_file_itself(honest: Halves, tmp_path: Path) -> No
     path, low = write(tmp_path / "bounds.h5", honest), float(honest["lower"]["bound"])
     with h5py.File(path, "a") as file:
         file["lower"].attrs["bound"] = 2 * low
-    with pytest.raises(InputError, match="does not prove it"):
+    with pytest.raises(InputError, match="does not prove this bound"):
         proofs_of(reader_of(tmp_path, 2 * low, None))
 
 
@@ -127,7 +127,7 @@ def test_directions_that_an_edited_file_claims(
     with pytest.raises(InputError, match=r"direction_060\.00\.h5 proves"):
         read_proven(folder, again=True)
     (tmp_path / direction_file(angles)).unlink()
-    with pytest.raises(InputError, match="missing"):
+    with pytest.raises(InputError, match="has no proof of this bound"):
         read_proven(folder, again=True)
 
 
@@ -157,7 +157,7 @@ def test_points_of_an_envelope(factor: float, fine: bool) -> None:
     if fine:
         check_claims(limit, proofs)
         return
-    with pytest.raises(InputError, match=r"direction_030\.00\.h5 proves 2"):
+    with pytest.raises(InputError, match=r"direction_030\.00\.h5 proves only 2"):
         check_claims(limit, proofs)
 
 
@@ -178,7 +178,7 @@ def test_a_factor_of_safety(stands: float, falls: float, fine: bool) -> None:
     if fine:
         check_claims(limit, proofs)
         return
-    with pytest.raises(InputError, match=r"stands\.h5 proves 0\.9"):
+    with pytest.raises(InputError, match=r"stands\.h5 proves only 0\.9"):
         check_claims(limit, proofs)
 
 
@@ -188,5 +188,5 @@ def test_the_smallest_load_factor() -> None:
     limit = {"body": {"lower": None, "upper": None, "least": least}}
     halves = {"lower": proof("lower", 2.0), "upper": proof("upper", 2.5)}
     check_claims(limit, {"least.h5": halves})
-    with pytest.raises(InputError, match=r"least\.h5 proves 1\.9"):
+    with pytest.raises(InputError, match=r"least\.h5 proves only 1\.9"):
         check_claims(limit, {"least.h5": halves | {"lower": proof("lower", 1.9)}})

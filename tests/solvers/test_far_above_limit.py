@@ -26,5 +26,5 @@ def test_a_block_sheared_in_its_seat(read: Read, rigid: bool) -> None:
     )
     report = Newton(problem).solve(300.0).report
     assert not report.converged
-    assert "it is above the limit load" in report.reason
+    assert "which is above the limit load" in report.reason
     assert report.newton_iterations <= 20

@@ -143,7 +143,7 @@ def check_claim(
     again = "run the case again"
     half = halves.get(kind)
     if half is None:
-        raise InputError(f"{said}has no proof of this bound; {again}.")
+        raise InputError(f"{said} has no proof of this bound; {again}.")
     if half.proven is None:
         raise InputError(f"{said} does not prove this bound ({'; '.join(half.faults)}); {again}.")
     excess = claimed - half.claimed if kind == "lower" else half.claimed - claimed

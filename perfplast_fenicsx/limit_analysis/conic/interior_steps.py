@@ -1,4 +1,4 @@
-"""Run the steps of the interior point method until the limit load is known."""
+"""Choose the units of a search, and run its steps until the limit load is known."""
 
 import time
 from collections.abc import Callable
@@ -6,10 +6,18 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeAlias
 
+from petsc4py import PETSc
+
 import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram, Start
+from perfplast_fenicsx.limit_analysis.conic.cone import PROXIMAL
+from perfplast_fenicsx.limit_analysis.conic.conic_program import (
+    CONTRAST,
+    ConicProgram,
+    Start,
+    Stress,
+)
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, Unknowns
 
@@ -191,3 +199,222 @@ def next_start(
         return None
     stronger = program.stronger()
     return None if stronger is None else replace(start, scale=stronger, pushed=False)
+
+
+NO_STRAIN = 1e-4
+"""Share of the work of constant loads below which the dissipation of a flow is negligible. Loads on
+both sides of a contact can drive a flow that opens the contact, so that the bodies move rigidly.
+Only the constant loads then limit the load factor."""
+
+
+def choose_units(program: ConicProgram, start: Start) -> bool:
+    """Choose units in which the limit load is about the number of points and pairs. Collective.
+
+    Afterwards, the stiffness holds the factors of the flow's K.
+
+    Args:
+        program: The program whose units are chosen, in its initial state.
+        start: The start of the search.
+
+    Returns:
+        Whether something limits the loads.
+
+    Raises:
+        SingularStiffness: If K cannot be factorised.
+    """
+    flow = program.create_vector()
+    # If contact springs are this many times as stiff as the bodies, contact carries nearly its full
+    # share of the loads.
+    hard = 1e4
+    try:
+        if start.scale is not None:
+            program.measure(start.scale, CONTRAST * start.scale)
+        _flow(program, flow)
+        if start.scale is None and _measure_by(program, flow):
+            _flow(program, flow)
+        springs = None
+        if start.pushed:
+            springs = hard * program.springs
+            _flow(program, flow, springs)
+        program.carried, pushes, flows = _divide(program, program.load, flow, springs)
+        if not flows:
+            return False
+        forces = _forces_beside_dead(program, springs)
+        if program.has_dead:
+            _divide_dead(program)
+        power = _dissipation(program, flow)
+        if power <= NO_STRAIN * abs(program.dead_work(flow)):
+            power = abs(program.dead_work(flow))
+        unit = power / program.work(flow) / max(program.degree, 1)
+        # initial forces are √springs; here they become the forces at the limit load
+        if start.pushed:
+            pushes = program.degree * unit * pushes
+            forces = np.maximum(forces, pushes)
+        _, largest = program.range(forces - np.sqrt(program.springs))
+        if start.pushed or largest > 0:
+            program.springs = np.maximum(program.springs, forces**2)
+            _flow(program, flow, program.springs)
+    finally:
+        flow.destroy()
+    program.multiply(unit)
+    return True
+
+
+def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None) -> None:
+    """Solve for the viscous flow under the loads, with springs at contact. Collective.
+
+    Args:
+        program: The bodies and their loads.
+        flow: Set to the flow.
+        springs: Springs of contact; by default the springs of the program, whose stiffness is first
+            set to suit the stiffness of the bodies.
+    """
+    moduli = program.flow_moduli()
+    if springs is None and program.num_pairs:
+        program.assemble(replace(moduli, bulk=np.ones_like(moduli.bulk)))
+        program.springs = program.stiffness.jump_diagonal()
+    program.assemble(moduli)
+    program.stiffness.add_at_jumps(program.springs if springs is None else springs)
+    program.stiffness.factorise()
+    program.stiffness.solve(program.load, flow)
+
+
+def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
+    """Return Σ w γ‖dev ε(v)‖ over the points that can yield. Collective."""
+    _, deviator = program.strains.of(flow)
+    rates = np.linalg.norm(deviator, axis=1)
+    return program.total(float((program.weights * program.strengths) @ rates))
+
+
+def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
+    """Set the unit of stress to the mean strength where the flow dissipates. Collective.
+
+    Returns:
+        Whether the units have changed.
+    """
+    plastic = program.plastic
+    radii = program.strengths[plastic] * program.stress_unit
+    least, largest = program.range(radii)
+    similar = 10.0  # ratio of strengths that are measured in one unit
+    if not largest > similar * least:
+        return False
+    _, deviator = program.strains.of(flow)
+    squares = np.einsum("ni,ni->n", deviator, deviator)[plastic]
+    power = program.weights[plastic] ** 2 * program.flow_moduli().a[plastic] * squares
+    sums = program.comm.allreduce(np.array([power @ np.log(radii), power.sum()]))
+    mean = float(np.exp(sums[0] / sums[1]))
+    near = mean / similar < program.stress_unit < mean * similar
+    if near and largest <= CONTRAST * mean:
+        return False
+    program.measure(mean, CONTRAST * mean)
+    return True
+
+
+def _forces_beside_dead(program: ConicProgram, springs: Floats | None) -> Floats:
+    """Return contact forces with which unbounded stresses balance most of the permanent loads.
+
+    The growing loads have the factor, at least zero, with the least flow. Where bodies that
+    preserve volume touch under pressures of 100 times their strength, a search that starts with
+    smaller forces takes steps of 1e-3 and stalls. The function uses the present factors.
+    Collective.
+
+    Args:
+        program: The bodies and their loads.
+        springs: Springs of contact that the factors contain; None for those of the program.
+
+    Returns:
+        The forces at the jumps, not negative; zeros without permanent loads.
+    """
+    if not (program.has_dead and program.num_pairs):
+        return np.zeros(len(program.jumps))
+    flow, live, both = program.create_vector(), program.create_vector(), program.dead.copy()
+    try:
+        program.stiffness.solve(program.dead, flow)
+        program.stiffness.solve(program.load, live)
+        factor = -float(program.load.dot(flow)) / float(program.load.dot(live))
+        both.axpy(max(factor, 0.0), program.load)
+        program.stiffness.solve(both, flow)
+        return _divide(program, both, flow, program.springs if springs is None else springs)[1]
+    finally:
+        for vector in (flow, live, both):
+            vector.destroy()
+
+
+def _divide_dead(program: ConicProgram) -> None:
+    """Subtract from the permanent loads the part that unbounded stresses balance. Collective.
+
+    The function uses the present factors. If no flow remains, unbounded stresses balance all
+    permanent loads.
+    """
+    flow = program.create_vector()
+    try:
+        program.stiffness.solve(program.dead, flow)
+        program.carried_dead, _, _ = _divide(program, program.dead, flow, None)
+    finally:
+        flow.destroy()
+
+
+def _divide(
+    program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
+) -> tuple[Stress | None, Floats, bool]:
+    """Subtract from loads the part that unbounded stresses balance, if its share is large.
+
+    Collective.
+
+    The method is Uzawa's iteration with the factors of the flow's K. The part that contact carries
+    remains in the loads, since contact forces must not pull. On return, ``flow`` is the flow under
+    the remaining loads.
+
+    Args:
+        program: The program with the loads.
+        load: The loads, from which the balanced part is subtracted.
+        flow: Flow under the loads; the function updates it.
+        springs: Springs of contact, whose forces are computed as well; None if contact forces are
+            not needed.
+
+    Returns:
+        The unbounded stress, None if nothing was subtracted; contact forces, zeros if they are not
+        computed; whether any flow is left.
+    """
+    given, left, rest = load.copy(), program.create_vector(), load.copy()
+    carried: Stress | None = None
+    pressure: Floats = np.zeros(program.strains.count)
+    stress: Floats = np.zeros((len(pressure), program.strains.size))
+    pushes: Floats = np.zeros(len(program.jumps))
+    bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
+    bounded = program.plastic & (program.strains.slopes > 0)
+    # A part of the loads is subtracted if unbounded stresses have at least this share of the power.
+    # The share is 1e-5 for a load that dissipation resists, and 1 for a load that drives no
+    # dissipation.
+    mostly = 0.1
+    # Share of the initial power below which no flow is left: the square of the rounding error of
+    # balanced loads, divided by the proximal modulus.
+    no_flow = 1e-16
+    most_divisions = 20  # two to four divisions of the loads have been seen
+    try:
+        for _ in range(most_divisions):
+            trace, deviator = program.strains.of(flow)
+            of_mean = np.where(bounded, 0.0, bulk * trace)
+            of_shape = np.where(program.plastic, 0.0, bulk)[:, None] * deviator
+            jumps = flow.array_r[program.jumps]
+            more = np.zeros_like(pushes)
+            if springs is not None:
+                more = np.maximum(springs * jumps, -pushes)
+            free = program.weights @ (of_mean * trace + np.einsum("ni,ni->n", of_shape, deviator))
+            free = program.total(float(free + np.abs(more) @ np.abs(jumps)))
+            power = float(rest.dot(flow))
+            if not power > no_flow * first:
+                return carried, pushes, False
+            if free <= mostly * power:
+                break
+            pressure, stress, pushes = pressure + of_mean, stress + of_shape, pushes + more
+            carried = pressure, stress
+            program.internal_forces(pressure, stress, left)
+            load.waxpy(-1.0, left, given)
+            load.copy(rest)
+            rest.array[program.jumps] -= pushes
+            program.stiffness.solve(rest, flow)
+    finally:
+        for vector in (given, left, rest):
+            vector.destroy()
+    return carried, pushes, True

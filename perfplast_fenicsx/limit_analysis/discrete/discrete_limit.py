@@ -29,7 +29,6 @@ from perfplast_fenicsx.limit_analysis.conic.conic_program import (
     UNLIMITED,
     ConicProgram,
     Start,
-    choose_units,
 )
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
 from perfplast_fenicsx.limit_analysis.conic.discretisation import (
@@ -43,6 +42,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
     StopSearch,
     Verdict,
+    choose_units,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness

@@ -28,7 +28,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.conic_program import (
     ConicProgram,
     Start,
-    choose_units,
 )
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
 from perfplast_fenicsx.limit_analysis.conic.discretisation import (
@@ -40,6 +39,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
     Verdict,
+    choose_units,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import powers, yield_ratios

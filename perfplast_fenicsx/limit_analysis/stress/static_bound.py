@@ -24,13 +24,14 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start, choose_units
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import chosen_conic
 from perfplast_fenicsx.limit_analysis.conic.discretisation import SingularStiffness
 from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIteration, rebalance
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     InteriorStep,
     Verdict,
+    choose_units,
     next_start,
 )
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import weak_bodies

@@ -85,7 +85,7 @@ class StaticProgram:
         (:mod:`stress_cells`), and the result is True. With bare vertices, rows depend on each other
         too strongly for refinement. The result is then True too, and the iteration has to decide.
 
-        Call this method after :func:`conic_program.choose_units`, whose factors it uses.
+        Call this method after :func:`interior_steps.choose_units`, whose factors it uses.
         """
         bare = bool(self.form.strains.idle.any())
         if self.form.strains.gdim == 3 or self.program.comm.allreduce(bare):
