@@ -239,7 +239,7 @@ def test_a_case_file_runs_to_the_limit_load(comm: MPI.Intracomm, shared_tmp_path
         assert limit["estimate"] == pytest.approx(EXACT, rel=5e-3)
         page = (results / "report.html").read_text()
         assert "Drucker–Prager" in page
-        assert "strength of Mohr–Coulomb" in page
+        assert "matches Mohr–Coulomb in plane-strain" in page
 
 
 def test_a_case_file_asks_for_bounds(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:

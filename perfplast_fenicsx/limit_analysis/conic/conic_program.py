@@ -20,10 +20,10 @@ The flow of viscous bodies under the same loads determines the units
 (:func:`interior_steps.choose_units`). The unit of stress is the strength of the points where this
 flow dissipates. For example, a weak layer in a stack flows alone, and a weak column next to a
 strong one flows together with it. The program then treats far stronger bodies as elastic. Both
-bounds remain bounds: the program scales the final stress into the true yield sets, and computes the dissipation of a velocity with the true yield
-radii. If the stress does not exceed yield in the strong bodies, treating them as elastic does not
-change the result. Otherwise the weakest of the strong bodies become plastic as well
-(:meth:`ConicProgram.stronger`).
+bounds remain bounds: the program scales the final stress into the true yield sets, and computes the
+dissipation of a velocity with the true yield radii. If the stress does not exceed yield in the
+strong bodies, treating them as elastic does not change the result. Otherwise the weakest of the
+strong bodies become plastic as well (:meth:`ConicProgram.stronger`).
 
 The flow also shows which part of the loads drives it. Mean stresses and the stresses of bodies that
 do not yield are unbounded. The program subtracts the loads that these stresses balance. If A⁺σ are
