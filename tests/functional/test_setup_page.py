@@ -853,6 +853,33 @@ def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
     assert page.case == before
 
 
+def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) -> None:
+    """Bounds are asked again as in the first case; a comment of one's own stays."""
+    page = SetupPage(browser, prop / "setup.html")
+    before = page.case
+    own = ["proven lower and upper bounds", "of each bound", "refined until the gap"]
+    assert all(words in before for words in own)
+    for question, gone in {"work": own, "load": own, "strength": own[:2]}.items():
+        page.choose("question", question)
+        if question == "load":
+            page.part("ask-values").send_keys("1")
+        page.press("Ask this")
+        page.wait(f"document.getElementById('e-loading--control')?.value === '{question}'")
+        assert [words for words in own if words in page.case] == own[len(gone) :]
+        page.choose("question", "bounds")
+        page.press("Ask this")
+        page.wait("document.getElementById('e-loading--control')?.value === 'bounds'")
+        told = "Added, as in the first case: [mesh] adapt." in page.part("done").text
+        assert told == (question != "strength")
+        assert page.case == before
+    page.drop(before.replace("# relative accuracy of each bound on one mesh", "# as agreed"))
+    page.wait("document.getElementById('text').value.includes('# as agreed')")
+    page.choose("e-loading--control", "work")
+    page.wait("document.getElementById('e-loading--control')?.value === 'work'")
+    assert "limit_tolerance = 5e-3          # as agreed\n" in page.case
+    assert 'control = "work"\n' in page.case
+
+
 def test_a_file_that_is_dropped_keeps_its_comments(prop: Path, browser: Any) -> None:
     """The page reads TOML as tomllib does, and a change of a field changes its value alone."""
     files = [*ROOT.glob("demos/*.toml"), *ROOT.glob("docs/gallery/*.toml")]

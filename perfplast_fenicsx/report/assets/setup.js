@@ -451,19 +451,56 @@ part("asking").addEventListener("submit", (event) => {
   const entries = { control: quoted(control), ...fixed };
   keys.forEach((key, k) => { if (given[k].toml) entries[key] = given[k].toml; });
   let text = tablesOf("loading").length ? caseText : withTable(caseText, ["loading"], false, {});
-  const table = (name) => parseToml(text).tables.find((one) => one.path.join("\n") === name);
+  const table = (name) => tableIn(text, name);
   const { properties } = schemaOf(["loading"], { control });
   const removed = Object.keys(table("loading").keys).filter((key) => !properties[key]);
   removed.forEach((key) => { text = withoutKey(text, table("loading"), key); });
   Object.entries(entries).forEach(([key, toml]) => { text = withKey(text, table("loading"), key, toml); });
-  if (!["bounds", "strength"].includes(control) && table("mesh")?.keys.adapt) {
+  if (!REFINED.includes(control) && table("mesh")?.keys.adapt) {
     text = Object.keys(table("mesh").keys).length > 1
       ? withoutKey(text, table("mesh"), "adapt") : withoutTable(text, table("mesh"));
     removed.push("[mesh] adapt");
   }
-  take(text);
-  done(`Asked: ${label}.${removed.length ? ` Removed, since it does not go with this: ${removed.join(", ")}.` : ""}`);
+  const refined = withRefinement(text);
+  const added = refined === text ? "" : " Added, as in the first case: [mesh] adapt.";
+  take(withTrueComments(refined));
+  done(`Asked: ${label}.${removed.length ? ` Removed, since it does not go with this: ${removed.join(", ")}.` : ""}${added}`);
 });
+
+const tableIn = (text, name) => parseToml(text).tables.find((one) => one.path.join("\n") === name);
+
+const REFINED = ["bounds", "strength"]; // controls that refine the mesh
+
+/** The text, in which comments of [loading] go with the values that have changed, and those of the first case with its question. */
+function withTrueComments(text) {
+  const before = parsed.value.loading ?? {};
+  const first = tableIn(setup.case, "loading");
+  const own = commentsOf(setup.case, first);
+  const { value } = tableIn(text, "loading");
+  const turned = value.control !== before.control;
+  const right = value.control === first?.value.control ? own : {};
+  for (const [key, comment] of Object.entries(commentsOf(text, tableIn(text, "loading")))) {
+    const changed = toToml(value[key]) !== toToml(before[key] ?? "");
+    const ofFirst = !comment.trim() || comment.trim() === own[key]?.trim();
+    if (changed || (turned && ofFirst)) text = withComment(text, tableIn(text, "loading"), key, right[key] ?? "\n");
+  }
+  return text;
+}
+
+/** The text with the refinement of the first case, if the question before had none and this one may have it. */
+function withRefinement(text) {
+  const [first, loading] = ["mesh", "loading"].map((name) => tableIn(setup.case, name));
+  const mesh = tableIn(text, "mesh");
+  if (REFINED.includes(parsed.value.loading?.control) || !REFINED.includes(tableIn(text, "loading").value.control)) return text;
+  if (!first?.keys.adapt || mesh?.keys.adapt || "mesh" in tableIn(text, "").keys) return text;
+  const toml = (table, key) => setup.case.slice(table.keys[key].start, table.keys[key].end);
+  const now = tableIn(text, "loading");
+  if (loading.keys.limit_tolerance && !now.keys.limit_tolerance) text = withKey(text, now, "limit_tolerance", toml(loading, "limit_tolerance"));
+  if (mesh) return withKey(text, tableIn(text, "mesh"), "adapt", toml(first, "adapt"));
+  text = withTable(text, ["mesh"], false, { adapt: toml(first, "adapt") });
+  const { start, body } = tableIn(text, "mesh");
+  return spliced(text, start, body, setup.case.slice(first.start, first.body));
+}
 
 /* ---- Cards ---- */
 
@@ -553,6 +590,7 @@ function changeField(path, number, key, schema, input) {
     return refreshSoon();
   }
   if (path[0] === "units" && key === "system") text = inSystem(text, input.value);
+  if (path[0] === "loading" && key === "control") text = withTrueComments(text);
   if (text === caseText) return refreshSoon();
   take(text);
   done(`Changed: ${key} of ${cardWords(table)}.`);

@@ -260,6 +260,13 @@ function withKey(text, table, key, toml) {
   return `${before}${bare(key)} = ${toml}\n${text.slice(table.end)}`;
 }
 
+/** What follows the values of a table in their lines, by key: a comment and the end of the line. */
+const commentsOf = (text, table) => Object.fromEntries(Object.entries(table?.keys ?? {})
+  .map(([key, { end, after }]) => [key, text.slice(end, after)]));
+
+const withComment = (text, table, key, comment) =>
+  spliced(text, table.keys[key].end, table.keys[key].after, comment);
+
 const withoutKey = (text, table, key) =>
   spliced(text, table.keys[key].line, table.keys[key].after, "");
 
