@@ -123,7 +123,8 @@ def mesh_geometry(
         if done.returncode:
             if "    import gmsh\n" in done.stderr:  # the line at which the program failed
                 raise InputError(NO_GMSH)
-            if done.returncode > 0 and done.returncode != REFUSED:
+            fault = "Traceback (most recent call last)" in done.stderr
+            if fault and done.returncode > 0 and done.returncode != REFUSED:
                 raise RuntimeError(f"a fault of the meshing program:\n{done.stderr}")
             raise InputError(_cause(str(source), done.returncode, done.stderr))
         Path(target).write_bytes(mesh.read_bytes())
@@ -135,6 +136,13 @@ def mesh_geometry(
 def _cause(source: str, status: int, complaints: str) -> str:
     if status == REFUSED:
         return complaints.strip().splitlines()[-1]
+    if status > 0:  # gmsh has ended the program
+        error = re.search(r"^Error\s*: (.*)$", complaints, re.MULTILINE)
+        why = error[1].strip().rstrip(".") if error else f"status {status}"
+        return (
+            f"gmsh could not mesh '{source}' ({why}); repair the geometry in the CAD system and "
+            "export it again, or give another size."
+        )
     how = (signal.strsignal(-status) or f"signal {-status}").lower()
     return (
         f"gmsh crashed while meshing '{source}' ({how}); repair the geometry in the CAD system and "

@@ -1,5 +1,6 @@
 """Mesh a geometry file as bodies with names, and survey its content, in one process."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -45,7 +46,7 @@ from perfplast_fenicsx.geometry.measured import (
 from perfplast_fenicsx.geometry.meshing_options import AXES, MeshingOptions
 from perfplast_fenicsx.geometry.part_names import cracks_among
 from perfplast_fenicsx.geometry.parts import Drawing, Part, read_parts
-from perfplast_fenicsx.geometry.survey import Face, Joint, Survey
+from perfplast_fenicsx.geometry.survey import Body, Face, Joint, Survey
 from perfplast_fenicsx.mesh.split_bodies import write_split
 
 
@@ -71,6 +72,34 @@ def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[st
     yield (
         f"{', '.join(names)}{rest} do not touch each other: give each of them separate supports "
         f"and loads, or leave bodies out (--without {groups[-1][0]})"
+    )
+
+
+def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
+    """Yield a remark if the mesh of a body has another volume than the body in the file.
+
+    Args:
+        dim: Dimension of the bodies.
+        bodies: Their measures.
+    """
+    much = 0.02  # error of a volume, of the order of the error of the body's strength
+    errors = {body: body.volume / body.cad - 1 for body in bodies if body.cad}
+    wrong = sorted((body for body in errors if abs(errors[body]) > much), key=lambda of: errors[of])
+    if not wrong:
+        return
+    most_names = 3
+    names = [f"'{body.name}' ({100 * errors[body]:+.2g} %)" for body in wrong[:most_names]]
+    rest = f" and {len(wrong) - most_names} more" if len(wrong) > most_names else ""
+    worst = max(wrong, key=lambda of: abs(errors[of]))
+    # edge length of a regular element with the mean volume; errors are of second order in it
+    regular = 6 * math.sqrt(2) if dim == 3 else 4 / math.sqrt(3)
+    edge = (regular * worst.volume / worst.cells) ** (1 / dim)
+    finer = edge * math.sqrt(much / abs(errors[worst]))
+    quantity = "volume" if dim == 3 else "area"
+    yield (
+        f"meshes of bodies differ in {quantity} from the drawing: {', '.join(names)}{rest}; "
+        "straight edges replace curves, and strengths have errors of this order: give a smaller "
+        f"size (--size-of {worst.name}={finer:.2g})"
     )
 
 
@@ -438,6 +467,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         if share_through(dim, part) > MOST_THIN
     ]
     remarks += apart_remarks([part.name for part in parts], joints)
+    remarks += volume_remarks(dim, bodies)
     if missed > EXACT:
         remarks.append(
             f"areas of faces have errors up to {100 * missed:.2g} %, because polygons approximate "

@@ -1,10 +1,12 @@
 """Geometry files become meshes with names, or one sentence."""
 
 import math
+import re
 import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -429,6 +431,23 @@ def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
 
     assert warned(6.0)
     assert not warned(1.2)
+
+
+def test_a_round_rod_with_few_edges_around_it(shared_tmp_path: Path) -> None:
+    """The remark names the missing volume, and the size that it recommends is small enough."""
+    cylinder = (0, 0, 0, 150, 0, 0, 5)
+    rod = write(shared_tmp_path / "rod.step", lambda: gmsh.model.occ.addCylinder(*cylinder))
+    mesh = shared_tmp_path / "rod.msh"
+
+    def remark(**sizes: Any) -> str:
+        remarks = survey_of(rod, mesh, MeshingOptions(curvature=4, **sizes)).remarks
+        return next((it for it in remarks if "differ in volume" in it), "")
+
+    coarse = remark(size=12.0)
+    assert "'part' (-3" in coarse  # a square has 36 % less area than its circle
+    advice = re.search(r"--size-of part=([\d.]+)", coarse)
+    assert advice is not None
+    assert remark(size=12.0, sizes={"part": float(advice[1])}) == ""
 
 
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from perfplast_fenicsx.geometry.kept_mesh import last_of
+from perfplast_fenicsx.geometry.kept_mesh import _cause, last_of
 
 pytestmark = pytest.mark.serial
 
@@ -16,3 +16,11 @@ def test_the_part_is_named() -> None:
     assert last_of("\n".join([*said, FACE])) == "meshing a face of 'bolt'"
     assert last_of("\n".join([*said, FACE, "Info    : Meshing 3D..."])).startswith("filling")
     assert last_of("") == "beginning"
+
+
+def test_a_program_that_gmsh_has_ended() -> None:
+    """The first error that gmsh printed is the reason."""
+    said = "Warning : 1\nError   : Invalid boundary mesh on surface 279\nError   : No elements\n"
+    words = _cause("part.step", 1, said)
+    assert "could not mesh 'part.step' (Invalid boundary mesh on surface 279);" in words
+    assert "(status 3)" in _cause("part.step", 3, "")
