@@ -103,6 +103,16 @@ def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
     )
 
 
+def area_remarks(missed: float) -> Iterator[str]:
+    """Yield a remark if the largest relative error of the area of a large face is too large."""
+    if missed > EXACT:
+        yield (
+            f"areas of faces have errors up to {100 * missed:.2g} %, because polygons approximate "
+            "circles, and forces from pressures have the same errors: give more elements around a "
+            "circle (--curvature), or give a traction as total force (total = true)"
+        )
+
+
 def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     """Move nodes of the mesh onto the original surfaces of the faces.
 
@@ -467,13 +477,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         if share_through(dim, part) > MOST_THIN
     ]
     remarks += apart_remarks([part.name for part in parts], joints)
-    remarks += volume_remarks(dim, bodies)
-    if missed > EXACT:
-        remarks.append(
-            f"areas of faces have errors up to {100 * missed:.2g} %, because polygons approximate "
-            "circles, and forces from pressures have the same errors: give more elements around a "
-            "circle (--curvature), or give a traction as total force (total = true)"
-        )
+    remarks += [*volume_remarks(dim, bodies), *area_remarks(missed)]
     told = (joints, near, measured, remarks, longest, named)
     return Survey(dim, options.order, sum(nodes_of(dim, part) for part in parts), bodies, *told)
 
