@@ -228,7 +228,8 @@ def first_case(
 
 def _material(body: Body, material: Common | None) -> str:
     numbers = (material.young, material.poisson, material.yield_stress) if material else ()
-    shown = [f"{number}" for number in numbers] or [f"{0.0:<28}# <-"] * 3
+    # 0.0 would be a valid Poisson's ratio, and nan is not
+    shown = [f"{it}" for it in numbers] or [f"{it:<28}# <-" for it in ("0.0", "nan", "0.0")]
     young, poisson, yield_stress = shown
     return MATERIAL.format(body=body.name, young=young, poisson=poisson, yield_stress=yield_stress)
 

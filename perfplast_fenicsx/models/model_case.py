@@ -163,7 +163,7 @@ def _material(body: str, given: ForeignMaterial | None, yields: bool) -> str:
     if given is None or given.young is None:
         return text + (
             'law = "von-mises"\nyoung = 0.0                     # <-\n'
-            "poisson = 0.0                   # <-\nyield_stress = 0.0              # <-\n"
+            "poisson = nan                   # <-\nyield_stress = 0.0              # <-\n"
         )
     law = "elastic" if given.yield_stress is None else "von-mises"
     either = (

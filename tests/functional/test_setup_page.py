@@ -180,7 +180,7 @@ def by_hand(prop: Path) -> str:
         (placeholder,) = re.findall(rf"\[\[{kind}\]\].*?\n\n", text, re.S)
         text = text.replace(placeholder, block)
     for key, number in (("young", "210000.0"), ("poisson", "0.3"), ("yield_stress", "235.0")):
-        text = re.sub(rf"{key} = 0\.0 .*", f"{key} = {number}", text)
+        text = re.sub(rf"{key} = (0\.0|nan) .*", f"{key} = {number}", text)
     return text
 
 
@@ -229,6 +229,31 @@ def test_clicks_make_the_case_of_the_tutorial(
     ]
     assert {url.split(":")[0] for url in sent} <= {"file", "data", "blob"}
     assert sum(url.startswith("file:") for url in sent) == 1
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_each_number_to_fill_in_is_missing(
+    prop: Path, browser: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page and check refuse each entry of the first case that is marked and left as it is."""
+    page = SetupPage(browser, prop / "setup.html")
+    whole = by_hand(prop)
+    first = (prop / "case.toml").read_text(encoding="utf-8")
+    marked = re.findall(r"^(\w+) = (\S+) +# <-$", page.case, re.M)
+    assert marked == re.findall(r"^(\w+) = ([^\s\"]+) +# <-$", first, re.M)
+    assert len(marked) == 6
+    for key, left in marked[:3]:
+        text = re.sub(rf"^{key} = .*$", f"{key} = {left}  # <-", whole, count=1, flags=re.M)
+        page.drop(text)
+        page.wait(f"document.getElementById('text').value === {json.dumps(text)}")
+        page.wait("document.getElementById('cards').ariaBusy === 'false'")
+        (line,) = page(LEFT)
+        assert line.startswith(f"Material of beam, {key}: {left.removesuffix('.0')} is not ")
+        (prop / "left.toml").write_text(text, encoding="utf-8")
+        assert main(["check", str(prop / "left.toml")]) == BAD_INPUT
+        assert f"{key} = {left}" in capsys.readouterr().err
+    page.type("e-material-beam--yield_stress", "235")
+    page.wait(COMPLETE)
 
 
 RICH = """

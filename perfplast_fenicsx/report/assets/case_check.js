@@ -162,6 +162,7 @@ const OF_NUMBERS = ["density", "sizes", "strength"];
 /** Return what is wrong with the range of a key's value, or "". */
 function outOfRange(key, value) {
   const some = (typeof value === "object" ? Object.values(value) : [value]).flat().filter((one) => typeof one === "number");
+  if (some.some(Number.isNaN)) return "nan is not a number";
   if (some.some((one) => !Number.isFinite(one))) return `${toToml(value)} is not finite`;
   const far = some.find((one) => one && !(Math.abs(one) >= 1e-30 && Math.abs(one) <= 1e30));
   if (far !== undefined) return `${far} is too ${Math.abs(far) > 1 ? "large" : "small"} to compute with`;
@@ -242,8 +243,9 @@ function faultsOfCase(value, schema, drawn) {
     const inside = typeof one === "object" && !Array.isArray(one) && !OF_NUMBERS.includes(key);
     if (inside) ranges(one, [...path, key]);
     const words = inside ? "" : outOfRange(key, one);
-    // A first case has zeros for numbers that are to be given.
-    if (words) add([...path, key], path[0] === "material" && key === "young" && one === 0 ? `${words}; give it, or choose a material from the library` : words);
+    // A first case has 0 or nan for numbers that are to be given.
+    const toGive = path[0] === "material" && (Number.isNaN(one) || (key === "young" && one === 0));
+    if (words) add([...path, key], toGive ? `${words}; give it, or choose a material from the library` : words);
   });
   for (const [name, one] of Object.entries(value)) {
     if (Array.isArray(one)) one.forEach((row, k) => ranges(row, [name, k]));
