@@ -905,6 +905,38 @@ def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) 
     assert 'control = "work"\n' in page.case
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_all_loads_become_constant_for_the_factor_of_safety(
+    prop: Path, browser: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One button does it, also for a growing weight; check refuses the loads before."""
+    page = SetupPage(browser, prop / "setup.html")
+    page.drop(by_hand(prop))
+    page.press("beam_x_high")
+    page.add("pressure", pressure="0.5")
+    down = {"acceleration-x": "0", "acceleration-y": "0", "acceleration-z": "-9810"}
+    page.add("gravity", **down, **{"density-beam": "7.85e-9"})
+    page.drop(page.case.replace("[gravity]\n", "[gravity]\nconstant = false\n"))
+    page.wait(COMPLETE)
+    page.choose("question", "strength")
+    page.press("Ask this")
+    page.wait(f"{LEFT}.length === 3")
+    case = prop / "constant.toml"
+    words, button = "the factor of safety needs constant loads", "Make all loads constant"
+    assert all(words in line for line in page(LEFT))
+    assert [line.endswith(button) for line in page(LEFT)] == [True, False, False]
+    case.write_text(page.case, encoding="utf-8")
+    assert main(["check", str(case)]) == BAD_INPUT
+    assert "constant" in capsys.readouterr().err
+    page.press(button)
+    page.wait(COMPLETE)
+    assert page.part("done").text == "All loads are constant now: constant = true for 3 of them."
+    case.write_text(page.case, encoding="utf-8")
+    loads = tomllib.loads(page.case)
+    assert [one["constant"] for one in [*loads["load"], loads["gravity"]]] == [True] * 3
+    assert main(["check", str(case)]) == SOLVED
+
+
 def test_a_file_that_is_dropped_keeps_its_comments(prop: Path, browser: Any) -> None:
     """The page reads TOML as tomllib does, and a change of a field changes its value alone."""
     files = [*ROOT.glob("demos/*.toml"), *ROOT.glob("docs/gallery/*.toml")]

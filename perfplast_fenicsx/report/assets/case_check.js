@@ -228,10 +228,10 @@ const tableWords = (path, number) => {
   return number === null || number === undefined ? `[${name}]` : `[[${name}]] ${number + 1}`;
 };
 
-/** Faults of a whole case: `path`, `words`, and whether something is only loose. */
+/** Faults of a whole case: `path`, `words`, whether something is only loose, and the name of a remedy. */
 function faultsOfCase(value, schema, drawn) {
   const found = faultsBySchema(value, schema, []);
-  const add = (path, words, loose = false) => found.push({ path, words, loose });
+  const add = (path, words, loose = false, remedy = null) => found.push({ path, words, loose, remedy });
   const surfaces = drawn.surfacesOf(value);
   const rows = (name) => (Array.isArray(value[name]) ? value[name] : []);
   const unknown = (name, names, path) => {
@@ -340,16 +340,21 @@ function loadFaults(row, k, drawn, add, unknown, surfaces) {
   }
 }
 
+/** The paths of loads and gravity that grow with the load factor. */
+const growingLoads = ({ load, gravity }) => [
+  ...(Array.isArray(load) ? load : []).flatMap((row, k) => (row.constant ?? "pore_pressure" in row ? [] : [["load", k]])),
+  ...(gravity?.constant === false ? [["gravity"]] : []),
+];
+
 /** Faults of what is asked. */
 function loadingFaults(value, rows, add) {
   const { control = "load", values, until } = value.loading ?? {};
-  const growing = rows("load").filter((row) => !(row.constant ?? "pore_pressure" in row));
-  const weight = value.gravity && value.gravity.constant === false;
+  const growing = growingLoads(value);
   if (!value.loading) return;
   if (control === "strength") {
-    growing.forEach((row) => add(["load", rows("load").indexOf(row), "constant"], "the factor of safety needs constant loads; set constant = true"));
+    growing.forEach((path) => add([...path, "constant"], "the factor of safety needs constant loads; set constant = true", false, "constant"));
     if (!rows("load").length && !value.gravity) add(["load"], "no load acts; add a load or gravity");
-  } else if (control !== "displacement" && !growing.length && !weight) {
+  } else if (control !== "displacement" && !growing.length) {
     add(["load"], "no load grows with the load factor; add a load");
   }
   if (["work", "displacement"].includes(control) && !values && !until) add(["loading", "values"], "is missing; give values, or until");

@@ -715,6 +715,28 @@ function refresh() {
   part("cards").setAttribute("aria-busy", "false");
 }
 
+/** What a button in the list of faults does: its words, and a change that returns what it has done. */
+const REMEDIES = {
+  constant: ["Make all loads constant", () => {
+    const growing = growingLoads(parsed.value);
+    let text = caseText;
+    for (const [kind, number = null] of growing) {
+      const table = parseToml(text).tables.find((one) => one.path.join("\n") === kind && one.number === number);
+      wrongFields.delete(`${idOf(table)}-constant`);
+      text = withKey(text, table, "constant", "true");
+    }
+    take(text);
+    return `All loads are constant now: constant = true for ${growing.length} of them.`;
+  }],
+};
+
+function remedyButton(remedy) {
+  const [words, change] = REMEDIES[remedy];
+  const button = made("button", { type: "button" }, words);
+  button.addEventListener("click", () => done(change()));
+  return button;
+}
+
 /** Fill fields, and write faults beside them and into the list. */
 function showFaults(cards) {
   const faults = parsed.fault ? [] : faultsOfCase(parsed.value, setup.schema, drawn);
@@ -725,11 +747,11 @@ function showFaults(cards) {
     atField.set(id, words);
     lines.push({ words: `${place}: ${words} (not in the case file)`, id });
   }
-  for (const { path, words, loose } of faults) {
+  for (const { path, words, loose, remedy } of faults) {
     const { table, key, id } = placeOf(path);
     if (id && !wrongFields.has(id)) atField.set(id, words);
     const place = table ? `${cardWords(table)}${key === undefined ? "" : `, ${key}`}` : path.length ? `[${path[0]}]` : "The case";
-    lines.push({ words: `${place}: ${words}`, id, loose });
+    lines.push({ words: `${place}: ${words}`, id, loose, remedy: !lines.some((line) => line.remedy === remedy) && remedy });
   }
   for (const table of cards) {
     for (const key of Object.keys(schemaOf(table.path, table.value).properties).concat(Object.keys(table.keys))) {
@@ -744,7 +766,7 @@ function showFaults(cards) {
     part(`${idOf(table)}-legend`).textContent = cardWords(table);
   }
   part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check makes all other tests." }])
-    .map(({ words, id, loose }) => {
+    .map(({ words, id, loose, remedy }) => {
       const target = id && document.getElementById(id);
       const item = made("li", { className: !lines.length ? "" : loose ? "loose" : "wrong" });
       if (target) {
@@ -754,6 +776,7 @@ function showFaults(cards) {
       } else {
         item.append(words);
       }
+      if (remedy) item.append(" ", remedyButton(remedy));
       return item;
     }));
   part("text").setAttribute("aria-invalid", String(Boolean(parsed.fault)));
