@@ -22,6 +22,20 @@ def test_next_steps_are_told_behind_what_is_proven() -> None:
     assert stream.getvalue() == "Bounds.\nMake it finer.\n"
 
 
+def test_rounding_errors_of_forces_are_printed_as_zero() -> None:
+    """The larger of two small components is no rounding error beside the largest one."""
+    reactions = {"loads": [-1.13687e-13, 0.0, -1e3], "support floor": [2e-5, -1.1e-13, 1e3]}
+    report = SimpleNamespace(reactions=reactions, factors={}, zeta=2.0, balance=1e-16)
+    kinematics = SimpleNamespace(whole=True, forces="")
+    units = SimpleNamespace(table=lambda whole: {"force": "N"})
+    stream = io.StringIO()
+    terminal = Terminal(MPI.COMM_SELF, stream, live=False)
+    terminal.reactions(report, SimpleNamespace(kinematics=kinematics), units)  # type: ignore[arg-type]
+    head, *rows = stream.getvalue().splitlines()
+    assert head == "Forces (N) at zeta = 2, in balance to 1.0e-16:"
+    assert [row.split()[-3:] for row in rows] == [["0", "0", "-1000"], ["2e-05", "0", "1000"]]
+
+
 def test_control_characters_are_shown_and_not_obeyed() -> None:
     """Names and titles may have them; only the ends of the program's own lines are left."""
     stream = io.StringIO()
