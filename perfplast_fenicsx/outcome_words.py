@@ -40,8 +40,8 @@ def force_rows(
         moments: Whether to return moments instead of forces.
         zeta: Name of the load factor.
 
-    Pairs of words and numbers; empty without loads.
-        Words and numbers; empty without loads.
+    Returns:
+        Pairs of words and numbers; empty without loads.
     """
     rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
     largest = max((abs(number) for _, row in rows for number in row), default=0.0)

@@ -132,9 +132,9 @@ def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) ->
         bodies: The bodies of the mesh.
 
     Returns:
-        Names such as "'pin'". If several bodies have the same name, the centre is added: "'bolts'
-        about (0.5, 2.5)". If volumes with several names form one body, its name contains all of
-        them.
+        Names such as "'pin'". The centre is added if several bodies have the same name, as in
+        "'bolts' about (0.5, 2.5)". If volumes with several names form one body, its name
+        contains all of them.
     """
     topology, tags = tagged_mesh.mesh.topology, tagged_mesh.cell_tags
     owned = tags.indices < topology.index_map(topology.dim).size_local

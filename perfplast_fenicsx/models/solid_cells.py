@@ -52,8 +52,8 @@ def pieces(faces: Longs) -> list[tuple[Longs, Longs]]:
         faces: Corners of each face in order around it, shape (num_faces, 2, 3 or 4).
 
     Returns:
-        Pairs of arrays: corners of simplices, shape (n, 2 or 3), and the face of each simplex,
-        shape (n,).
+        Pairs of arrays. The first has the corners of simplices, shape (n, 2 or 3), and the second
+        has the face of each simplex, shape (n,).
     """
     count = np.arange(len(faces))
     if faces.shape[1] < 4:
