@@ -18,8 +18,8 @@ from perfplast_fenicsx.limit_analysis import (
     limit_bounds,
     strict_lower_bound,
 )
-from perfplast_fenicsx.limit_analysis.conic import conic_program
-from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, Start
+from perfplast_fenicsx.limit_analysis.conic import interior_steps
+from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED, ConicProgram, Start
 from perfplast_fenicsx.units import SYSTEMS, Name
 from tests.contrast_bodies import SURFACES, forces_left, layers, material, square, squeezed
 from tests.limit_analysis.stress_checker import check_stress
@@ -108,9 +108,9 @@ def test_bodies_that_were_too_strong_to_yield_do_in_the_end(
     weak = 7.5e-5
     problem = columns([weak, 1.0])
     starts: list[Start] = []
-    choose = conic_program.choose_units
+    choose = interior_steps.choose_units
 
-    def weakest_first(program: conic_program.ConicProgram, start: Start) -> bool:
+    def weakest_first(program: ConicProgram, start: Start) -> bool:
         if start.scale is None:
             start = replace(start, scale=weak)
         starts.append(start)
