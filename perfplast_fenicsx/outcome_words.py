@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from perfplast_fenicsx.rounding import ROUNDING, rounded_down, rounded_up
+from perfplast_fenicsx.rounding import rounded_down, rounded_up, without_rounding
 
 Row = tuple[str, list[float]]
 
@@ -44,11 +44,8 @@ def force_rows(
         Pairs of words and numbers; empty without loads.
     """
     rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
-    largest = max((abs(number) for _, row in rows for number in row), default=0.0)
-    return [
-        (name, [number if abs(number) > ROUNDING * largest else 0.0 for number in row])
-        for name, row in rows
-    ]
+    shown = without_rounding([row for _, row in rows])
+    return [(name, row) for (name, _), row in zip(rows, shown, strict=True)]
 
 
 def _rows(

@@ -1,5 +1,6 @@
 """Define tolerances for rounding, and round bounds to a few digits such that they remain bounds."""
 
+from collections.abc import Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 ROUNDING = 1e-9
@@ -11,6 +12,12 @@ TINY = 1e-300
 
 DIGITS = 6
 """Number of significant digits of printed bounds."""
+
+
+def without_rounding(rows: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Return rows of numbers, with 0 for numbers that are rounding errors of the largest number."""
+    largest = max((abs(number) for row in rows for number in row), default=0.0)
+    return [[number if abs(number) > ROUNDING * largest else 0.0 for number in row] for row in rows]
 
 
 def rounded_up(value: float, digits: int = DIGITS) -> str:

@@ -28,7 +28,7 @@ from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, Limi
 from perfplast_fenicsx.outcome_words import NO_PAIR, SAID, MeshEstimate, PathBracket
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.rounding import ROUNDING, rounded_down, rounded_up
+from perfplast_fenicsx.rounding import rounded_down, rounded_up, without_rounding
 from perfplast_fenicsx.solvers.linear.linear_solver import chosen_solver
 from perfplast_fenicsx.solvers.newton_options import NewtonOptions
 from perfplast_fenicsx.units import Units
@@ -287,12 +287,9 @@ class Terminal:
         forces = f"Forces {problem.kinematics.forces}".rstrip() + (f" ({unit})" if unit else "")
         at = f"zeta = {report.zeta:.6g}{factors}"
         self.say(f"{forces} at {at}, in balance to {report.balance:.1e}:")
-        largest = max((abs(a) for force in report.reactions.values() for a in force), default=0.0)
-        for name, force in report.reactions.items():
-            shown = [
-                component if abs(component) > ROUNDING * largest else 0.0 for component in force
-            ]
-            cells = "  ".join(f"{component:>12.6g}" for component in shown)
+        shown = without_rounding(list(report.reactions.values()))
+        for name, force in zip(report.reactions, shown, strict=True):
+            cells = "  ".join(f"{component:>12.6g}" for component in force)
             self.say(f"  {name:<{width}}  {cells}")
 
     def body(self, bounds: BodyBounds, steps: Sequence[str] = ()) -> None:

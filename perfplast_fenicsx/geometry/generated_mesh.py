@@ -314,10 +314,13 @@ def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
 def _edge_length(dim: int, tag: int) -> float:
     """Return the mean edge length of the elements on a curve or face."""
     count = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim, tag)[1])
-    measure = mesh_measure(dim, tag) / max(count, 1)
-    # squared edge length of an equilateral triangle, divided by its area
-    of_triangle = 4 / math.sqrt(3)
-    return measure if dim == 1 else math.sqrt(of_triangle * measure)
+    return regular_edge(dim, mesh_measure(dim, tag) / max(count, 1))
+
+
+def regular_edge(dim: int, measure: float) -> float:
+    """Return the edge length of a regular simplex with a length, area or volume."""
+    powers = {1: 1.0, 2: 4 / math.sqrt(3), 3: 6 * math.sqrt(2)}  # edge to the power dim, by measure
+    return float((powers[dim] * measure) ** (1 / dim))
 
 
 def _usual_size(sizes: Sizes, options: MeshingOptions, most: int) -> float:

@@ -21,7 +21,7 @@ from perfplast_fenicsx.geometry.face_labels import (
 )
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import FreeFace, numbered_faces
-from perfplast_fenicsx.geometry.generated_mesh import EXACT, POOR, mesh_with_areas
+from perfplast_fenicsx.geometry.generated_mesh import EXACT, POOR, mesh_with_areas, regular_edge
 from perfplast_fenicsx.geometry.geometry_file import is_script
 from perfplast_fenicsx.geometry.joints import (
     Seam,
@@ -91,9 +91,8 @@ def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
     names = [f"'{body.name}' ({100 * errors[body]:+.2g} %)" for body in wrong[:most_names]]
     rest = f" and {len(wrong) - most_names} more" if len(wrong) > most_names else ""
     worst = max(wrong, key=lambda of: abs(errors[of]))
-    # edge length of a regular element with the mean volume; errors are of second order in it
-    regular = 6 * math.sqrt(2) if dim == 3 else 4 / math.sqrt(3)
-    edge = (regular * worst.volume / worst.cells) ** (1 / dim)
+    # errors are of second order in edge lengths
+    edge = regular_edge(dim, worst.volume / worst.cells)
     finer = edge * math.sqrt(much / abs(errors[worst]))
     quantity = "volume" if dim == 3 else "area"
     yield (

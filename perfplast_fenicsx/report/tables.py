@@ -9,7 +9,7 @@ from typing import Any
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.problem.judged.report import LevelReport
-from perfplast_fenicsx.rounding import ROUNDING
+from perfplast_fenicsx.rounding import without_rounding
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 TIGHT = 1e-6
@@ -76,13 +76,10 @@ def level_table(
 def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: str) -> str:
     """Return a table with a row for each load, support, obstacle and contact."""
     heads = ["force on the bodies from", *(f"{axis}{_bracket(unit)}" for axis in axes)]
-    largest = max((abs(a) for forces in reactions.values() for a in forces), default=0.0)
-
-    def shown(force: float) -> str:
-        return f"{force:.6g}" if abs(force) > ROUNDING * largest else "0"
-
+    shown = without_rounding(list(reactions.values()))
     rows = [
-        [escape(name), *(shown(force) for force in forces)] for name, forces in reactions.items()
+        [escape(name), *(f"{force:.6g}" for force in forces)]
+        for name, forces in zip(reactions, shown, strict=True)
     ]
     return table(heads, rows)
 

@@ -581,10 +581,10 @@ def _judged(
     if not bound.can_be_strict:
         return bound
     if not refused:
-        value, found = bound.value or 0.0, reached.get(bound.kind)
-        sign = 1 if bound.kind == "lower" else -1
-        better = found is not None and sign * (found - value) > 1e-9 * abs(value)
-        return bound.proven(found if better else None) if better or bound.doubts else bound
+        found = reached.get(bound.kind)
+        if bound.is_improved_by(found):
+            return bound.proven(found)
+        return bound.proven() if bound.doubts else bound
     return bound if worse or bound.kind not in refused else bound.refused(*refused[bound.kind])
 
 

@@ -239,9 +239,9 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         program.carried, pushes, flows = _divide(program, program.load, flow, springs)
         if not flows:
             return False
-        forces = _forces_beside_dead(program, springs)
+        forces: Floats = np.zeros(len(program.jumps))
         if program.has_dead:
-            _divide_dead(program)
+            forces = _divide_dead(program, program.springs if springs is None else springs)
         power = _dissipation(program, flow)
         if power <= NO_STRAIN * abs(program.dead_work(flow)):
             power = abs(program.dead_work(flow))
@@ -310,7 +310,30 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     return True
 
 
-def _forces_beside_dead(program: ConicProgram, springs: Floats | None) -> Floats:
+def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
+    """Subtract from the permanent loads the part that unbounded stresses balance. Collective.
+
+    The function uses the present factors. If no flow remains, unbounded stresses balance all
+    permanent loads.
+
+    Args:
+        program: The bodies and their loads.
+        springs: Springs of contact that the factors contain.
+
+    Returns:
+        Contact forces beside the permanent loads (:func:`_forces_beside_dead`).
+    """
+    flow = program.create_vector()
+    try:
+        program.stiffness.solve(program.dead, flow)
+        forces = _forces_beside_dead(program, flow, springs)
+        program.carried_dead, _, _ = _divide(program, program.dead, flow, None)
+    finally:
+        flow.destroy()
+    return forces
+
+
+def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats) -> Floats:
     """Return contact forces with which unbounded stresses balance most of the permanent loads.
 
     The growing loads have the factor, at least zero, with the least flow. Where bodies that
@@ -320,38 +343,24 @@ def _forces_beside_dead(program: ConicProgram, springs: Floats | None) -> Floats
 
     Args:
         program: The bodies and their loads.
-        springs: Springs of contact that the factors contain; None for those of the program.
+        dead: Flow under the permanent loads.
+        springs: Springs of contact that the factors contain.
 
     Returns:
-        The forces at the jumps, not negative; zeros without permanent loads.
+        The forces at the jumps, not negative; zeros without contact.
     """
-    if not (program.has_dead and program.num_pairs):
+    if not program.num_pairs:
         return np.zeros(len(program.jumps))
-    flow, live, both = program.create_vector(), program.create_vector(), program.dead.copy()
+    flow, both = program.create_vector(), program.dead.copy()
     try:
-        program.stiffness.solve(program.dead, flow)
-        program.stiffness.solve(program.load, live)
-        factor = -float(program.load.dot(flow)) / float(program.load.dot(live))
-        both.axpy(max(factor, 0.0), program.load)
-        program.stiffness.solve(both, flow)
-        return _divide(program, both, flow, program.springs if springs is None else springs)[1]
-    finally:
-        for vector in (flow, live, both):
-            vector.destroy()
-
-
-def _divide_dead(program: ConicProgram) -> None:
-    """Subtract from the permanent loads the part that unbounded stresses balance. Collective.
-
-    The function uses the present factors. If no flow remains, unbounded stresses balance all
-    permanent loads.
-    """
-    flow = program.create_vector()
-    try:
-        program.stiffness.solve(program.dead, flow)
-        program.carried_dead, _, _ = _divide(program, program.dead, flow, None)
+        program.stiffness.solve(program.load, flow)
+        factor = max(-float(program.load.dot(dead)) / float(program.load.dot(flow)), 0.0)
+        both.axpy(factor, program.load)
+        flow.aypx(factor, dead)
+        return _divide(program, both, flow, springs)[1]
     finally:
         flow.destroy()
+        both.destroy()
 
 
 def _divide(

@@ -8,7 +8,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.rounding import rounded_down, rounded_up
+from perfplast_fenicsx.rounding import ROUNDING, rounded_down, rounded_up
 from perfplast_fenicsx.tables import NotebookResult, Row
 
 
@@ -369,6 +369,13 @@ class Bound:
     def can_be_strict(self) -> bool:
         """Whether the proof checker has to judge the bound."""
         return self.value is not None and self.of is Scope.BODY
+
+    def is_improved_by(self, value: float | None) -> bool:
+        """Return whether a value is a better bound than this one, by more than rounding."""
+        if self.value is None or value is None:
+            return False
+        gain = value - self.value if self.kind == "lower" else self.value - value
+        return gain > ROUNDING * abs(self.value)
 
     def proven(self, value: float | None = None) -> "Bound":
         """Return the bound as proven, with the value that the proof checker has proven."""

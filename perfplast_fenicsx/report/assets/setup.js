@@ -467,7 +467,9 @@ part("asking").addEventListener("submit", (event) => {
   done(`Asked: ${label}.${removed.length ? ` Removed, since it does not go with this: ${removed.join(", ")}.` : ""}${added}`);
 });
 
-const tableIn = (text, name) => parseToml(text).tables.find((one) => one.path.join("\n") === name);
+/** The table of a text by its path, and by its number if it is one of several; undefined without it. */
+const tableIn = (text, name, number = null) =>
+  parseToml(text).tables.find((one) => one.path.join("\n") === name && (number === null || one.number === number));
 
 const REFINED = ["bounds", "strength"]; // controls that refine the mesh
 
@@ -720,8 +722,8 @@ const REMEDIES = {
   constant: ["Make all loads constant", () => {
     const growing = growingLoads(parsed.value);
     let text = caseText;
-    for (const [kind, number = null] of growing) {
-      const table = parseToml(text).tables.find((one) => one.path.join("\n") === kind && one.number === number);
+    for (const [kind, number] of growing) {
+      const table = tableIn(text, kind, number);
       wrongFields.delete(`${idOf(table)}-constant`);
       text = withKey(text, table, "constant", "true");
     }
