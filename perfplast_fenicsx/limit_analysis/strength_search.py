@@ -1,4 +1,4 @@
-"""Compute the strength reduction factor F as a function of the work ω, by continuation in ω.
+"""Compute the strength reduction factor F as a function of the work ω by continuation in ω.
 
 This is the indirect continuation of S. Sysala et al. (arXiv:2312.12170). For a prescribed work ω =
 L(u), the method seeks the F and u for which the loads are in equilibrium. For any F, ALG3 computes
@@ -38,8 +38,8 @@ def strength_path(
 
     Args:
         problem: The bodies and their loads, all of which are constant.
-        tolerance: Relative tolerance of F. F has levelled off if doubling the work would raise F by
-            at most a quarter of the tolerance, extrapolated with the last slope.
+        tolerance: Relative tolerance of F. F has levelled off if, by extrapolation with the last
+            slope, doubling the work would raise F by at most a quarter of the tolerance.
         monitor: Called on every rank after each Newton step.
 
     Raises:

@@ -265,9 +265,9 @@ def test_where_the_next_mesh_is_bounded() -> None:
 def test_why_there_is_no_bound_is_told() -> None:
     loose = Bound(0.9, "upper", Scope.MESH, ("volume changes are more than rounding",))
     told = times_in_words(1.04, Bound(None, "lower", Scope.MESH, (NOT_ASKED,)), loose, 12)
-    assert told.endswith("the upper one is not strict: volume changes are more than rounding.")
+    assert told.endswith("the upper bound is not strict: volume changes are more than rounding.")
     assert NOT_ASKED not in told
-    assert "there is no upper one: it is so" in times_in_words(
+    assert "there is no upper bound: it is so" in times_in_words(
         1.04, NOT_SOUGHT, Bound(None, "upper", Scope.MESH, ("it is so",)), 12
     )
     assert told.startswith("12 cells: ")
@@ -296,8 +296,8 @@ def test_why_the_factors_are_further_apart_than_requested() -> None:
     last = of_mesh(400, 1.3, 1.32, found)
     assert told([coarse, fine], 0.02) == ""
     assert told([coarse, fine], 0.01) == (
-        "The factors are 1.5 % apart, more than until = 0.01: the upper one is that of an earlier"
-        " mesh, as it locks. The last mesh has 400 cells."
+        "The factors are 1.5 % apart, more than until = 0.01: the upper factor comes from an"
+        " earlier mesh, because it locks. The last mesh has 400 cells."
     )
     assert "until = 0.01: too many cells. The" in told([coarse, last], 0.01, "too many cells")
     assert "limit_tolerance = 0.001" in told([coarse, last], 0.01)

@@ -1,4 +1,4 @@
-"""Declare how meshes are adapted to bounds, and when the adaptation ends."""
+"""Declare the adaptation of meshes to bounds, and when the adaptation ends."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,8 +9,8 @@ from perfplast_fenicsx.mesh.refinement import check_refinable
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 DECIDED = "decided"
-"""Value of ``until`` with which adaptation ends when it is proven whether the bodies carry the
-design load."""
+"""Value of ``until`` that ends the adaptation when it is proven that the bodies carry the design
+load, or that they do not."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class Adaptation:
     Args:
         until: Gap between the proven bounds at which refinement ends, relative to the lower bound,
             between 0 and 1. If neither bound can be proven, the gap between the unproven values
-            counts. Use "decided" to end when it is proven whether the bodies carry the design load.
+            counts. With "decided", refinement ends when it is proven that the bodies carry the
+            design load, or that they do not.
         cells: Largest number of cells of a refined mesh. If the first mesh has more cells, it is
             not refined.
 
@@ -55,7 +56,7 @@ class Adaptation:
             )
 
     def ends(self, lower: Bound, upper: Bound, design: float | None) -> str | None:
-        """Return the reason to end the adaptation; None if the bounds are not good enough.
+        """Return the reason to end the adaptation; None if the bounds are not yet close enough.
 
         Args:
             lower: The best lower bound so far.

@@ -1,4 +1,4 @@
-"""Bound the largest or the least load factor on meshes that error indicators refine.
+"""Bound the largest or the least load factor on meshes that are refined by error indicators.
 
 The gap between the bounds is a sum of non-negative contributions of the cells. Large contributions
 show where the mechanism is inaccurate. The dual variables of the lower bound are velocities; their
@@ -7,9 +7,9 @@ contributions to the gap or to this dissipation. See M. Ciria, J. Peraire and
 J. Bonet, doi:10.1002/nme.2310.
 
 The module also bounds the least load factor that the bodies carry, by reversing the live loads.
-With permanent loads the carried load factors form an interval, because the set of admissible
-stresses is convex. The interval need not contain 0: a wall may need its prop. If the interval does
-not contain 0, a bound of the largest load factor alone would be misleading.
+With permanent loads the load factors that the bodies carry form an interval, because the set of
+admissible stresses is convex. The interval need not contain 0: a wall may need the force of a prop.
+If it does not contain 0, a bound of the largest load factor alone would be misleading.
 """
 
 import time
@@ -49,8 +49,8 @@ class Round:
         upper: Strict upper bound on this mesh; None if there is no such bound.
         gap: Relative gap between the best strict bounds so far; None if a bound is missing.
         seconds: Wall time so far (s).
-        not_proven: Unproven values in place of the lower and the upper bound. A value is ``None``
-            if its bound is proven or was not found.
+        not_proven: Unproven values of the lower and the upper bound. A value is ``None`` if its
+            bound is proven or was not found.
     """
 
     number: int
@@ -96,7 +96,7 @@ class AdaptiveBounds(NotebookResult):
 
     @property
     def best(self) -> BodyBounds:
-        """Return the result on the mesh of the best bounds.
+        """Return the result on the mesh with the best bounds.
 
         If the best bounds come from two meshes, return the result of the mesh whose own bounds have
         the smaller gap.
@@ -120,7 +120,7 @@ class AdaptiveBounds(NotebookResult):
         )
 
     def in_words(self) -> str:
-        """Return the best bounds in one or two sentences."""
+        """Return a text of a few sentences about the best bounds."""
         return self.body.in_words()
 
     def rows(self) -> list[Row]:
@@ -158,18 +158,18 @@ def adaptive_bounds(
     design: float | None = None,
     so_far: Callable[[AdaptiveBounds], None] | None = None,
 ) -> AdaptiveBounds:
-    """Return bounds on the limit load on successively refined meshes, as far as memory allows.
+    """Return bounds on the limit load on successively refined meshes. Collective.
 
-    Collective.
+    The function ends earlier if a mesh does not fit into memory.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
         adaptation: When the refinement ends.
         rtol: Relative distance of each bound to the best bound of its kind on its mesh. If a
-            twentieth of the gap on the previous mesh is larger, the function uses that, up to 2 %.
+            twentieth of the gap so far is larger, the function uses this value, up to 2 %.
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
-        design: Load factor of the design load, for refinement until the design load is decided.
+        design: Load factor of the design load, for ``until = "decided"``.
         so_far: Called on every rank before each mesh except the first, with the bounds so far. The
             caller can, for example, write them to a file.
 
@@ -233,7 +233,7 @@ def adaptive_bounds(
 def _round(
     number: int, problem: Problem, found: BodyBounds, best: tuple[Bound, Bound], seconds: float
 ) -> Round:
-    """Return the report on a mesh, with proven and unproven results apart. Collective.
+    """Return the report on a mesh, with separate proven and unproven results. Collective.
 
     Args:
         number: Number of the mesh, counted from 1.
@@ -268,7 +268,7 @@ def nearness(rtol: float, gap: float | None) -> float:
         rtol: Relative tolerance of the bounds.
         gap: Relative gap between the bounds so far; None if a bound is missing.
     """
-    share, most = 0.05, 0.02  # fraction of the gap; a finer mesh halves the gap at best
+    share, most = 0.05, 0.02  # fraction of the gap; a finer mesh at best halves the gap
     return max(rtol, min(share * gap, most)) if gap is not None else rtol
 
 
@@ -286,7 +286,7 @@ def least_load(
     Args:
         problem: The bodies and their loads.
         rtol: Relative distance of each bound to the best bound of its kind on its mesh.
-        adaptation: How the mesh is adapted for the least load factor; None to use the mesh of the
+        adaptation: Adaptation of the mesh for the least load factor; None to use the mesh of the
             problem.
         steps: Called on every rank after each step of the interior point method.
 
@@ -304,12 +304,12 @@ def least_load(
 
 
 def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:
-    """Return whether the bodies may fail under the permanent loads alone.
+    """Return whether the bodies may collapse under the permanent loads alone.
 
     Collective.
 
-    The function seeks a stress for the reversed live loads on the mesh of the problem. If there is
-    no such stress, the bodies may fail.
+    The function seeks a lower bound for the reversed live loads on the mesh of the problem. If
+    there is no lower bound of at least 0, the bodies may collapse.
 
     Args:
         problem: The bodies and their loads.

@@ -1,4 +1,4 @@
-"""Bound the limit load of bodies that cannot yield, and therefore collapse through their joints."""
+"""Bound the limit load of rigid blocks: bodies that cannot yield and fail only at joints."""
 
 import logging
 from dataclasses import replace
@@ -25,8 +25,8 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 ROUNDING = 1e-12
-"""Largest relative excess of the lower bound over the upper bound that counts as rounding. In this
-case the upper bound is raised to the lower bound."""
+"""Largest relative excess of the lower bound over the upper bound that counts as rounding. The
+program then raises the upper bound to the lower bound."""
 
 MET = "forces on the joints and a mechanism of the blocks were found"
 
@@ -36,9 +36,9 @@ ANY_FACTOR = (
 )
 
 WITHOUT_FRICTION = (
-    "without friction (adhesion may remain) no joint forces balance the loads, and for friction "
-    "that is not associated there is no other theorem; give associated = true for both bounds of "
-    "joints that dilate"
+    "without friction (adhesion may remain) no joint forces balance the loads, and the lower "
+    "bound theorem does not hold with friction that is not associated; give associated = true "
+    "for both bounds of joints that dilate"
 )
 
 
@@ -50,15 +50,13 @@ def are_blocks(problem: Problem) -> bool:
 
 
 def check_blocks(problem: Problem) -> None:
-    """Refuse joints that bounds of rigid blocks do not support. Collective.
+    """Refuse joints for which rigid blocks cannot be bounded. Collective.
 
     Raises:
         InputError: If a joint is not supported; the message says why.
     """
     if (why := why_no_blocks(problem)) is not None:
-        raise InputError(
-            f"none of the bodies can yield, so only their joints limit the load, but {why}."
-        )
+        raise InputError(f"no body can yield, so only the joints limit the load, but {why}.")
 
 
 def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
@@ -69,8 +67,8 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
         rtol: Relative distance of each bound to the best bound of its kind.
 
     Raises:
-        InputError: If bounds of rigid blocks do not support the joints, or if the joints cannot
-            carry the loads at any factor.
+        InputError: If :func:`check_blocks` refuses the joints, if no joint forces balance the
+            loads, or if a linear program has no reliable solution.
     """
     check_blocks(problem)
     log.info("bounds of rigid blocks: computing forces on their joints, and a mechanism")
@@ -108,7 +106,7 @@ def _told(
     limited = question is Question.LIMIT
     static = (
         most if least is None else least
-    )  # By duality, this is the bound for joints that dilate.
+    )  # By duality, both values are equal for joints that dilate.
     reason = MET if most is not None else upper.why_not[0]
     mesh = LimitLoad(
         method=LimitMethod.INTERIOR_POINT,

@@ -1,4 +1,4 @@
-"""Store bounds on the limit load of the body that the mesh fills, and describe them in words."""
+"""Store and describe bounds on the limit load of the body that the mesh fills."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ from perfplast_fenicsx.tables import NotebookResult, Row
 
 
 def sentence(words: str) -> str:
-    """Return the clause with a capital letter and without its full stop."""
+    """Return the clause with a capital first letter, without a full stop at its end."""
     return words[0].upper() + words[1:]
 
 
@@ -51,7 +51,7 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
     Args:
         lower: The lower bound.
         upper: The upper bound.
-        question: Which loads the bounded factor multiplies.
+        question: The loads that the bounded factor multiplies.
         why_not: Reasons why a bound is not strict.
     """
     reasons = f" ({'; '.join(why_not)})" if why_not else ""
@@ -77,7 +77,7 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
     """Return a sentence that says what is proven for the least load factor.
 
     Args:
-        carried: A load factor near the least one that the bodies provably carry.
+        carried: A load factor that the bodies provably carry, near the least carried factor.
         none_below: Proven lower bound of the least load factor.
         lower: A lower bound of the largest load factor; the bodies carry this factor too.
     """
@@ -104,8 +104,8 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
 def taken_as(problem: Problem) -> tuple[str, ...]:
     """Return clauses that describe how bodies and loads are idealised. Collective.
 
-    The clauses concern ground that is treated as associated, and surfaces that are projected on one
-    polygon. They also concern pore pressures and strengths that are not linear in each cell.
+    The clauses concern ground that is treated as associated, surfaces that are projected onto one
+    polygon, and pore pressures and strengths that are not linear in each cell.
     """
     told = (
         flow_words(problem.given.materials),
@@ -141,13 +141,13 @@ class LeastLoad:
 
     @property
     def carried(self) -> float | None:
-        """Return a load factor that the bodies provably carry; None if no factor is proven."""
+        """Return a load factor that the bodies provably carry; None if there is no such proof."""
         bound = self.low.limits[0]
         return -bound.value if bound.strict and bound.value is not None else None
 
     @property
     def none_below(self) -> float | None:
-        """Return the factor below which the bodies provably carry no load; None if not proven."""
+        """Return the load factor below which the bodies provably carry no load; None if unknown."""
         bound = self.high.limits[1]
         return -bound.value if bound.strict and bound.value is not None else None
 
@@ -174,8 +174,8 @@ class BodyBounds(NotebookResult):
     """Bounds on the limit load of a body.
 
     Attributes:
-        problem: Problem on whose mesh the mechanism is given. In three dimensions its cells are
-            split at their centres.
+        problem: Problem on whose mesh the mechanism is given. In 3D its cells are split from their
+            centres.
         lower: Lower bound on the load factor.
         upper: Upper bound.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero if there is no mechanism.
@@ -186,21 +186,21 @@ class BodyBounds(NotebookResult):
         static: The lower bound with its stress; None if it was not computed.
         stress: The stress of the lower bound, as Mandel vectors at the vertices of this rank's
             cells of ``problem``, shape (num_cells, d + 1, m). None if there is no lower bound. Also
-            None in three dimensions if cells are not split, because they are curved or their
-            elements are linear.
+            None in 3D if the cells are not split because they are curved or their elements are
+            linear.
         shares: Contribution of each owned cell (before tetrahedra are split) to the gap
             (:mod:`strict_work`), shape (num_cells,); None if a bound is missing. The proof checker
-            may prove a smaller gap than their sum.
-        certificates: Residuals of the conditions of the bounds, by name.
+            may prove a smaller gap than the sum of the contributions.
+        certificates: Residuals of the conditions that the bounds must satisfy, by name.
         steps: Number of steps of the interior point method for both bounds.
         factorisations: Number of factorisations for both bounds.
         advice: Advice for better bounds, in clauses.
         weaker: The problem of the lower bound if its bodies differ from those of ``problem``.
-        taken: Idealisations, as clauses: of ground with ψ < φ, and of surfaces with different
-            polygons.
+        taken: Idealisations of ground, surfaces, pore pressures and strengths, as clauses
+            (:func:`taken_as`).
         joints: Proof by joint forces instead of a stress, for bodies that cannot yield.
-        question: Which loads the bounded factor multiplies: the live loads, or the constant loads
-            if the mesh does not carry these (:class:`load_factor.Question`).
+        question: The loads that the bounded factor multiplies: the live loads, or the constant
+            loads if the mesh does not carry the constant loads (:class:`load_factor.Question`).
     """
 
     problem: Problem
@@ -259,11 +259,11 @@ class BodyBounds(NotebookResult):
 
     @property
     def dimensions(self) -> int:
-        """Number of dimensions of the bodies."""
+        """Return the number of dimensions of the bodies."""
         return self.problem.bodies.gdim
 
     def rows(self) -> list[Row]:
-        """Return a table row for each bound: ``value``, ``strict``, and a reason if not strict."""
+        """Return a table row for each bound, with the reason if the bound is not strict."""
         return [
             {
                 "bound": bound.kind,
@@ -314,7 +314,7 @@ class BodyBounds(NotebookResult):
         return self.lower, self.upper
 
     def in_words(self) -> str:
-        """Return the bounds in one or two sentences."""
+        """Return a text of a few sentences about the bounds and what they assume."""
         lower, upper = self.lower.strict, self.upper.strict
         early = []
         if not self.mesh.levelled_off and upper:
@@ -379,7 +379,7 @@ def _visible(velocity: fem.Function) -> tuple[Floats, Floats]:
 
 
 def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
-    """Return whether the bodies carry constant loads alone, in a sentence; None if more is known.
+    """Return a sentence on whether the bodies carry constant loads alone; None if more is known.
 
     Args:
         limit: Limit load of the mesh.
@@ -399,10 +399,10 @@ def designed(
 ) -> DesignFactor | None:
     """Return the multiple of the design load that the body carries, or ``None``.
 
-    The result is ``None`` without a design load, and if the constant loads alone are not carried.
-    It is also ``None`` if the least load factor is above the design load, because then the bodies
-    need more load, not less. The result has a lower bound only if the bodies provably carry the
-    design load.
+    The result is ``None`` without a design load, and if it is not known that the bodies carry the
+    constant loads alone. It is also ``None`` if the least load factor is above the design load,
+    because then the bodies need more load, not less. If bounds of the least load factor exist, the
+    result has a lower bound only if the least load factor is provably at most the design load.
 
     Args:
         zeta: Load factor of the design load.
@@ -442,7 +442,7 @@ class Effort:
 
 
 def next_steps(body: BodyBounds, effort: Effort) -> list[str]:
-    """Return advice for better bounds, as sentences without a full stop; possibly empty.
+    """Return advice for better bounds, as clauses; the list may be empty.
 
     Args:
         body: Proven bounds of the body.
@@ -458,14 +458,14 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
         # Reasons for a missing or unproven upper bound that do not rule out a lower bound.
         answered = {NO_MECHANISM, CURVED, ENTERS}
         if body.mesh.estimate is not None and set(upper.why_not) <= answered:
-            # Cost of bounds relative to the cost of the limit load of the mesh, by dimension.
+            # Cost of bounds, relative to the cost of the limit load of the mesh, by dimension.
             bounded = {2: (2, 5), 3: (4, 8)}
             yield (
                 'control = "bounds" under [loading] bounds what the bodies provably '
                 f"carry, and takes about {_times(bounded[dim], seconds)}"
             )
     elif lower.strict and upper.strict and (apart := lower.apart(upper)) is not None:
-        # Relative distance of the bounds above which a message says how to reduce the distance.
+        # Relative distance of the bounds above which the advice says how to reduce the distance.
         wide = 0.1
         if apart > wide and effort.ended:
             yield (
@@ -478,7 +478,7 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
             # times as many cells, and the cost of the factors grows faster than the number of
             # cells.
             longer = {2: (4, 8), 3: (15, 50)}
-            # Relative cost of bounds on several meshes, of which the last has twice as many cells.
+            # Relative cost of bounds on several meshes; the last mesh has twice as many cells.
             adapting = (2, 5)
             yield (
                 f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt = "
@@ -510,13 +510,13 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
 
 
 def _times(many: tuple[int, int], seconds: float) -> str:
-    """Return the cost in words, as multiples of this run and as time."""
+    """Return the cost in words, as multiples of this run and as times."""
     least, most = (clock(number * seconds) for number in many)
     return f"{many[0]} to {many[1]} times as long as this ({least} to {most})"
 
 
 def clock(seconds: float) -> str:
-    """Return a time in words, rounded to two digits."""
+    """Return a duration with its unit, rounded to two digits."""
     if seconds < 90:
         return f"{max(seconds, 1):.2g} s"
     if seconds < 90 * 60:

@@ -1,13 +1,12 @@
-"""Create the problems that bounds are computed for, and convert their results back.
+"""Create the problems whose limit loads are bounded, and convert their results back.
 
-Create the bodies whose limit loads bound those of the declared bodies.
-They differ for ground with ψ < φ, and for pore pressures with kinks in cells.
+The limit loads of these bodies bound those of the declared bodies. The bodies differ from the
+declared ones for ground with ψ < φ, and for pore pressures with kinks in cells.
 
-Make contact and ties of plane meshes match, and glue ties, for bounds of the body.
-Make contact and ties of plane meshes match, for bounds of the body.
-If both surfaces lie on each other, the bodies do not change. Two polygons that approximate one
-curve overlap and leave gaps. Then bounds hold for a projected model: each body ends at the polygon
-through the nodes of both.
+The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If both
+surfaces lie on each other, the bodies do not change. Two polygons that approximate one curve
+overlap and leave gaps. Then the bounds hold for a projected model, in which each body ends at the
+polygon through the nodes of both surfaces.
 """
 
 import logging
@@ -42,12 +41,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FlowProblem:
-    """The problem in which a mechanism is sought.
+    """The problem for which a mechanism is sought.
 
     Attributes:
-        problem: The problem: in space on cells split from their centres, in axisymmetry in v = ru
-            (:mod:`ring_flux`), and for dilating bodies with laws at vertices.
-        split: How cells are split; None without a split.
+        problem: The problem. In 3D its cells are split from their centres; in axisymmetry its
+            unknown is v = ru (:mod:`ring_flux`); for dilating bodies the laws are imposed at the
+            vertices.
+        split: The mesh of split cells; None without a split.
     """
 
     problem: Problem
@@ -71,7 +71,7 @@ def flow_problem(problem: Problem) -> FlowProblem:
 
 
 def split_of(problem: Problem) -> AlfeldSplit | None:
-    """Return how cells are split for strict bounds; None if they are not. Collective."""
+    """Return the mesh of split cells for strict bounds; None if cells are not split. Collective."""
     if problem.bodies.gdim == 3 and is_straight(problem):
         return alfeld_split(problem.tagged_mesh)
     return None
@@ -88,7 +88,7 @@ class VelocityOf:
 
     Attributes:
         problem: The problem.
-        velocity: Its velocity.
+        velocity: A function in the displacement space of this problem.
     """
 
     problem: Problem
@@ -104,7 +104,7 @@ def of_displacements(
 
     Args:
         problem: Problem of the displacements u.
-        flow: Flow problem of v = ru.
+        flow: Flow problem with its velocity v = ru.
         mesh: Limit load of the flow problem.
     """
     velocity, forces = nodal_velocity(problem, flow.velocity), mesh.contact_forces
@@ -125,10 +125,10 @@ def of_displacements(
 
 
 def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Function:
-    """Return a stress at the points, from coefficients of rσ. Collective.
+    """Return a stress at the quadrature points, from coefficients of rσ. Collective.
 
     Args:
-        problem: Problem with the points.
+        problem: Problem with the quadrature points.
         flow: Flow problem on the same cells, with coefficients at its points.
         stress: σ_i = S_i/ρ_i of each coefficient S_i of S = rσ, Mandel vectors.
     """
@@ -155,7 +155,7 @@ def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
         problem: The bodies as they were declared.
 
     Returns:
-        The same problem twice, if each limit load is that of the bodies themselves.
+        Both problems; the given problem twice if its own limit load is bounded from both sides.
     """
     pair = pair_of(problem.given.materials)
     below = above = problem
@@ -188,7 +188,7 @@ def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
 
 
 def of_parents(values: Floats, split: AlfeldSplit) -> Floats:
-    """Return sums over the parts of each cell."""
+    """Return the sums of values over the parts of each cell before the split."""
     sums: Floats = np.zeros(len(values) // (split.mesh.topology.dim + 1))
     np.add.at(sums, split.parents, values)
     return sums
@@ -201,14 +201,14 @@ def _places(split: AlfeldSplit) -> npt.NDArray[np.integer]:
 
 
 def with_divided_interfaces(problem: Problem) -> Problem:
-    """Return the problem on a mesh with a node wherever the other side has one. Collective.
+    """Return the problem on a mesh with a node wherever the opposite surface has one. Collective.
 
-    Facets that lie on each other then match, so that tractions and velocities of both sides are
-    compared point by point. The new mesh states how its bodies differ from the old ones
-    (``taken``).
+    Facets that lie on each other then match, and the tractions and velocities of both sides can be
+    compared point by point. The attribute ``taken`` of the new mesh describes how its bodies differ
+    from the old ones.
 
     Args:
-        problem: The problem. It is returned unchanged in space, on curved cells, and if surfaces
+        problem: The problem. It is returned unchanged in 3D, on curved cells, and if surfaces
             neither lie on each other nor are polygons of one curve.
 
     Raises:
@@ -224,12 +224,12 @@ def with_divided_interfaces(problem: Problem) -> Problem:
         finer = _matching(finer, pair.primary, pair.secondary)
     if finer is tagged_mesh:
         return problem
-    log.info("cells at interfaces are divided, so that facets of both sides match")
+    log.info("cells at interfaces are divided to make the facets of both sides match")
     return problem.on(finer)
 
 
 def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMesh:
-    """Return the mesh, divided at one pair of surfaces. Collective."""
+    """Return the mesh with cells divided at one pair of surfaces. Collective."""
     one, other = (surface_ends(tagged_mesh, name) for name in (primary, secondary))
     ends = one.reshape(-1, 2), other.reshape(-1, 2)
     away = farthest(one, ends[1]), farthest(other, ends[0])
@@ -242,7 +242,7 @@ def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMe
     if not bent:
         return finer
     words = (
-        f"the bounds are those of a projected model: '{primary}' and '{secondary}', whose chords"
+        f"the bounds hold for a projected model: '{primary}' and '{secondary}', whose chords"
         f" differ, are both the polygon through the nodes of both, up to {moved:.2g} away"
     )
     return replace(finer, taken=(*finer.taken, words))
@@ -251,7 +251,8 @@ def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMe
 def with_matching_facets(problem: Problem) -> Problem:
     """Return the problem with matching facets in contact, and shared facets at ties. Collective.
 
-    This is done as far as possible. Contact acts at each point, also if mortar rows were requested.
+    Facets that cannot match stay unchanged. Contact acts at each point, also if mortar rows were
+    requested.
     """
     return with_glued_ties(with_divided_interfaces(_at_each_point(problem)))
 
@@ -269,7 +270,7 @@ def _at_each_point(problem: Problem) -> Problem:
 def with_glued_ties(problem: Problem) -> Problem:
     """Return the problem on a mesh whose cells share vertices where bodies are tied. Collective.
 
-    The velocity and the tractions of a tie with matching facets are the same on both sides, as for
+    If the facets of a tie match, its velocity and tractions are the same on both sides, as for
     cells that share a facet.
 
     Args:

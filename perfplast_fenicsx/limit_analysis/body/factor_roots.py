@@ -1,4 +1,4 @@
-"""Find factors of strengths with which loads are carried exactly once, for each strict bound."""
+"""Find the strength factors F at which each strict bound of the multiple of the loads is 1."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,16 +20,16 @@ MOST_SEARCHES = 10
 """Largest number of searches for a root F; three or four are usual."""
 
 Monitor: TypeAlias = Callable[[float, Bound, Bound, int], None]
-"""Called on every rank with F, the lower and upper bound of μ at this F, and the number of cells.
+"""Called on every rank with F, both bounds of μ at this F (lower, upper), and the number of cells.
 """
 
 STEP = 1.3
-"""Change of F if a side of μ is unknown, or if fewer than two values are known."""
+"""Ratio of consecutive F if a bound of μ is unknown, or if fewer than two values are known."""
 
 
 @dataclass
 class FactorRoots:
-    """Bounds of μ at some F on one mesh, and their roots.
+    """Bounds of μ at several F on one mesh, and the roots F at which a bound is 1.
 
     Attributes:
         problem: The problem with the full strengths.
@@ -37,8 +37,8 @@ class FactorRoots:
         monitor: See :data:`Monitor`.
         steps: Called on every rank after each step of the interior point method.
         steepness: Assumed |d ln μ/d ln F| if only one value is known.
-        found: Computed bounds by F, with the kind that was sought.
-        searches: Number of computed bounds, each side counted separately.
+        found: Computed bounds by the kind that was sought ("lower", "upper") and by F.
+        searches: Number of computed bounds; lower and upper bounds count separately.
         met: Whether :meth:`of_mesh` came close to a root.
     """
 
@@ -55,18 +55,18 @@ class FactorRoots:
 
     @property
     def rough(self) -> float:
-        """Return the tolerance for the mesh's own μ, and for its distance from 1, relative."""
+        """Return the relative tolerance of the mesh's own μ, and of its distance from 1."""
         most = 0.1
         return min(10 * self.tolerance, most)
 
     @property
     def rtol(self) -> float:
-        """Return the relative distance of each bound to the best one on its mesh."""
+        """Return the relative distance of each bound to the best bound of its kind on its mesh."""
         finer = 0.1  # share of the tolerance, in μ
         return finer * self.tolerance
 
     def of_mesh(self) -> float:
-        """Estimate the root F of the mesh's own μ, and the slope of μ there."""
+        """Return an estimate of the root F of the mesh's own μ, and set the slope of μ there."""
         known: dict[float, float] = {}
         factor, strong, near = 1.0, 0.0, 1.05
         for _ in range(MOST_SEARCHES):
@@ -89,8 +89,8 @@ class FactorRoots:
         if known:
             factor = min(known, key=lambda it: abs(known[it]))
             self.steepness = _steepness(known, self.steepness)
-        finer = 1.03  # approximate difference in strength at which finer meshes collapse
-        less = 0.96  # measured slope of a coarse mesh's bounds, used for finer ones
+        finer = 1.03  # approximate ratio of this root to the roots of finer meshes
+        less = 0.96  # measured ratio of the slopes of finer meshes to the slope of a coarse mesh
         times = self._log_times(factor / finer) if factor in known else None
         if times is not None and math.isfinite(times):
             steepness = _steepness({factor: known[factor], factor / finer: times}, 1.0)
@@ -98,7 +98,7 @@ class FactorRoots:
         return factor
 
     def _log_times(self, factor: float) -> float | None:
-        """Return the approximate ln μ of the mesh; None if it is unknown, ∞ if unbounded.
+        """Return the approximate ln μ of the mesh; None if μ is unknown, ∞ if μ is unbounded.
 
         Collective.
         """
@@ -118,16 +118,16 @@ class FactorRoots:
         known_elsewhere: float | None = None,
         other_side: float | None = None,
     ) -> float | None:
-        """Return the factor at which a bound of μ is 1, on its safe side. Collective.
+        """Return the factor F at which a bound of μ is 1, on the safe side of the root. Collective.
 
-        None if no strict bound was found. Values that are not strict also guide the search, but are
-        never returned.
+        The function returns None if no strict bound was found. Values that are not strict also
+        guide the search, but the function never returns their factors.
 
         Args:
             kind: "lower" or "upper".
             known_elsewhere: A factor on the safe side that another mesh has proven.
             other_side: A factor on the unsafe side, from a bound of the other kind. No root lies
-                beyond it.
+                beyond this factor.
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         first, last = (max, min) if kind == "lower" else (min, max)
@@ -135,7 +135,7 @@ class FactorRoots:
         failures, most_failures = (
             0,
             3,
-        )  # number of consecutive failures, from rounding, once a factor is known
+        )  # number of consecutive failures from rounding, once a factor is known
         for _ in range(MOST_SEARCHES):
             known, strict = _known(found, kind)
             safe = [*self.shown(kind), *([known_elsewhere] if known_elsewhere else [])]
@@ -144,7 +144,7 @@ class FactorRoots:
             if best in known and abs(known[best]) <= room:
                 break
             near = [it for it, times in known.items() if 0 <= sign * times <= 2 * aim * room]
-            if near and not strict & set(near):  # further from the root a bound may be strict
+            if near and not strict & set(near):  # bounds further from the root may be strict
                 aim *= 4
             beyond = [it for it in found if it not in known or sign * known[it] < 0]
             if best is not None:
@@ -157,9 +157,9 @@ class FactorRoots:
                 factor = _within(aimed, best, other, self.tolerance / 2)
             elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
-                if other_side and sign * (factor - other_side) >= 0:  # no root lies beyond it
+                if other_side and sign * (factor - other_side) >= 0:  # no root is there
                     factor = math.sqrt(other_side * min(known, key=lambda it: abs(known[it])))
-            else:  # confined bodies collapse with less strength, coarse meshes carry more with more
+            else:  # less strength lets confined bodies collapse; with more, coarse meshes carry
                 factor = (max if sign < 0 else min)(found) * STEP**-sign
             while known and factor in found and factor not in known:  # the search gave no result
                 factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
@@ -171,7 +171,7 @@ class FactorRoots:
         return first(shown) if shown else None
 
     def _bound(self, kind: str, factor: float) -> None:
-        """Compute the bound of μ at F from one side. Collective."""
+        """Compute and store the bound of μ at F of one kind. Collective."""
         self.searches += 1
         reduced = weakened(self.problem, factor)
         if kind == "upper":
@@ -183,24 +183,24 @@ class FactorRoots:
         self.keep(factor, bounds, kind)
 
     def shown(self, kind: str) -> dict[float, BodyBounds]:
-        """Return bounds by F for those F with which the bodies provably stand, or provably fall."""
+        """Return bounds by F, for all F at which bodies provably stand (lower) or fall (upper)."""
         known, strict = _known(self.found[kind], kind)
         sign = 1 if kind == "lower" else -1
         return {F: self.found[kind][F] for F in strict if sign * known[F] >= 0}
 
     def failed(self, kind: str) -> str:
-        """Return in a clause why the last search for a bound of this kind has no usable result."""
+        """Return a clause on why the last search for a bound of this kind has no usable result."""
         bounds = list(self.found[kind].values())[-1]
         bound = bounds.lower if kind == "lower" else bounds.upper
         better = "no search on the last mesh gave a better one"
         return bound.why_not[-1].rstrip(".") if bound.why_not else better
 
     def is_strict(self, kind: str) -> bool:
-        """Return whether a bound of this kind is strict at any F so far."""
+        """Return whether a bound of this kind is strict at one or more F so far."""
         return bool(_known(self.found[kind], kind)[1])
 
     def keep(self, factor: float, bounds: BodyBounds, *kinds: str) -> None:
-        """Store bounds at some F, of all kinds that they contain."""
+        """Store bounds at some F, under the given kinds; under both kinds if no kind is given."""
         for kind in kinds or self.found:
             self.found[kind][factor] = bounds
         if self.monitor is not None:
@@ -211,11 +211,11 @@ class FactorRoots:
 def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:
     """Return the F for the next mesh, from the results on the previous meshes.
 
-    It is the approximate root of the lower bound, between the largest F proven to stand and the
-    least F proven to fall. On coarse meshes this root is closer to that of the body than the root
-    of the upper bound. On the last mesh it is also nearly the final lower bound. On a mesh without
-    a mechanism, F grows while the loads are provably carried, and otherwise stays until finer cells
-    have a mechanism.
+    The next F is the approximate root of the lower bound. It lies between the largest F at which
+    the bodies provably stand and the least F at which they provably fall. On coarse meshes this
+    root is closer to the root of the body than the root of the upper bound. On the last mesh it is
+    also nearly the final lower bound. On a mesh without a mechanism, F grows while the bodies
+    provably carry the loads. Otherwise F stays constant until finer cells have a mechanism.
 
     Args:
         curves: Curves of the meshes so far.
@@ -244,13 +244,13 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
 
 
 def _within(factor: float, one: float, other: float, near: float) -> float:
-    """Return F if it is well between two others, and otherwise their mean.
+    """Return F if it is well between two other factors, and otherwise their geometric mean.
 
     Args:
         factor: F.
         one: One limit.
-        other: The other limit, in the same form.
-        near: Closest allowed relative distance to the limits.
+        other: The other limit, smaller or larger than the first.
+        near: Least allowed relative distance to the limits.
     """
     low, high = sorted((math.log(one), math.log(other)))
     margin = 0.05 * (high - low)
@@ -261,7 +261,7 @@ def _within(factor: float, one: float, other: float, near: float) -> float:
 
 
 def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float], set[float]]:
-    """Return ln μ by F for bounds of one kind with a value, and the F with strict ones."""
+    """Return ln μ by F for bounds of one kind with a value, and the set of F with strict bounds."""
     known, strict = dict[float, float](), set[float]()
     for factor, bounds in found.items():
         bound = bounds.lower if kind == "lower" else bounds.upper
@@ -273,7 +273,7 @@ def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float
 
 
 def _steepness(known: dict[float, float], guess: float) -> float:
-    """Return |d ln μ/d ln F| between the two values next to μ = 1, or the guess for one value."""
+    """Return |d ln μ/d ln F| between the two values next to μ = 1; the guess without two values."""
     pair = sorted(known, key=lambda factor: abs(known[factor]))[:2]
     if len(pair) < 2:
         return guess
@@ -282,7 +282,7 @@ def _steepness(known: dict[float, float], guess: float) -> float:
 
 
 def _next(known: dict[float, float], aim: float, guess: float) -> float:
-    """Return the F at which ln μ has the target value, by the secant of the two nearest values."""
+    """Return the F at which ln μ has the target value, by a secant through the nearest values."""
     nearest = min(known, key=lambda factor: abs(known[factor] - aim))
     change = (known[nearest] - aim) / _steepness(known, guess)
     most = 3 * math.log(STEP)

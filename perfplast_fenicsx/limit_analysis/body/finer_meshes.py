@@ -1,13 +1,14 @@
-"""Choose the next mesh of bounds: where it is finer, and how many cells it has.
+"""Choose the next mesh for bounds: where it is finer, and how many cells it has.
 
-Compute the directions in which velocity and stress of bounds in space change, cell by cell.
+For 3D meshes, the module computes the directions in which velocity and stress change in each cell.
 A mesh should be fine across slip bands, which the velocity shows, and across the thickness of
-bending parts, which the stress shows. Along them it may be coarse.
+bending parts, which the stress shows. Along the bands and parts it may be coarse.
 
-Define the length of edges of a plane mesh by the change of the solution along them.
+For plane meshes, the module defines the length of edges by the change of the solution along them.
 In slip layers the velocity changes only across the layers. Where principal stresses rotate about a
-point, they change only around the point. Cells that are long in the other direction are equally
-good. Of two edges of equal length, the metric makes the one with the larger change longer.
+point, they change only around the point. Cells that are long in the direction without change are
+equally good. Of two edges of equal length, the edge with the larger change is longer in this
+metric.
 """
 
 from mpi4py import MPI
@@ -45,11 +46,11 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
 
     Collective.
 
-    The marking of W. Dörfler, doi:10.1137/0733054.
+    This is the marking of W. Dörfler, doi:10.1137/0733054.
 
     Args:
         comm: The ranks.
-        shares: Contributions of the owned cells; negative ones count as zero.
+        shares: Contributions of the owned cells; negative contributions count as zero.
         part: Part of the sum over all cells, between 0 and 1.
     """
     shares = np.maximum(shares, 0.0)
@@ -65,15 +66,17 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
 
 
 def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
-    """Return owned cells with a part of the gap or of the multipliers' dissipation. Collective.
+    """Return owned cells that cause a given part of the gap or of the multipliers' dissipation.
 
-    In the plane the marked cells have the given part of the sum of both, each normalised by its
-    total, with half weight for the dissipation.
+    Collective.
+
+    In 2D the marked cells have the given part of the sum of gap and dissipation. Each of the two is
+    divided by its total, and the dissipation has half weight.
 
     Args:
         problem: The bodies with their loads.
         found: Bounds on the mesh of the problem.
-        part: Part of these sums, between 0 and 1; 1 marks all cells.
+        part: Part of the sums, between 0 and 1; 1 marks all cells.
     """
     dissipation = None if found.static is None else found.static.dissipation
     topology = problem.tagged_mesh.mesh.topology
@@ -81,8 +84,8 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
     marked = np.full(cells.size_local, part >= 1.0)
     if dissipation is not None and part < 1.0:
         # If very few cells limit the stress, they cause the whole gap, and the indicators elsewhere
-        # belong to a small stress. Then only these cells are refined, unless the bounds are already
-        # close and more stress there would not help.
+        # belong to a stress that is too small. Then the function marks only these cells, unless the
+        # bounds are already close, because more stress would then not help.
         most, few, near = 0.9, 0.005, 0.1
         here = largest_shares(problem.comm, dissipation, most)
         if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:
@@ -102,23 +105,23 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
 
 
 def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
-    """Return contributions relative to their sum, with negative ones as zero. Collective."""
+    """Return contributions relative to their sum, without negative contributions. Collective."""
     shares = np.maximum(shares, 0.0)
     whole = comm.allreduce(float(shares.sum()))
     return shares / whole if whole > 0 else shares
 
 
 def directions_of_change(found: BodyBounds) -> Floats:
-    """Return gradients of the velocity and of the stress deviator, scaled to the norms 1 and 1/2.
+    """Return cellwise gradients of velocity and stress deviator, scaled to the norms 1 and 1/2.
 
     Collective.
 
-    The gradients are those of fields that are linear in each cell. Their values at its corners are
-    the velocity, and the mean stress of the surrounding cells. Without a stress only the velocity
-    counts.
+    The function takes gradients of fields that are linear in each cell. The values of the fields at
+    the corners are the velocity, and the mean stress of the surrounding cells. Without a stress
+    only the velocity counts.
 
     Args:
-        found: Bounds with a mechanism, which is zero if none was found.
+        found: Bounds with a mechanism; its velocity is zero if no mechanism was found.
 
     Returns:
         ∂f_j/∂x_i in row i, for the owned cells before the split, shape (num_cells, 3, 3 or 9); zero
@@ -135,19 +138,19 @@ def directions_of_change(found: BodyBounds) -> Floats:
         deviator[..., :3] -= deviator[..., :3].mean(axis=2, keepdims=True)
         around = _around_vertices(tagged_mesh, cells, places, deviator)
         changes.append(_gradients(tagged_mesh, places, around))
-    weights = 1.0, 0.5  # a larger norm for the stress worsens punches more than it improves plates
+    weights = 1.0, 0.5  # a larger weight of the stress harms punches more than it helps plates
     sized = [_in_their_size(found.problem.comm, it) for it in changes]
     return np.concatenate([w * it for w, it in zip(weights, sized, strict=False)], axis=2)
 
 
 def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Floats:
-    """Return gradients in cells before the split, from values at corners of the parts."""
+    """Return gradients in cells before the split, from values at the corners of their parts."""
     matrices, changes = places[:, 1:] - places[:, :1], values[:, 1:] - values[:, :1]
     gradients = np.asarray(np.linalg.solve(matrices, changes), dtype=np.float64)
     if not isinstance(tagged_mesh, AlfeldSplit):
         return gradients
-    # The parts of a cell have equal volumes, so that their mean is the gradient from the cell's own
-    # corners.
+    # The parts of a cell have equal volumes. The mean of their gradients is therefore the gradient
+    # from the cell's own corners.
     flat = gradients.reshape(len(gradients), -1) / places.shape[1]
     sums = np.stack([of_parents(column, tagged_mesh) for column in flat.T], axis=1)
     return sums.reshape(-1, *gradients.shape[1:])
@@ -156,7 +159,7 @@ def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Float
 def _around_vertices(
     tagged_mesh: TaggedMesh, cells: Ints, places: Floats, values: Floats
 ) -> Floats:
-    """Return means over all cells around each corner, weighted by their volumes. Collective.
+    """Return volume-weighted means over the cells around each corner. Collective.
 
     Args:
         tagged_mesh: The mesh.
@@ -179,7 +182,7 @@ def _around_vertices(
 
 
 def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
-    """Return each gradient divided by its norm, except for rounding errors. Collective."""
+    """Return each gradient divided by its norm; rounding errors remain small. Collective."""
     sizes = np.linalg.norm(gradients, axis=(1, 2), keepdims=True)
     least = 1e-4 * comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
     return np.divide(
@@ -188,14 +191,14 @@ def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
 
 
 def edge_metric(found: BodyBounds) -> Floats | None:
-    """Return a matrix M for each owned cell; the squared length of an edge e is e·M e. Collective.
+    """Return a matrix M for each owned cell, with which an edge e has length √(e·M e). Collective.
 
-    M = GᵀG + 3 SᵀS with the gradients G of the mechanism in the middle of the cell, and S of the
-    in-plane stress deviator. Each is scaled so that its largest squared singular value is 1. An
-    edge along which neither changes is short.
+    M = GᵀG + 3 SᵀS. G is the gradient of the mechanism in the middle of the cell, and S is the
+    gradient of the in-plane stress deviator. Each is scaled so that its largest squared singular
+    value is 1. An edge along which neither field changes is short.
 
     Args:
-        found: Bounds on the mesh, of quadratic velocities on triangles.
+        found: Bounds on the mesh, with quadratic velocities on triangles.
 
     Returns:
         Matrices, shape (num_cells, 2, 2); None without both bounds, and in axisymmetry.
@@ -227,15 +230,15 @@ def edge_metric(found: BodyBounds) -> Floats | None:
 
 
 def _stretches(comm: MPI.Intracomm, changes: Floats, values: Floats) -> Floats:
-    """Return GᵀG of gradients G, scaled to the larger eigenvalue 1 and a bounded smaller one.
+    """Return GᵀG of gradients G, scaled to eigenvalues 1 and at least 1/64.
 
     Collective.
 
     Args:
         comm: The ranks.
         changes: G times the size of the cell, shape (n, 2, 2).
-        values: Values whose change is measured, shape (n, k, 2). If they change only by rounding
-            errors, both eigenvalues are 1.
+        values: Values whose change is measured, shape (n, k, 2). If they change in a cell only by
+            rounding errors, both eigenvalues are 1.
     """
     longest = 8.0  # largest ratio of length to width of cells
     nothing = 1e-4  # relative to the largest value
@@ -257,21 +260,22 @@ def finer_mesh(
 ) -> TaggedMesh | str:
     """Return the next mesh, or why there is no next mesh. Collective.
 
-    If it would have too many cells, the function marks as many as fit. A mesh with hardly more
-    cells than this one would cost as much and improve little. In the plane, a twelfth more cells at
-    the right places can still close a fifth of the gap. In space each mesh costs more than all
-    previous ones. The function therefore marks more cells if the next step would be small.
+    If the next mesh would have too many cells, the function marks as many cells as fit. A mesh with
+    hardly more cells than this one would cost as much and improve little. In 2D, a twelfth more
+    cells at the right places can still close a fifth of the gap. In 3D each mesh costs more than
+    all previous meshes together. The function therefore marks more cells if the next 3D mesh would
+    have few more.
 
     Args:
         problem: The bodies and their loads, on this mesh.
-        found: Bounds on it.
+        found: Bounds on this mesh.
         gap: Relative gap of the best bounds so far; None if one of them is missing.
         adaptation: The adaptation, with its limits.
         much: Whether a plane mesh should have about twice as many cells as the previous one.
     """
-    # Dörfler's fraction by dimension: the marked cells carry this share of the gap, and of the
-    # dissipation. It is smaller in space, where the closure of the refinement divides many more
-    # cells.
+    # Dörfler's fraction by dimension: the marked cells cause this share of the gap and of the
+    # dissipation. It is smaller in 3D, because the closure of the refinement divides many more
+    # cells there.
     part, worth_while = {2: (0.4, 1.05), 3: (0.2, 1.2)}[problem.bodies.gdim]
     if much and problem.bodies.gdim == 2:
         part, worth_while = 0.8, 1.5
@@ -280,7 +284,7 @@ def finer_mesh(
     if now >= cells:
         return too_many
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
-        part = 1.0  # without a result there are no indicators: cells are too large everywhere
+        part = 1.0  # without a result there are no indicators; cells are too large everywhere
     marked = to_refine(problem, found, part)
     if not problem.comm.allreduce(int(marked.sum())):
         return "no result indicates where to refine"
@@ -289,7 +293,7 @@ def finer_mesh(
     if problem.bodies.gdim == 3 and part < 1.0:
         least, most = _wanted(now, gap, adaptation)
     finer, few = usual, worth_while * now
-    largest = 0.9  # largest marked part; beyond it cells contribute almost nothing to the gap
+    largest = 0.9  # largest part to mark; the remaining cells cause almost none of the gap
     low, high = part, largest
     if number_of_cells(usual) > most:
         least, low, high = max(least, 0.95 * most), 0.0, part
@@ -309,10 +313,11 @@ def finer_mesh(
 
 
 def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float, float]:
-    """Return the least and largest number of cells of the next mesh in space.
+    """Return the least and the largest number of cells of the next 3D mesh.
 
-    The number should suffice by the observed convergence, but is at most twice the present one:
-    indicators on a coarse mesh are not those on a much finer one.
+    By the observed convergence, the number should be enough to reach ``until``. It is at most about
+    twice the present number, because indicators on a coarse mesh differ from those on a much finer
+    mesh.
 
     Args:
         now: Number of cells of this mesh.
@@ -341,13 +346,12 @@ def refined(
     Args:
         problem: The bodies with their loads.
         marked: Marks of the owned cells.
-        found: Bounds on the mesh. In the plane, cells become long where mechanism or stress changes
-            in one direction (:mod:`finer_meshes`). In space, edges along which velocity and stress
-            change are cut (:mod:`finer_meshes`). Cells at singular edges with the largest
-            loss of the lower bound become fans instead of being refined, since more directions
-            reduce this loss.
-        cells: Largest number of cells of the mesh. In the plane, fans of long cells are created at
-            once if they take less than a fourth of it, and otherwise gradually with each mesh.
+        found: Bounds on the mesh. In 2D, cells become long where mechanism or stress changes in one
+            direction only. In 3D, bisection cuts the edges along which velocity and stress change.
+            Cells at singular edges with the largest loss of the lower bound become fans instead of
+            being refined, because more directions reduce this loss.
+        cells: Largest number of cells of the mesh. In 2D, fans of long cells are created at once if
+            they add less than a fourth of this number, and otherwise gradually with each mesh.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     in_space = problem.bodies.gdim == 3
@@ -375,8 +379,8 @@ def refined(
     if problem.comm.allreduce(len(points)):
         finer = fan(finer, points, opposite_vertices(finer, given.contacts)).tagged_mesh
     fields = varying_of(problem)
-    # A field of a file has kinks everywhere. Vertices on them move, because linear bounds of the
-    # field then lose less than with lines that cross.
+    # A field from a file has kinks everywhere and is left out. Vertices move onto the kinks of
+    # other fields, because linear bounds of a field lose more in cells that a kink crosses.
     strengths = [
         (name, field)
         for name, each in fields.items()
@@ -394,9 +398,9 @@ def _with_long_fans(
     metric: Floats | None,
     gap: float | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], npt.NDArray[np.bool_], Floats | None]:
-    """Return a plane mesh with fans of its long cells, with marks and metric. Collective.
+    """Return a plane mesh with fans of long cells, with marks, rigid cells and metric. Collective.
 
-    Cells that become parts of fans lose their mark: further refinement would shorten them.
+    Cells that become parts of fans lose their mark, because refinement would shorten them.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     most = 8  # number of times that angles are halved
@@ -420,14 +424,14 @@ def _with_fans(
     dissipation: Floats,
     changes: Floats | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
-    """Return a mesh in space with fans at the marked cells that need them. Collective.
+    """Return a 3D mesh with fans at the marked cells that need them. Collective.
 
     Returns:
         The mesh, the remaining marks of its owned cells, and their directions of change.
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
-    most = 0.5  # share of the multipliers' dissipation, which is often in few cells,
-    nearly = 0.5  # share of it that must be at such edges; otherwise cell size matters as well
+    most = 0.5  # share of the multipliers' dissipation, which few cells often have
+    nearly = 0.5  # part of this share that must be at such edges; otherwise cell size matters too
     valence = 12  # cells around edges; each costs as many cells as the edge has
     few = largest_shares(comm, dissipation, most)
     edges = singular_edges(tagged_mesh, given, valence) & few[:, None]

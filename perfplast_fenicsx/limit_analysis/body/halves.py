@@ -1,8 +1,9 @@
-"""Compute both bounds in parallel on two ranks, each on its own copy of the mesh.
+"""Compute both bounds in parallel on two ranks, each bound on its rank's own copy of the mesh.
 
-Factorisations dominate the cost of a bound, and two ranks are hardly faster at them than one. So
-each rank computes one bound, and waits for the other only when steps are reported. Results are
-transferred to the mesh that both ranks share (benchmarks/halves_at_once.py measures the saving).
+Factorisations dominate the cost of a bound, and two ranks factorise hardly faster than one. So each
+rank computes one bound, and waits for the other rank only when steps are reported. The module then
+transfers the results to the mesh that both ranks share (benchmarks/halves_at_once.py measures the
+saving).
 """
 
 import logging
@@ -46,14 +47,14 @@ log = logging.getLogger(__name__)
 
 
 class Meeting:
-    """All ranks synchronise after each step of any rank; ranks that have finished wait."""
+    """Synchronise all ranks after each step of any rank; ranks that have finished wait."""
 
     def __init__(self, comm: MPI.Intracomm, monitor: Callable[[InteriorStep], None] | None) -> None:
-        """Begin the synchronisation of these ranks.
+        """Start the synchronisation of these ranks.
 
         Args:
             comm: The ranks.
-            monitor: Called on every rank after each step of any.
+            monitor: Called on every rank after each step of any rank.
         """
         self._comm, self._monitor = comm, monitor
         self.monitor = None if monitor is None else self._tell
@@ -61,7 +62,7 @@ class Meeting:
         """
 
     def after(self, work: Callable[[], None]) -> bool:
-        """Do this rank's work, which must not be collective, and wait for that of all ranks.
+        """Do this rank's work, which must not be collective, and wait for the work of all ranks.
 
         Collective.
 
@@ -85,7 +86,7 @@ class Meeting:
         return self._comm.allreduce(fits, MPI.LAND)
 
     def _tell(self, step: InteriorStep) -> None:
-        """Report a step of this rank, and receive those of others."""
+        """Report a step of this rank, and receive the steps of other ranks."""
         self._meet(step)
 
     def _meet(self, step: InteriorStep | None) -> bool:
@@ -99,7 +100,7 @@ class Meeting:
 
 @dataclass(frozen=True)
 class Copied:
-    """A mesh that ranks share, and this rank's copy of the mesh."""
+    """A mesh that the ranks share, and this rank's copy of the whole mesh."""
 
     shared: TaggedMesh
     copy: WholeMesh
@@ -107,14 +108,14 @@ class Copied:
     def limit(
         self, root: int, flow: FlowProblem, own: FlowProblem | None, found: LimitLoad | None
     ) -> LimitLoad | None:
-        """Return a limit load with its mechanism and its stress, but without forces of pairs.
+        """Return a limit load with its mechanism and its stress, but without contact forces.
 
         Collective.
 
         Args:
             root: The rank with the result.
             flow: The flow problem on the shared mesh.
-            own: The flow problem on the copy; ``found`` exists only on the root.
+            own: The flow problem on the copy; only the root uses it.
             found: The result on the root; ignored on other ranks.
 
         Returns:
@@ -135,10 +136,10 @@ class Copied:
         return LimitLoad(**(told | fields))
 
     def stress(self, root: int, found: StaticBound | None) -> StaticBound:
-        """Return a lower bound with its stress. The rank with the result.
+        """Return a lower bound with its stress. Collective.
 
         Args:
-            root: The rank that has found it.
+            root: The rank with the result.
             found: The result on the root; ignored on other ranks.
         """
         told, rows = dict[str, Any](), dict[str, npt.NDArray]()
@@ -154,7 +155,7 @@ class Copied:
 
 
 def _rows(function: fem.Function, own: FlowProblem) -> Floats:
-    """Return values at the nodes or points of each cell or part, shape (num_cells, ...)."""
+    """Return the values at the nodes or points of each cell, or of each of its parts."""
     dofmap = function.function_space.dofmap
     values: Floats = function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list]
     return values if own.split is None else by_cells(values, own.split)
@@ -182,7 +183,7 @@ class Halves:
         flow: Flow problem of the mechanism.
         limit: Limit load with the mechanism, as :func:`discrete_limit.interior_point` returns it.
         static: The lower bound with its stress.
-        question: The loads of the lower bound.
+        question: The loads that the lower bound multiplies.
     """
 
     flow: FlowProblem
@@ -192,14 +193,14 @@ class Halves:
 
 
 def pays(below: Problem, above: Problem) -> bool:
-    """Return whether computing both bounds in parallel is faster (benchmarks/halves_at_once.py).
+    """Return whether both bounds in parallel are faster and fit (benchmarks/halves_at_once.py).
 
     Collective.
     """
     comm, dim = below.comm, below.bodies.gdim
     cells = below.tagged_mesh.mesh.topology.index_map(dim).size_global
-    # Fewer cells take less than a second in any case. With more, two ranks factorise faster
-    # together, or it was not measured.
+    # Fewer cells take less than a second in any case. With more cells, both ranks together
+    # factorise faster, or the time was not measured.
     few, many = ((1_000, 100_000), (250, 10_000))[dim - 2]
     of_a_cell = (25e3, 250e3)[
         dim - 2
@@ -213,20 +214,22 @@ def pays(below: Problem, above: Problem) -> bool:
 
 
 def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) -> Halves | None:
-    """Compute the stress of one problem and the mechanism of another, each on one rank. Collective.
+    """Return the stress of one problem and the mechanism of another, each from one rank.
+
+    Collective.
 
     Args:
         below: The bodies of the lower bound.
         above: The bodies of the upper bound, on the same mesh.
-        rtol: Relative distance of each bound to the best of its kind on this mesh.
+        rtol: Relative distance of each bound to the best bound of its kind on this mesh.
         monitor: Called on both ranks after each step of either.
 
     Returns:
-        The results; None if a half does not fit into memory.
+        The results; None if the work of a rank does not fit into memory.
 
     Raises:
         InputError: As :func:`limit_bounds.limit_bounds`, on both ranks.
-        StopSearch: From the monitor, with the limit load as far as it is known.
+        StopSearch: From the monitor, with the limit load that is known so far.
     """
     comm, shared = below.comm, below.tagged_mesh
     copy, meeting = whole_mesh(shared), Meeting(below.comm, monitor)
@@ -255,7 +258,7 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
 
 
 class _Mechanism:
-    """The part of the upper bound."""
+    """The search for the upper bound, on one rank."""
 
     flow: FlowProblem | None = None
     found: LimitLoad | None = None
@@ -274,7 +277,7 @@ class _Mechanism:
 
 
 class _Stress:
-    """The part of the lower bound."""
+    """The search for the lower bound, on one rank."""
 
     found: StaticBound | None = None
 

@@ -1,15 +1,15 @@
-"""Compute interaction diagrams: which multiples of two or three loads are carried.
+"""Compute interaction diagrams: the multiples of two or three loads that the bodies carry.
 
-The pairs (a, b) for which a·A + b·B and the permanent loads are carried form a convex set; so do
-triples. The convex hull of the points proven by strict lower bounds lies inside the set. A
-mechanism v of a strict upper bound dissipates D(v), which bounds the work of *all* loads that are
-carried:
+The bodies carry a·A + b·B together with the permanent loads for a convex set of pairs (a, b), or of
+triples for three loads. Strict lower bounds prove points of this set, and the convex hull of these
+points lies inside the set. A mechanism v of a strict upper bound dissipates D(v), which bounds the
+work of *all* loads that the bodies carry:
 
-    a A(v) + b B(v) ≤ D(v) − L₀(v),
+    a A(v) + b B(v) ≤ D(v) − L₀(v).
 
-a half-space that contains the whole set. Both polytopes are proven; the boundary of the set lies
-between them. The search takes the directions in which the polytopes are farthest apart, one after
-another.
+This half-space contains the whole set. The hull and the intersection of the half-spaces are two
+proven polytopes, and the boundary of the set lies between them. The search takes one direction
+after another, each where the polytopes are farthest apart.
 """
 
 import math
@@ -44,8 +44,8 @@ from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 Angles = tuple[float, ...]
-"""A direction (degrees): the angle from the first number to the second, and for three numbers the
-angle above that plane towards the third."""
+"""A direction (degrees): the angle from the axis of the first number to that of the second. For
+three numbers also the angle from the plane of both axes towards the third axis."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Proven:
 
     Attributes:
         angles: The direction.
-        carried: The pair or triple in this direction that is provably carried, as far as possible;
-            None without a strict lower bound.
+        carried: The largest pair or triple in this direction that the bodies provably carry; None
+            without a strict lower bound.
         side: The half-space (n, r) of a mechanism, with n·x ≤ r; None without a strict upper bound.
     """
 
@@ -69,25 +69,25 @@ class Proven:
 
 
 Proving = Callable[[BodyBounds, BodyBounds], Proven]
-"""A function that makes a proof from the results with the lower and the upper bound in a direction.
+"""A function that returns the proven bounds, from the results with the lower and the upper bound.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Envelope(NotebookResult):
-    """Two polytopes; the boundary of the set of carried loads lies between them.
+    """Two polytopes, between which the boundary of the set of carried loads lies.
 
     Attributes:
-        carried: Pairs or triples that are provably carried, shape (n, d), one for each direction
-            with a strict lower bound, preceded by zero without permanent loads. Their convex hull
-            is carried as well.
-        sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1): points outside any
-            of them are not carried.
+        carried: Pairs or triples that the bodies provably carry, shape (n, d): one for each
+            direction with a strict lower bound, after zero if there are no permanent loads. The
+            bodies also carry all points of their convex hull.
+        sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1). The bodies carry no
+            point outside any half-space.
         directions: Directions of the search, in order.
-        gap: Largest relative distance of the polytopes along a ray; inf if one of them is missing
-            on a ray. Rays are half a degree apart, for three numbers 3 degrees.
+        gap: Largest relative distance between the polytopes along a ray; inf if a polytope is
+            missing on a ray. Rays are half a degree apart for two numbers, and 3 degrees for three.
         signed: For each number, whether it may be negative.
-        last: The result in the last direction.
+        last: The result in the last direction of the search.
     """
 
     carried: Floats
@@ -98,11 +98,11 @@ class Envelope(NotebookResult):
     last: BodyBounds
 
     def inner(self, *angles: float) -> float:
-        """Return the distance along a ray (degrees) up to which all is carried; −inf if unknown."""
+        """Return the carried distance along a ray (degrees); −inf if it is unknown."""
         return float(inner_along(self.carried, rays_at(np.array([angles])))[0])
 
     def outer(self, *angles: float) -> float:
-        """Return the distance along a ray (degrees) where nothing is carried; inf if unknown."""
+        """Return the distance along a ray (degrees) where no load is carried; inf if unknown."""
         return float(outer_along(self.sides, rays_at(np.array([angles])))[0])
 
     def in_words(self) -> str:
@@ -123,9 +123,9 @@ class Envelope(NotebookResult):
         )
 
     def rows(self) -> list[Row]:
-        """Return both distances along each ray.
+        """Return the distances of both polytopes along each ray.
 
-        Rays are a degree apart, for three numbers 5 degrees.
+        Rays are a degree apart for two numbers, and 5 degrees for three.
         """
         angles = spread(self.signed, 1.0 if len(self.signed) == 2 else 5.0)
         rays = rays_at(angles)
@@ -145,7 +145,7 @@ class Envelope(NotebookResult):
         return len(self.signed)
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the ends of both distances along each ray."""
+        """Draw the points at which rays leave the two polytopes."""
         rows = self.rows()
         angles = [[row[name] for name in ("angle", "elevation") if name in row] for row in rows]
         rays = rays_at(np.array(angles))
@@ -165,14 +165,15 @@ class Envelope(NotebookResult):
 
 @dataclass(frozen=True)
 class Progress:
-    """The monitors of a search, and results of an earlier one that it continues.
+    """The monitors of a search, and the results of an earlier search that it continues.
 
     Attributes:
         monitor: Called on every rank with each direction, the results with its lower and its upper
-            bound, and a function that makes their proof; returns that proof.
+            bound, and a function that returns their proven bounds. The monitor must return these
+            proven bounds.
         steps: Called on every rank after each step of the interior point method.
-        known: Proven results of an earlier search, to continue it. Its last direction is computed
-            again, because the mechanism of the last direction is part of the result.
+        known: Proven results of an earlier search, which this search continues. The last direction
+            of the earlier search is computed again, because its mechanism is part of the result.
     """
 
     monitor: Callable[[Angles, BodyBounds, BodyBounds, Proving], Proven] | None = None
@@ -190,19 +191,20 @@ def envelope(
     adaptation: Adaptation | None = None,
     progress: Progress | None = None,
 ) -> Envelope:
-    """Return bounds of the set of (a, b) or (a, b, c) for which such multiples are carried.
+    """Return bounds of the set of multiples (a, b) or (a, b, c) of loads that the bodies carry.
 
     Collective.
 
     Args:
-        problem: The bodies; its constant loads act in addition.
-        loads: For each number the loads that it multiplies, none of them constant; two or three.
+        problem: The bodies; the constant loads of the problem act in addition.
+        loads: For each of two or three numbers, the loads that it multiplies; no load may be
+            constant.
         directions: Largest number of directions in which limit loads are bounded.
         until: Relative distance of the polytopes at which the search ends.
-        around: Whether numbers may be negative; one value for each, or one for all.
-        rtol: Relative distance of each bound to the best of its kind on its mesh.
+        around: Whether numbers may be negative; one value for each number, or one value for all.
+        rtol: Relative distance of each bound to the best bound of its kind on its mesh.
         adaptation: Adaptation of the mesh in each direction; None for the mesh of the problem.
-        progress: Monitors and earlier results; None for none.
+        progress: Monitors and earlier results; None without both.
 
     Raises:
         InputError: If a load is constant, the number of loads is not two or three, or
@@ -262,7 +264,7 @@ def _proven(
 
 
 def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
-    """Refuse input that does not define a diagram."""
+    """Refuse input that does not define an interaction diagram."""
     if directions < 1:
         raise InputError(f"directions = {directions} is too small; give at least 3.")
     if len(loads) not in (2, 3):

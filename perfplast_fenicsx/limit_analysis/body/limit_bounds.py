@@ -1,4 +1,4 @@
-"""Compute both bounds, or one, of the limit load of the body that a mesh fills, on one mesh."""
+"""Compute one or both bounds on the limit load of the body that a mesh fills, on this mesh."""
 
 import logging
 from collections.abc import Callable
@@ -85,10 +85,10 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 MOST_RESERVE = 0.1
-"""Largest share of the strengths that a lower bound beside constant loads keeps for rounding."""
+"""Largest share of the strengths that a lower bound with constant loads reserves for rounding."""
 
 MOST_TIMES = 6
-"""How often such a bound is sought again with more in reserve."""
+"""Largest number of repeated searches for this bound, each with a larger reserve."""
 
 
 def limit_bounds(
@@ -96,12 +96,12 @@ def limit_bounds(
 ) -> BodyBounds:
     """Return lower and upper bounds on the limit load of the body that the mesh fills. Collective.
 
-    The mechanism of the upper bound preserves the volume everywhere; for this purpose tetrahedra
-    are split from their centres. In dilating bodies its dilatancy suffices everywhere, since the
-    laws are imposed at the vertices. It does not penetrate other bodies between the nodes. Corner
-    cells of plane bodies that could carry nothing are divided first (:mod:`lone_corners`). At the
-    end the checker of proofs (:mod:`proof.checker`) judges both bounds: a bound is strict only as
-    far as the checker proves it.
+    The mechanism of the upper bound preserves the volume everywhere; for this purpose the function
+    splits tetrahedra from their centres. In dilating bodies the mechanism dilates enough
+    everywhere, because the laws are imposed at the vertices. Bodies do not penetrate each other
+    between the nodes. The function first divides corner cells of plane bodies that could carry no
+    stress (:mod:`lone_corners`). At the end the proof checker (:mod:`proof.checker`) judges both
+    bounds: a bound is strict only as far as the checker proves it.
 
     Args:
         problem: The bodies and their loads; use quadratic elements, because linear ones lock.
@@ -109,10 +109,10 @@ def limit_bounds(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move, or no load grows. If strict
-            bounds do not support a yield set or a load, or if no stress can carry the loads. If
-            bodies of revolution dilate or have a gap between them (:mod:`ring_flux`). If a bound
-            does not fit into memory. The memory of the lower bound is checked before any
+        InputError: If ``rtol`` is not between 0 and 1, if supports move, or if no load grows. If
+            strict bounds do not support a yield set or a load, or if no stress can carry the loads.
+            If bodies of revolution dilate or have a gap between them (:mod:`ring_flux`). If a bound
+            does not fit into memory; the memory for the lower bound is checked before any
             computation.
     """
     problem = admitted(problem, rtol)
@@ -124,7 +124,7 @@ def limit_bounds(
 
 
 def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
-    """Refuse what :func:`limit_bounds` would refuse before it solves. Collective.
+    """Refuse a problem that :func:`limit_bounds` would refuse before it solves. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -132,7 +132,7 @@ def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
 
     Raises:
         InputError: As :func:`limit_bounds`, except for loads that no stress can carry, and for lack
-            of memory, which another machine may have.
+            of memory, because another machine may have enough.
     """
     below, above = weaker_and_stronger(admitted(problem, rtol))
     if above.tagged_mesh.axisymmetric:
@@ -174,8 +174,9 @@ def _bounds(
 ) -> BodyBounds:
     """Return a proven lower bound of one problem and an upper bound of the other. Collective.
 
-    Both problems share one mesh, and are mostly identical. If the checker refuses a stress beside
-    constant loads only because it needs a reserve for rounding, it is sought again with that.
+    Both problems share one mesh, and are mostly identical. With constant loads the checker may
+    refuse a stress only because it needs a reserve for rounding. The function then seeks the stress
+    again with a larger reserve.
     """
     at_once = halves_at_once(below, above, rtol, monitor) if pays(below, above) else None
     if at_once is None:
@@ -197,7 +198,7 @@ def _bounds(
         """Return both bounds as the checker proves them. Collective."""
         certificates = {} if static.certificate is None else vars(static.certificate)
         problem, stress, shares = above_only.problem, None, None
-        # without a split, the parts of a tetrahedron are not cells of any mesh
+        # without a split, the parts of a tetrahedron are not cells of a mesh
         if static.bound.value is not None and (split is not None or problem.bodies.gdim == 2):
             stress = static.stress if split is None else on_parts(static.stress, split)
             if above_only.upper.value is not None:
@@ -225,7 +226,7 @@ def _bounds(
         reserve = 3 * reserve + 1.5 * (over - 1)
         if not reserve <= MOST_RESERVE:
             break
-        log.info("lower bound: again, with %.2g of the strengths in reserve for rounding", reserve)
+        log.info("lower bound: next search, with %.2g of the strengths in reserve", reserve)
         found = judged(bound_by_stress(below, rtol, monitor, found.question, None, reserve))
         words = f"the lower bound keeps {percent(reserve)} of the strengths in reserve for rounding"
         if found.lower.strict and reserve > 1e-3:
@@ -236,7 +237,7 @@ def _bounds(
 def mechanism_bound(
     problem: Problem, rtol: float, monitor: Callable[[InteriorStep], None] | None
 ) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
-    """Return an upper bound without a lower one. Collective.
+    """Return an upper bound without a lower bound. Collective.
 
     Args:
         problem: See :func:`admitted`.
@@ -244,8 +245,8 @@ def mechanism_bound(
         monitor: Called on every rank after each step.
 
     Returns:
-        The bound, in axisymmetry of the problem in ru (:mod:`ring_flux`); the rates of its
-        mechanism, None without one; and how cells are split for it.
+        The bound, in axisymmetry for the problem in ru (:mod:`ring_flux`); the rates of its
+        mechanism, None without a mechanism; and the mesh of split cells, None without a split.
     """
     flow = flow_problem(problem)
     log.info("upper bound: a mechanism on %s", flow.problem)
@@ -255,13 +256,13 @@ def mechanism_bound(
 def _of_flow(
     flow: FlowProblem, limit: LimitLoad
 ) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
-    """Return the upper bound of a mechanism; as :func:`mechanism_bound`."""
+    """Return the upper bound of a mechanism, with rates and split as :func:`mechanism_bound`."""
     limit = _with_forces_of_pairs(flow.problem, resisted(limit))
     return *_of_mesh(flow.problem, limit), flow.split
 
 
 def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
-    """Return bounds whose axisymmetric mechanism is u instead of ru; others are unchanged.
+    """Return bounds whose mechanism is u instead of ru in axisymmetry; other bounds are unchanged.
 
     Collective.
     """
@@ -273,7 +274,7 @@ def with_displacements(given: Problem, bounds: BodyBounds) -> BodyBounds:
 
 
 def _with_forces_of_pairs(problem: Problem, limit: LimitLoad) -> LimitLoad:
-    """Return a limit load with contact forces of pairs instead of coefficients; None if unknown.
+    """Return a limit load with contact forces of node pairs, or with None for unknown forces.
 
     Collective.
     """
@@ -292,7 +293,7 @@ def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:
 
 
 def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
-    """Return bounds of the body from the mechanism of its mesh. Collective.
+    """Return bounds of the body from the mechanism of a limit load of its mesh. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -302,7 +303,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
 
 
 def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismRates | None]:
-    """Return the bounds with the rates of the mechanism, if there is one. Collective."""
+    """Return the bounds, and the rates of the mechanism if there is a mechanism. Collective."""
     rates = None
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     advice: tuple[str, ...] = ()
@@ -348,7 +349,7 @@ NOT_ASKED = "it was not requested"
 
 
 def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:
-    """Return an upper bound and its mechanism, without a lower one. Collective.
+    """Return an upper bound and its mechanism, without a lower bound. Collective.
 
     Args:
         problem: See :func:`limit_bounds.limit_bounds`.
@@ -367,12 +368,12 @@ def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None
 def lower_bound(
     problem: Problem, beside: BodyBounds, rtol: float = 1e-4, steps: Steps | None = None
 ) -> BodyBounds:
-    """Return a lower bound and its stress, without an upper one. Collective.
+    """Return a lower bound and its stress, without an upper bound. Collective.
 
     Args:
         problem: See :func:`limit_bounds.limit_bounds`.
-        beside: Bounds for the same loads, with nearly the same strengths. Its mechanism measures
-            the residuals of the stress, and remains the reported one; its question is used.
+        beside: Bounds for the same loads, with nearly the same strengths. The result takes their
+            mechanism and their question.
         rtol: Relative distance to the best lower bound on its mesh.
         steps: Called after each step.
 
@@ -387,7 +388,7 @@ def lower_bound(
     if split is not None:
         on = below.on(split)
         stress = stress if stress is None else on_parts(stress, split)
-    elif problem.bodies.gdim == 3:  # without a split, parts of cells are not cells of any mesh
+    elif problem.bodies.gdim == 3:  # without a split, parts of cells are not cells of a mesh
         stress = None
     found = replace(
         beside,

@@ -1,4 +1,4 @@
-"""Compute forces of loads, supports, obstacles and contacts at the limit load."""
+"""Compute the forces of loads, supports, obstacles and contacts at the limit load."""
 
 import math
 from dataclasses import dataclass, replace
@@ -27,12 +27,14 @@ class LimitForces:
 
     Attributes:
         zeta: Load factor that the stress carries.
-        strict: Whether it is the strict lower bound of the body. Otherwise it is the static side of
-            the limit load of the mesh, an estimate, or the last level of a path to it.
+        strict: Whether ``zeta`` is the strict lower bound of the body. Otherwise it is an estimate:
+            the static side of the limit load of the mesh, or the last level of a path to the limit
+            load.
         reactions: Reactions as for a level (:class:`resultants.Resultants`). If supports or
-            contacts can share a force in several ways, the result is one of them.
-        moments: Moments of the loads and of supports about the origin.
-        balance: Balance as for a level.
+            contacts can share a force in several ways, the forces are one of the possible
+            distributions.
+        moments: Moments of the loads and the supports about the origin.
+        balance: Relative imbalance of the forces and moments, as for a level.
     """
 
     zeta: float
@@ -45,7 +47,7 @@ class LimitForces:
 def limit_forces(
     problem: Problem, limit: LimitLoad, body: BodyBounds | None = None
 ) -> LimitForces | None:
-    """Return the forces of the stress that proves a lower bound, or else of the limit load.
+    """Return the forces from the stress of a strict lower bound, or else of the limit load.
 
     Collective.
 
@@ -55,9 +57,10 @@ def limit_forces(
         body: Bounds with the lower bound, which may be on another mesh.
 
     Returns:
-        None if there is no stress, or if it carries nothing. In axisymmetry also if bounds have no
-        strict lower one: the limit load of their mesh is one of velocities v = ru
-        (:mod:`ring_flux`), and its stress is not in balance with nodal forces of displacements.
+        The forces; None if there is no stress, or if its load factor is 0 or not finite. In
+        axisymmetry also None if the bounds contain no strict lower bound. In this case the limit
+        load of the mesh belongs to velocities v = ru (:mod:`ring_flux`), and its stress is not in
+        balance with the nodal forces of displacements.
     """
     if body is not None and (found := _of_bound(body)) is not None:
         return found
@@ -81,28 +84,28 @@ def _of_bound(body: BodyBounds) -> LimitForces | None:
     around_axis = problem.tagged_mesh.axisymmetric
     form = (_form_of_rings if around_axis else _form_of_cells)(problem, body.stress)
     found = _forces(problem, form, float(value))
-    # Forces with a larger relative residual are not printed: surfaces with different divisions
+    # Forces with a larger relative residual are not reported. Surfaces whose facets do not match
     # transfer tractions that nodal forces do not represent.
     balanced = 1e-9
     return replace(found, strict=True) if found.balance <= balanced else None
 
 
 def _form_of_cells(problem: Problem, stress: Floats) -> ufl.Form:
-    """Return ⟨σ, ε(v)⟩ of stresses that are linear in cells. Collective.
+    """Return the form ⟨σ, ε(v)⟩ of a stress that is linear in each cell. Collective.
 
     Args:
         problem: Problem with the displacements v.
-        stress: At the vertices of the cells, shape (num_cells, d + 1, m).
+        stress: Mandel vectors at the vertices of the cells, shape (num_cells, d + 1, m).
     """
     space = fem.functionspace(problem.tagged_mesh.mesh, ("DG", 1, stress.shape[2:]))
     return problem.internal_form(_filled(space, stress))
 
 
 def _form_of_rings(problem: Problem, stress: Floats) -> ufl.Form:
-    """Return ⟨σ, ε(u)⟩ of stresses in axisymmetry. Collective.
+    """Return the form ⟨σ, ε(u)⟩ of a stress in axisymmetry. Collective.
 
     The product 2πrσ:ε(u) of quadratic rσ and u is cubic, with σ_θ linear (:mod:`stress_cells`).
-    Points of a rule for cubic functions are therefore enough.
+    A quadrature rule for cubic functions is therefore exact.
 
     Args:
         problem: Problem with the displacements u.

@@ -1,4 +1,4 @@
-"""Write proofs of bounds as plain arrays, and call strict what the checker proves.
+"""Write proofs of bounds as plain arrays, and mark as strict the bounds that the checker proves.
 
 :class:`proof.body.Body` lists the arrays, and :mod:`proof.checker` checks them.
 """
@@ -44,14 +44,14 @@ from perfplast_fenicsx.proof.verdict import Checked
 
 
 def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str, Block]:
-    """Return the cones of the bodies, the cone of each cell, and its factor if it varies.
+    """Return the cones of the bodies, each cell's cone, and its strength if strengths vary.
 
     Collective. If the friction angle varies, each cell has its own cone.
 
     Args:
         problem: The bodies.
         of_cells: Order of the cells in the file.
-        side: Side on which linear functions bound the profiles of strengths that vary.
+        side: Side on which linear functions bound the profiles of varying strengths.
     """
     found = body_cones(problem)
     tagged_mesh = problem.tagged_mesh
@@ -99,16 +99,16 @@ def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str,
 
 
 def _unlike(problem: Problem, kinds: Longs, steepness: Floats) -> tuple[Longs, Longs, Floats]:
-    """Return a number for each pair of a kind of cone and a factor of its slope. Collective.
+    """Return a number for each pair of a kind of cone and a factor for its slope. Collective.
 
     Args:
         problem: Problem with the ranks.
-        kinds: Kind of each cell of this rank, -1 of elastic ones, shape (num_cells,).
-        steepness: Factor of each.
+        kinds: Kind of cone of each cell of this rank, -1 for elastic cells, shape (num_cells,).
+        steepness: Factor for the slope of each cell's cone, shape (num_cells,).
 
     Returns:
-        The number of each cell, -1 of elastic ones; kind and factor of each number, the same on all
-        ranks.
+        The number of each cell, -1 for elastic cells; then the kind and the factor of each number,
+        the same on all ranks.
     """
     plastic = kinds >= 0
     own = np.column_stack([kinds, steepness])[plastic]
@@ -122,13 +122,13 @@ def _unlike(problem: Problem, kinds: Longs, steepness: Floats) -> tuple[Longs, L
 def table_of(
     problem: Problem, rows: Sequence | npt.NDArray, shape: tuple[int, ...], kind: npt.DTypeLike
 ) -> Block:
-    """Return rows that every rank has as an array on rank 0.
+    """Return an array that rank 0 writes, from rows that every rank has.
 
     Args:
         problem: Problem with the ranks.
         rows: The rows, the same on all ranks.
         shape: Shape of a row.
-        kind: Type of its numbers.
+        kind: Data type of the numbers.
     """
     values = np.asarray(rows, dtype=kind).reshape(len(rows), *shape)
     return Block(values if problem.comm.rank == 0 else values[:0], 0, len(rows))
@@ -154,9 +154,9 @@ def loads_on_file(
 
     Args:
         problem: The bodies.
-        body: The bodies as bound data.
+        body: The discrete data of both bound theorems.
         question: The loads that λ multiplies.
-        places: Positions of their cells and facets.
+        places: Positions of the cells and facets of this rank in the file.
     """
     d, outer = body.vertices.shape[2], body.geometry.exterior
     found: dict[str, Block] = {}
@@ -196,7 +196,7 @@ class StressProof:
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m),
             or coefficients of rσ (:mod:`stress_cells`), shape (num_cells, 6, 4).
         question: The loads that λ multiplies.
-        aside: Factor of the free loads.
+        aside: Factor of the live loads if λ multiplies the constant loads.
         factor: Factor of the loads that the stress balances; None for λ.
         divisor: F that divides strengths; None without such a factor.
     """
@@ -230,12 +230,12 @@ class ForceProof:
 
     @property
     def aside(self) -> float:
-        """Factor of the loads of any factor."""
+        """Factor of the live loads if λ multiplies the constant loads."""
         return self.joints.best.aside
 
     @property
     def factor(self) -> float:
-        """That of the loads that the forces balance."""
+        """Factor of the loads that the forces balance."""
         return self.joints.best.factor
 
 
@@ -246,7 +246,7 @@ class VelocityProof:
     Attributes:
         problem: The problem, on straight cells.
         bound: λ.
-        velocity: A function of its V, with up-to-date ghosts; in axisymmetry v = ru.
+        velocity: A function in the problem's V, with up-to-date ghosts; in axisymmetry v = ru.
         question: The loads that λ multiplies.
         divisor: F that divides strengths; None without such a factor.
     """
@@ -265,7 +265,7 @@ LowerProof = StressProof | ForceProof
 def proofs(
     low: BodyBounds, high: BodyBounds, divisor: float | None = None
 ) -> tuple[LowerProof | None, VelocityProof | None]:
-    """Return the proofs of a lower and an upper bound; None for bounds that cannot be strict.
+    """Return the proofs of a lower and an upper bound; None for a bound that cannot be strict.
 
     Args:
         low: Bounds on the mesh of the lower bound.
@@ -290,7 +290,7 @@ def proofs(
 
 
 Numbers = dict[str, dict[str, float | int]]
-"""Attributes of the halves, by name."""
+"""Attributes of each half of a proof (lower, upper), by name."""
 
 
 def half_arrays(
@@ -300,13 +300,13 @@ def half_arrays(
 
     Args:
         lower: The lower half, if there is one.
-        upper: The upper half; its bodies may be meshed differently.
+        upper: The upper half, if there is one; its mesh may differ from that of the lower half.
 
     Returns:
-        Arrays and numbers, by the kind of the half.
+        Arrays and numbers, by half ("lower", "upper").
 
     Raises:
-        InputError: If cells or obstacles are curved, or if no proof supports the kind of a load.
+        InputError: If cells or obstacles are curved, or if proofs do not support the loads.
     """
     blocks: dict[str, Blocks] = {}
     numbers: Numbers = {}
@@ -367,7 +367,7 @@ def _stress(proof: StressProof) -> Blocks:
 
 
 def _forces(proof: ForceProof) -> Blocks:
-    """The forces at the vertices of outer facets, and adhesive tractions if any. Collective."""
+    """Return forces at the vertices of outer facets, and adhesive tractions if any. Collective."""
     places, found = _places(proof.problem), {}
     for prefix, of in (("joint", proof.joints.best), ("inner", proof.joints.inner)):
         if of is None:
@@ -379,7 +379,7 @@ def _forces(proof: ForceProof) -> Blocks:
 
 
 def _velocity(proof: VelocityProof) -> Blocks:
-    """Return the velocity at its nodes, and the nodes of the cells. Collective.
+    """Return the velocity at the nodes, and the nodes of each cell. Collective.
 
     The file contains quadratic velocities; a linear velocity is also quadratic.
     """
@@ -423,8 +423,8 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
 
     Args:
         proof: Proof with the bodies and loads.
-        follows: Whether slip is associated. Otherwise only the adhesion counts where the friction
-            itself is not associated.
+        follows: Whether all slip is taken as associated. Otherwise contacts whose friction is not
+            associated keep only their adhesion.
     """
     problem, question = proof.problem, proof.question
     tagged_mesh, body = problem.tagged_mesh, bound_body(problem)
@@ -482,7 +482,7 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
 
 
 def _kept(problem: Problem, of_cells: Ordering) -> Block:
-    """Return which cells have a strength that F does not divide."""
+    """Return a flag for each cell, 1 where F does not divide the strength."""
     topology = problem.tagged_mesh.mesh.topology
     flags = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.uint8)
     for name, material in problem.given.materials.items():
@@ -493,17 +493,17 @@ def _kept(problem: Problem, of_cells: Ordering) -> Block:
 
 
 Ask = Callable[[LowerProof | None, VelocityProof | None], Mapping[str, Checked]]
-"""Asks the checker. Collective; rank 0 has the answer."""
+"""A function that runs the checker. Collective; rank 0 returns the result."""
 
 Refusal = tuple[tuple[str, ...], float]
-"""The faults of a half, and the factor by which its stresses may exceed the strength."""
+"""The faults of a half of a proof, and the factor by which its stresses may exceed the strength."""
 
 
 def proven(bounds: BodyBounds) -> BodyBounds:
     """Return bounds that are strict where the checker proves them. Collective.
 
     Args:
-        bounds: As the program found them.
+        bounds: The bounds that the solvers found.
     """
     comm = bounds.problem.comm
 
@@ -518,8 +518,8 @@ def proven(bounds: BodyBounds) -> BodyBounds:
 
     low, high = proven_part(bounds, bounds, ask)
     if bounds.weaker is not None and not (low.lower.strict and high.upper.strict):
-        # Pore pressures of a slope with an upper and a lower substitute differ between the halves.
-        # A factor of safety therefore has a file for each half.
+        # The halves use different substitutes for pore pressures with kinks: one above, one below.
+        # Therefore the checker receives each half separately.
         lower, upper = (
             replace(of, value=None, of=Scope.MESH) for of in (bounds.lower, bounds.upper)
         )
@@ -534,13 +534,13 @@ def proven_part(
 ) -> tuple[BodyBounds, BodyBounds]:
     """Return bounds that are strict where a checker proves them. Collective.
 
-    A bound has the value that the checker proves, if it is worse than the one found, or better by
-    more than rounding. Other bounds that the checker refuses are bounds of the mesh.
+    A bound gets the value that the checker proves, if this value is worse than the computed one, or
+    better by more than rounding. Other bounds that the checker refuses become bounds of the mesh.
 
     Args:
-        low: With the lower bound.
-        high: With the upper bound.
-        ask: Asks the checker.
+        low: Result with the lower bound.
+        high: Result with the upper bound.
+        ask: Function that runs the checker.
         divisor: F that divides the strengths of the bodies; None without such a factor.
     """
     comm, claimed = low.problem.comm, (low.lower.value, high.upper.value)
@@ -568,13 +568,13 @@ def _judged(
     refused: Mapping[str, Refusal],
     reached: Mapping[str, float | None],
 ) -> Bound:
-    """Return a bound after the checker has answered.
+    """Return a bound after the check.
 
     Args:
         bound: A bound.
-        worse: Bounds that the checker proves with a worse value, which it has to check again.
-        refused: The reason of each refusal, by kind.
-        reached: The value that the checker proves, by kind; None if it proves none.
+        worse: Bounds for which the checker proves only a worse value, which it must check again.
+        refused: The reason for each refusal, by kind of bound.
+        reached: The value that the checker proves, by kind of bound; None if it proves no value.
     """
     if bound.kind in worse:
         return worse[bound.kind]
@@ -591,7 +591,7 @@ def _judged(
 def _answered(
     ask: Ask, lower: LowerProof | None, upper: VelocityProof | None
 ) -> tuple[dict[str, Refusal], dict[str, float | None]]:
-    """Return why the checker refuses halves, by kind, and the bounds that halves prove."""
+    """Return the reasons for refused halves, and the bounds that the halves prove, both by kind."""
     try:
         found = ask(lower, upper)
     except ProofError as error:

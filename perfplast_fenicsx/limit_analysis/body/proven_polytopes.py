@@ -1,4 +1,4 @@
-"""Enclose a convex set between two polytopes, along rays from zero, for two or three numbers."""
+"""Enclose a convex set of two or three numbers between two polytopes, along rays from zero."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -10,8 +10,9 @@ def rays_at(angles: Floats) -> Floats:
     """Return unit vectors of directions.
 
     Args:
-        angles: Degrees, shape (n, 1) in the plane, counted from the first axis to the second; (n,
-            2) in space, with the angle above that plane, towards the third axis, as the second.
+        angles: Degrees. For two numbers shape (n, 1), counted from the first axis to the second.
+            For three numbers shape (n, 2); the second angle is measured from that plane towards the
+            third axis.
 
     Returns:
         Shape (n, 2) or (n, 3).
@@ -25,10 +26,10 @@ def rays_at(angles: Floats) -> Floats:
 
 
 def spread(signed: tuple[bool, ...], step: float) -> Floats:
-    """Return directions at equal steps of the angles.
+    """Return directions at equal steps of their angles.
 
     Args:
-        signed: For each of two or three axes, whether negative numbers count.
+        signed: For each of two or three axes, whether negative numbers are allowed.
         step: Step of each angle (degrees), a divisor of 90.
 
     Returns:
@@ -45,7 +46,7 @@ def spread(signed: tuple[bool, ...], step: float) -> Floats:
 
 
 def to_begin_with(signed: tuple[bool, ...]) -> Floats:
-    """Return the first directions: both ends of each axis, and the middle between all of them.
+    """Return the first directions: along the axes, and midway between all axes.
 
     Args:
         signed: See :func:`spread`.
@@ -64,7 +65,7 @@ def to_begin_with(signed: tuple[bool, ...]) -> Floats:
 
 
 def outer_along(sides: Floats, rays: Floats) -> Floats:
-    """Return where rays leave half-spaces; inf if they do not.
+    """Return the distances at which rays leave half-spaces; inf for rays that do not leave them.
 
     Args:
         sides: Half-spaces n·x ≤ r with rows (n, r), shape (m, d + 1).
@@ -77,11 +78,11 @@ def outer_along(sides: Floats, rays: Floats) -> Floats:
 
 
 def inner_along(points: Floats, rays: Floats) -> Floats:
-    """Return how far the convex hull of points reaches along rays; −inf if a ray misses it.
+    """Return how far the convex hull of points reaches along rays; −inf if a ray misses the hull.
 
     Args:
-        points: Points, shape (m, d), in any order; if they are in one plane (or on one line), only
-            those on a ray count.
+        points: Points, shape (m, d), in any order. If all are in one plane (or on one line), only
+            points on a ray count.
         rays: Rays, shape (n, d).
     """
     touches = 1e-12  # relative distance by which a ray may miss a corner because of rounding
@@ -108,7 +109,7 @@ def inner_along(points: Floats, rays: Floats) -> Floats:
 def farthest_apart(
     points: Floats, sides: Floats, signed: tuple[bool, ...], asked: Floats
 ) -> tuple[float, Floats | None]:
-    """Return the largest distance between hull and half-spaces along rays, and its direction.
+    """Return the largest distance between hull and half-spaces along rays, and a new direction.
 
     Args:
         points: See :func:`inner_along`.
@@ -117,9 +118,9 @@ def farthest_apart(
         asked: Angles of earlier directions, shape (k, d − 1).
 
     Returns:
-        The relative distance; inf if one of both is missing. And the angles (degrees) at which they
-        are farthest apart, away from all earlier directions, shape (d − 1,); None if there are no
-        such angles.
+        The relative distance; inf if the hull or the half-spaces are missing on a ray. Then the
+        angles (degrees) at which both are farthest apart, away from all earlier directions, shape
+        (d − 1,); None if there are no such angles.
     """
     number = len(signed)
     angles = spread(signed, 0.5 if number == 2 else 3.0)

@@ -1,10 +1,11 @@
-"""Compute a factor of safety, which divides strengths, with proven bounds on both sides.
+"""Compute a factor of safety, which divides strengths, with proven lower and upper bounds.
 
-With strengths divided by F (cohesions, slopes of friction and yield stresses), the loads are
-carried μ(F) times (:class:`load_factor.Question`), and μ falls with F. A stress that carries them
-once proves that the factor of safety is at least F; a mechanism that cannot carry them proves that
-it is at most F. So the module seeks a root of each strict bound of μ, slightly on its safe side, by
-secants of ln μ over ln F, with this bound alone.
+If F divides the strengths (cohesions, slopes of friction and yield stresses), the bodies carry the
+loads μ(F) times (:class:`load_factor.Question`), and μ falls with F. A stress that carries the
+loads once proves that the factor of safety is at least F. A mechanism that collapses under the
+loads proves that the factor is at most F. The module seeks the root F of ln μ = 0 for each strict
+bound of μ separately, by secants of ln μ over ln F. Each result is slightly on the safe side of its
+root.
 """
 
 import logging
@@ -46,8 +47,7 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 log = logging.getLogger(__name__)
 
 FAR = 100.0
-"""Factor by which strengths are multiplied, or divided, to show that F does not affect the
-collapse."""
+"""Factor that multiplies or divides the strengths to test whether F affects the collapse."""
 
 
 @dataclass(frozen=True)
@@ -55,22 +55,24 @@ class FactorOfSafety(NotebookResult):
     """Bounds on a factor of safety, with their proofs.
 
     Attributes:
-        lower: Strengths divided by this factor carry the loads; None if not found.
-        upper: Strengths divided by this factor do not carry the loads; None if not found.
+        lower: With strengths divided by this factor, the bodies carry the loads; None if not found.
+        upper: With strengths divided by this factor, the bodies do not carry the loads; None if not
+            found.
         stands: Result with the lower bound at the lower factor, whose stress is the proof.
         falls: Result with the upper bound at the upper factor, whose mechanism is the proof.
-        last: The last computed upper bound, of any factor.
+        last: The last computed upper bound, at any factor.
         bodies: The problem with the given strengths, on the mesh of the upper factor.
-        curve: Factors with strict bounds of the multiple of the loads that is carried; None for a
-            missing one.
-        searches: Number of computed bounds on all meshes, each side counted separately.
-        taken: Idealisations in clauses: ground with ψ < φ, and surfaces with different polygons.
+        curve: Factors F, each with the strict lower and upper bound of the multiple of the loads
+            that the bodies carry; None for a missing bound.
+        searches: Number of computed bounds on all meshes; lower and upper bounds count separately.
+        taken: Idealisations of ground, surfaces, pore pressures and strengths, as clauses
+            (:func:`body_bounds.taken_as`).
         estimate: Whether Davis' associated ground replaces the ground; the values are then not
             bounds.
-        path: The curve of F over work on the mesh of the upper factor, if requested.
+        path: The curve of F over the work, on the mesh of the upper factor; None if not requested.
         kept: Strengths that F does not divide, in words.
-        missed: Why a factor is missing, or both are further apart than requested, in a sentence;
-            empty if neither is so.
+        missed: A sentence on why a factor is missing, or why both factors are further apart than
+            requested; empty otherwise.
     """
 
     lower: float | None
@@ -99,11 +101,11 @@ class FactorOfSafety(NotebookResult):
         return known | {"path": self.path and self.path.table()}
 
     def rows(self) -> list[Row]:
-        """Return a row for each F: strict bounds of the multiple of the loads that is carried."""
+        """Return a row for each F, with strict bounds of the carried multiple of the loads."""
         return [dict(zip(("factor", "lower", "upper"), row, strict=True)) for row in self.curve]
 
     def draw_into(self, axes: Any) -> None:
-        """Draw both bounds of the multiple over F, with the two factors where they are 1."""
+        """Draw both bounds of the multiple of the loads over F, and the two factors of safety."""
         for side, factor in (("lower", self.lower), ("upper", self.upper)):
             known = [(row["factor"], row[side]) for row in self.rows() if row[side] is not None]
             label = {"lower": "carried for certain", "upper": "carried at most"}[side]
@@ -130,7 +132,7 @@ class FactorOfSafety(NotebookResult):
         return said + (self.missed and f" {self.missed}") + sentences(self.taken)
 
     def news(self) -> str:
-        """Return a sentence on the last result: the curve if there is one, else the bounds."""
+        """Return a sentence on the last result: the curve F(ω) if it exists, else the bounds."""
         return self.path.in_words() if self.path else self.in_words()
 
 
@@ -146,16 +148,16 @@ def factor_of_safety(
     Args:
         problem: The bodies and their loads, all of which are constant.
         tolerance: Relative tolerance of the roots on their mesh.
-        adaptation: When the sequence of meshes ends; F is sought again on each mesh. Its ``until``
-            refers to μ, which with friction falls by more than F rises. None for the problem's own
-            mesh.
+        adaptation: When the sequence of meshes ends; the function seeks F again on each mesh. Its
+            ``until`` refers to the gap of μ, which with friction changes more than F. None to use
+            the mesh of the problem.
         monitor: See :data:`factor_roots.Monitor`.
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If a load grows, a body has no reduced strength, no body yields, or
-            :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall, or stand, for
-            any F.
+        InputError: If a load grows, if F divides no strength of a body, if no body yields, or if
+            :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall at any F, or
+            stand at any F.
     """
     check_tolerance(tolerance)
     given = problem.given
@@ -199,14 +201,14 @@ def _missed(
     """Return why a factor is missing, or why both are further apart than requested.
 
     Args:
-        lower: Factor with which the bodies stand; None if it is missing.
-        upper: Factor at which they fall; None if it is missing.
+        lower: Factor at which the bodies provably stand; None if it is missing.
+        upper: Factor at which the bodies provably fall; None if it is missing.
         curves: Results on all meshes.
-        adaptation: The request.
-        ended: Why there is no finer mesh; empty if ``until`` was met at one F.
+        adaptation: The adaptation with the requested ``until``; None without a request.
+        ended: Why there is no finer mesh; empty if the bounds at one F met ``until``.
 
     Returns:
-        A sentence; empty if neither is so, or if nothing is requested.
+        A sentence; empty if both factors exist and are as close as requested, or without a request.
     """
     last = curves[-1]
     if lower is None or upper is None:
@@ -221,7 +223,7 @@ def _missed(
     why = [ended] if ended else []
     for kind, factor in (("lower", lower), ("upper", upper)):
         if factor not in last.shown(kind):
-            why.append(f"the {kind} one is that of an earlier mesh, as {last.failed(kind)}")
+            why.append(f"the {kind} factor comes from an earlier mesh, because {last.failed(kind)}")
     why = why or [f"each is sought to limit_tolerance = {last.tolerance:g} of its root"]
     return (
         f"The factors are {percent(apart)} apart, more than until = {adaptation.until:g}:"
@@ -236,8 +238,9 @@ def _of_blocks(
 ) -> FactorOfSafety:
     """Return the factor of safety of bodies that cannot yield, from their joints. Collective.
 
-    Joints without adhesion carry permanent loads at any multiple, or at none. So the function
-    bisects F between a factor at which they carry the loads and one at which they do not.
+    Joints without adhesion carry every multiple of the permanent loads, or no multiple. So the
+    function bisects F between a factor at which the joints carry the loads and a factor at which
+    they do not.
     """
     found: dict[float, BodyBounds] = {}
 
@@ -250,7 +253,7 @@ def _of_blocks(
         return found[factor]
 
     def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
-        """Return the last factor at which a condition holds, and the first at which it does not."""
+        """Return the largest factor found at which a condition holds, and the least without it."""
         low, high, factor = 1 / FAR, FAR, 1.0
         while math.log(high / low) > tolerance:
             low, high = (factor, high) if holds(bounds(factor)) else (low, factor)
@@ -283,14 +286,14 @@ def _of_blocks(
 def times_in_words(
     factor: float, lower: Bound, upper: Bound, cells: int, estimate: bool = False
 ) -> str:
-    """Return how many times the loads are carried with divided strengths, in a sentence.
+    """Return a sentence on how many times the bodies carry the loads with divided strengths.
 
     Args:
         factor: F.
         lower: Lower bound of the multiple.
         upper: Upper bound of the multiple.
         cells: Number of cells of the mesh.
-        estimate: Whether both are for Davis' associated ground.
+        estimate: Whether both bounds are for Davis' associated ground.
     """
     sides = []
     if lower.strict and lower.value is not None:
@@ -302,28 +305,28 @@ def times_in_words(
     divided = f"{cells} cells: with strengths divided by F = {factor:.6g}"
     if sides:
         return f"{divided} the loads are carried{davis} {' and '.join(sides)}."
-    words = {True: "there is no {} one", False: "the {} one is not strict"}
+    words = {True: "there is no {} bound", False: "the {} bound is not strict"}
     reasons = [
         f"{words[it.value is None].format(it.kind)}: {why}"
         for it in (lower, upper)
         for why in it.why_not[-1:]  # the checker's reason follows doubts
         if why not in (NOT_ASKED, *NOT_SOUGHT.why_not)
     ]
-    told = "; ".join(dict.fromkeys(reasons)) or "none was sought"
+    told = "; ".join(dict.fromkeys(reasons)) or "no bound was sought"
     return f"{divided} there is no bound on the multiple of the loads: {told.rstrip('.')}."
 
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
-    """Return both bounds, if they hold for the body."""
+    """Return the values of both bounds; None for a bound that does not hold for the body."""
     lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
     return lower, upper
 
 
 def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> None:
-    """Compute the root of one kind of bound on the last mesh, or on an earlier one. Collective.
+    """Compute the root of one kind of bound on the last mesh, or on an earlier mesh. Collective.
 
-    The last mesh may have no root at any F. Rounding leaves unbalanced forces of 1e-16 of the
-    weight. If the cohesion is almost zero, small cells hardly bear these forces.
+    The last mesh may have no strict bound at any F. Rounding leaves unbalanced forces of 1e-16 of
+    the weight, and small cells with almost no cohesion can hardly carry these forces.
     """
     for curve in reversed(curves):
         if curve is not curves[-1] and not curve.is_strict(kind):
@@ -336,7 +339,7 @@ def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> Non
 def _better_of(
     one: tuple[float | None, float | None], other: tuple[float | None, float | None]
 ) -> tuple[float | None, float | None]:
-    """Return the larger lower bound and the smaller upper one of the existing ones."""
+    """Return the larger lower bound and the smaller upper bound; None if both are missing."""
     lowers, uppers = (
         [it for it in pair if it is not None] for pair in zip(one, other, strict=True)
     )
@@ -350,12 +353,13 @@ def _curves(
     steps: Callable[[InteriorStep], None] | None,
     adaptation: Adaptation | None,
 ) -> tuple[list[FactorRoots], str]:
-    """Return the results on each mesh, and why there is no finer one. Collective.
+    """Return the results on each mesh, and the reason why there is no finer mesh. Collective.
 
-    The reason is empty if the bounds are close enough. Roots are sought on the last mesh.
+    The reason is empty if the bounds are close enough. The caller then seeks the roots on the last
+    mesh.
 
-    The function seeks F again on each mesh. A coarse mesh may carry its loads with far too small
-    strengths, and would then be refined in the wrong places.
+    The function seeks F again on each mesh. At a fixed F, a coarse mesh may carry its loads with
+    far too small strengths, and would then be refined in the wrong places.
     """
     first = FactorRoots(problem, tolerance, monitor, steps)
     factor = first.of_mesh()
@@ -394,10 +398,10 @@ def _curves(
 def _check_that_f_matters(
     problem: Problem, rtol: float, steps: Callable[[InteriorStep], None] | None
 ) -> None:
-    """Refuse bodies that fall, or stand, whatever the strengths that F divides. Collective.
+    """Refuse bodies that fall at any F, or that stand at any F. Collective.
 
     Raises:
-        InputError: If a bound on the first mesh proves this.
+        InputError: If a bound on the first mesh proves one of these cases.
     """
     given = problem.given
     kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
@@ -410,7 +414,7 @@ def _check_that_f_matters(
 
 
 def _falls_anyway(kept: Sequence[str]) -> InputError:
-    """Return the refusal of bodies that fall whatever the strengths that F divides."""
+    """Return the error for bodies that fall at any F."""
     if kept:
         why = f"{' and '.join(kept)} cannot hold the loads at any F; remove reduced = false there"
     else:
@@ -422,7 +426,7 @@ def _falls_anyway(kept: Sequence[str]) -> InputError:
 
 
 def _stands_anyway(kept: Sequence[str]) -> InputError:
-    """Return the refusal of bodies that stand almost without the strengths that F divides."""
+    """Return the error for bodies that stand almost without the strengths that F divides."""
     limits = " and ".join([*kept, "the supports"])
     return InputError(
         f"the bodies stand even with F = {FAR:g}: {limits} hold the loads, and the "
@@ -432,7 +436,7 @@ def _stands_anyway(kept: Sequence[str]) -> InputError:
 
 
 def _best(curves: Sequence[FactorRoots], kind: str) -> tuple[float | None, BodyBounds | None]:
-    """Return the best factor that a strict bound on any mesh proves, with that bound."""
+    """Return the best factor that a strict bound on any mesh proves, and this bound."""
     told = [(F, bounds) for curve in curves for F, bounds in curve.shown(kind).items()]
     if not told:
         return None, None

@@ -1,24 +1,24 @@
-"""Find points, edges and cells where a mesh must be finer regardless of the gap shares.
+"""Find points, edges and cells that need a finer mesh, whatever the error indicators are.
 
-At a singular point, every cell has a single stress, so the angles of the cells limit the lower
-bound, however fine the mesh is elsewhere.
+At a singular point, each cell has only one stress. The angles of the cells therefore limit the
+lower bound, however fine the mesh is elsewhere.
 
-In three dimensions, the stress around a singular edge depends only on the direction, as at a
-singular point in the plane across the edge. Bisection adds no new directions, at any cell size.
-Fans of cells around the edge add directions.
+In 3D, the stress around a singular edge depends only on the direction, as at a singular point in
+the plane normal to the edge. Bisection adds no new directions, at any cell size. Fans of cells
+around the edge add directions.
 
-In two dimensions, cells may be too wide where loads, supports or contacts end. Principal stresses
-rotate at such points. A lower bound needs many directions out to the same distance, that is, long
-and thin cells. Next to a side with known traction, the stress is uniform at first. Long cells there
-do not improve the lower bound and worsen the mechanism.
+In 2D, cells may be too wide where loads, supports or contacts end. Principal stresses rotate at
+such points. A lower bound needs many directions out to the same distance, and therefore long and
+thin cells. Next to a side with known traction, the stress is uniform within a certain angle. Long
+cells within this angle do not improve the lower bound, and they worsen the mechanism.
 
-The module also refines edges in three dimensions at which a shear traction ends and too few cells
-balance the traction. Stresses are symmetric: for one stress at an edge, the traction on either side
-has the same component along the normal of the other side. If the given tractions violate this
-condition, for example with a shear traction next to a free side, the stress changes from one side
-to the other, in as many steps as there are cells. With one or two cells, the lower bound is a small
-part of the body's limit load. Bisection does not increase it, because the number of cells at the
-edge remains the same.
+The module also refines 3D edges at which a shear traction ends and too few cells balance the
+traction. Stresses are symmetric: for a single stress at an edge, the traction on each side has the
+same component along the normal of the other side. The given tractions may violate this condition,
+for example with a shear traction next to a free side. Then the stress must change from one side to
+the other, in as many steps as there are cells. With one or two cells, the lower bound is a small
+part of the body's limit load. Bisection does not raise this bound, because the number of cells at
+the edge remains the same.
 """
 
 import logging
@@ -52,16 +52,16 @@ log = logging.getLogger(__name__)
 def singular_points(tagged_mesh: TaggedMesh, given: Given, valence: int, ends: bool = True) -> Ints:
     """Return local vertices of a plane mesh that need more cells. Collective.
 
-    The vertices are ends of loads, supports and contacts, and corners, where principal stresses
-    rotate and too few cells meet.
+    At these vertices too few cells meet, and principal stresses rotate: at the ends of loads,
+    supports and contacts, and at corners.
 
     Args:
         tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
         valence: Required number of cells where principal stresses may rotate by a right angle, as
-            at the end of a load on a straight side. At an end they rotate by the body's angle minus
-            a right angle; elsewhere by the body's angle minus a straight angle. For smaller
-            rotations proportionally fewer cells suffice.
+            at the end of a load on a straight side. At an end, principal stresses rotate by the
+            body's angle minus a right angle; elsewhere by the body's angle minus a straight angle.
+            Smaller rotations need proportionally fewer cells.
         ends: Whether to include ends of loads, supports and contacts, or only corners.
     """
     turn, cells, at_ends = turns_at_vertices(tagged_mesh, given)
@@ -79,8 +79,8 @@ def turns_at_vertices(
         given: Its loads, supports and contacts.
 
     Returns:
-        Rotations in right angles, from 0 to 1, and 0 at interior vertices; the number of cells that
-        meet; and whether a load, support or contact ends there.
+        Rotations in right angles, from 0 to 1, with 0 at interior vertices; the number of cells
+        that meet at each vertex; and whether a load, support or contact ends at the vertex.
     """
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
@@ -105,10 +105,10 @@ def turns_at_vertices(
 
 
 def angles_at_corners(x: Floats) -> Floats:
-    """Return angles of triangles, shape (n, 3).
+    """Return the angles at the corners of triangles, shape (n, 3).
 
     Args:
-        x: Their vertices, shape (n, 3, 2).
+        x: Vertices of the triangles, shape (n, 3, 2).
     """
     one, other = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
@@ -122,7 +122,7 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
     Args:
         angles: Angles of the body between the facets, shape (n,).
         facets: Number of facets that meet.
-        kinds: Sum of their numbers from :func:`kinds_of_facets`.
+        kinds: Sum of the numbers of these facets from :func:`kinds_of_facets`.
         squares: Sum of the squares of these numbers.
     """
     right = np.pi / 2
@@ -132,7 +132,7 @@ def turns(angles: Floats, facets: Floats, kinds: Floats, squares: Floats) -> Flo
 
 
 def _changes(facets: Floats, kinds: Floats, squares: Floats) -> npt.NDArray[np.bool_]:
-    """Return flags of places where facets of different kinds meet."""
+    """Return flags of the places where facets of different kinds meet."""
     unlike: npt.NDArray[np.bool_] = facets * squares - kinds**2 > 0.5
     return unlike
 
@@ -142,7 +142,7 @@ def _columns(*columns: Floats | float) -> Floats:
 
 
 def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
-    """Return a number for each local facet, equal for facets with the same loads and supports.
+    """Return a number for each local facet, the same for facets with the same loads and supports.
 
     Collective.
     """
@@ -170,8 +170,8 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
     Args:
         tagged_mesh: Mesh of tetrahedra.
         given: Its loads, supports and contacts.
-        valence: Required number of cells around an edge whose sides allow a rotation by a right
-            angle, see :func:`singular_points.singular_points`.
+        valence: Required number of cells around an edge at which principal stresses may rotate by a
+            right angle (:func:`singular_points.singular_points`).
 
     Returns:
         Flags in DOLFINx's order of edges, shape (num_cells, 6).
@@ -202,7 +202,7 @@ def singular_edges(tagged_mesh: TaggedMesh, given: Given, valence: int) -> npt.N
 
 
 def angles_at_edges(x: Floats) -> Floats:
-    """Return the angle between the two faces at each edge of tetrahedra.
+    """Return the angle between the two faces that meet at each edge of tetrahedra.
 
     Args:
         x: Corners of tetrahedra, shape (num_cells, 4, 3).
@@ -229,22 +229,22 @@ Flags = npt.NDArray[np.bool_]
 def wide_corners(
     tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
 ) -> tuple[Flags, Flags]:
-    """Return flags of too wide corners of owned cells at singular points, and of all corners there.
+    """Return flags of too wide corners at singular points, and of all corners at these points.
 
     Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
         given: Its loads, supports and contacts.
-        gap: Gap of the bounds on this mesh, relative. The gap due to an angle is proportional to
-            its square. Angles are therefore halved once the bounds are close, and again for each
-            quarter of the gap.
+        gap: Relative gap of the bounds on this mesh. The part of the gap due to an angle is
+            proportional to the square of the angle. The allowed angles are therefore halved once
+            the bounds are close, and again each time the gap falls to a quarter.
 
     Returns:
-        Both of shape (num_cells, 3).
+        Two arrays of shape (num_cells, 3).
     """
-    widest = np.deg2rad(7.5)  # for a rotation by a right angle; wider for smaller rotations
-    near_enough = 0.004  # gap at which angles are halved: they cause a third of it
+    widest = np.deg2rad(7.5)  # for a rotation by a right angle; larger for smaller rotations
+    near_enough = 0.004  # gap at which angles are halved; the angles cause a third of this gap
     if gap is not None and 0 < gap < near_enough:
         widest /= 2.0 ** np.ceil(np.log(near_enough / gap) / np.log(4.0))
     near = np.deg2rad(42.0)  # from a side: without friction the stress is uniform within 45°
@@ -259,21 +259,21 @@ def wide_corners(
 
 
 def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floats:
-    """Return the larger angle of both edges of a corner from the nearer side. Collective.
+    """Return the larger of the angles from the nearer side to both edges of a corner. Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
-        points: Points of the local vertices.
+        points: Coordinates of the local vertices.
         vertices: Vertices of the owned cells, shape (num_cells, 3).
 
     Returns:
-        Angles, shape (num_cells, 3); meaningless where no two sides meet.
+        Angles, shape (num_cells, 3); not valid at vertices where no two sides meet.
     """
     topology = tagged_mesh.mesh.topology
     outer = exterior_facet_indices(topology)
     ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
     along = _directions(points[ends[:, 1]] - points[ends[:, 0]])
-    # The sum of both directions as complex numbers and the sum of their squares determine them.
+    # The sum of two complex numbers and the sum of their squares determine both directions.
     sums = la.vector(topology.index_map(0), 4, dtype=np.float64)
     table = sums.array.reshape(-1, 2, 2)
     for end, direction in ((0, along), (1, -along)):
@@ -300,15 +300,15 @@ def _directions(vectors: Floats) -> npt.NDArray[np.complex128]:
 
 
 def with_sheared_edges_divided(problem: Problem) -> Problem:
-    """Return the problem with fans around such edges; unchanged without such edges. Collective.
+    """Return the problem with fans around edges where a shear traction ends. Collective.
 
     Args:
-        problem: The bodies with their loads. The function returns them unchanged in the plane, on
-            curved cells, and if tractions on facets are not known.
+        problem: The bodies with their loads. The function returns the problem unchanged without
+            such edges, in 2D, on curved cells, and if tractions on facets are not known.
     """
     if problem.bodies.gdim == 2 or has_curved_cells(problem.tagged_mesh.mesh):
         return problem
-    most = 3  # bisections, which make eight cells of one
+    most = 3  # rounds of bisection, which make up to eight cells of one cell
     for _ in range(most):
         body = bound_body(problem)
         if body.prevents is not None or not problem.as_declared:
@@ -324,7 +324,9 @@ def with_sheared_edges_divided(problem: Problem) -> Problem:
 
 
 def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
-    """Return edges of owned cells at which shears differ and too few cells meet. Collective.
+    """Return flags of edges at which the shears on both sides differ and too few cells meet.
+
+    Collective.
 
     Returns:
         In DOLFINx's order of edges, shape (num_cells, 6).
@@ -359,7 +361,7 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
     sums.scatter_reverse(la.InsertMode.add)
     sums.scatter_forward()
     wrong = np.zeros(len(table), dtype=bool)
-    noticed = 0.05  # relative to the largest traction; a smaller difference has little effect
+    noticed = 0.05  # relative to the largest traction; smaller differences have little effect
     for k, push in enumerate(pushes):
         # (t − s)·(m + n) − (t·m − s·n) = t·n − s·m
         at = 6 + 4 * k
@@ -368,8 +370,8 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
         wrong |= np.abs(across) > noticed * largest
     right = np.pi / 2
     valence = 2  # required number of cells in each right angle of the body
-    rounding = 1e-6  # cells, by their angles
-    straight = 1.8  # right angles from which there is no corner
+    rounding = 1e-6  # in numbers of cells, from rounding errors of their angles
+    straight = 1.8  # angle of the body (right angles) from which an edge is no corner
     few = table[:, 1] < valence * table[:, 0] / right - rounding
     few &= table[:, 0] < straight * right
     found: npt.NDArray[np.bool_] = (wrong & few & (table[:, 2] > 1.5))[of_cell]
@@ -377,7 +379,7 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
 
 
 def _sides(ends: Longs, points: Floats, numbers: Longs, facets: Floats, normals: Floats) -> Floats:
-    """Return 1 or −1 for each edge of a facet, with opposite signs on its two sides.
+    """Return 1 or −1 for each edge of a facet, with opposite signs for the two facets at an edge.
 
     Args:
         ends: Vertices of the edges, shape (num_facets, 3, 2).
@@ -394,7 +396,7 @@ def _sides(ends: Longs, points: Floats, numbers: Longs, facets: Floats, normals:
 
 
 def _told(body: BoundBody) -> npt.NDArray[np.bool_]:
-    """Return on which facets all components of the traction are given, shape (num_facets,)."""
+    """Return flags of the facets with all components of the traction given, shape (num_facets,)."""
     told = ~np.asarray(body.facets.held.any(axis=1), dtype=np.bool_)
     told[body.facets.in_contact] = False
     told[body.facets.rubbing] = False
@@ -403,7 +405,7 @@ def _told(body: BoundBody) -> npt.NDArray[np.bool_]:
 
 
 def with_room_for_stress(problem: Problem) -> Problem:
-    """Return the problem with all cells divided in which the stress is over-constrained.
+    """Return the problem on a mesh in which all cells with an over-constrained stress are divided.
 
     Collective.
 
@@ -415,15 +417,16 @@ def with_room_for_stress(problem: Problem) -> Problem:
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:
-    """Return the plane problem with all unconfined cells divided; unchanged without such cells.
+    """Return the plane problem with cohesionless cells divided that could carry no stress.
 
     Collective.
 
-    A cell is divided together with all others at the vertex opposite an inner edge.
+    The function divides such a cell together with all cells around its vertex opposite an inner
+    edge.
 
     Args:
-        problem: The bodies with their loads. The function returns them unchanged if tractions on
-            facets are not known or cells are curved.
+        problem: The bodies with their loads. The function returns the problem unchanged without
+            such cells, if tractions on facets are not known, or if cells are curved.
     """
     tagged_mesh, cones = problem.tagged_mesh, body_cones(problem)
     if problem.bodies.gdim == 3 or tagged_mesh.axisymmetric or not cones.loose:
