@@ -81,12 +81,14 @@ class Triangulation:
             self._net = net = Delaunay(points)
         except (QhullError, ValueError) as error:
             raise InputError(
-                f"the {len(points)} points of '{self.name}' span no area (no volume in space), so"
-                " values between them are unknown; give points all around the body."
+                f"the {len(points)} points of '{self.name}' span no area (in 3D, no volume), so "
+                "values between them are unknown; give points all around the body."
             ) from error
         if len(net.coplanar):
             where = place_of(points[net.coplanar[0, 0]])
-            raise InputError(f"'{self.name}' has the point {where} twice; give one value there.")
+            raise InputError(
+                f"'{self.name}' has the point {where} twice; give one value at this point."
+            )
         x: Floats = points[net.simplices]
         thin = 1e-12  # relative height of a flat simplex at the hull
         size = np.ptp(x, axis=1).max(axis=1) ** points.shape[1]
@@ -167,8 +169,9 @@ class Triangulation:
         """
         if x.shape[1] != self.corners.shape[2]:
             raise InputError(
-                f"{place}: '{self.name}' has points in {self.corners.shape[2]} dimensions, but the"
-                f" body has {x.shape[1]}; give points in as many dimensions."
+                f"{place}: '{self.name}' has points in {self.corners.shape[2]} dimensions, but the "
+                f"body has {x.shape[1]}; give points with as many coordinates as the body has "
+                "dimensions."
             )
         vertices, shares = self._in_net(x) if self._net is not None else self._in_cells(x)
         outside = shares.min(axis=1) < -OUTSIDE
@@ -323,8 +326,8 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
     found = [int(kind) for kind in np.unique(kinds) if kind not in LOWER]
     if len(found) != 1 or found[0] not in SIMPLICES:
         raise InputError(
-            f"'{path.name}' has cells of VTK's types {', '.join(map(str, found)) or 'none'}; give"
-            " triangles (5) in the plane, or tetrahedra (10) in space."
+            f"'{path.name}' has cells of VTK's types {', '.join(map(str, found)) or 'none'}; give "
+            "triangles (5) in the plane, or tetrahedra (10) in 3D."
         )
     corners = SIMPLICES[found[0]]
     counts = np.diff(offsets, prepend=0)

@@ -129,8 +129,8 @@ class Formula(SpatialField):
         if found is None:
             raise InputError(
                 f"{place}: strict bounds need linear functions below and above the formula "
-                f"'{self.text}' in each cell. They are known only for sums, products, abs, "
-                "minimum, maximum and where; give such a formula, or a table of [coordinate, "
+                f"'{self.text}' in each cell. Such functions are known only for sums, products, "
+                "abs, minimum, maximum and where; give such a formula, or a table of [coordinate, "
                 "value] pairs."
             )
         return found
@@ -166,7 +166,7 @@ class DepthTable(SpatialField):
         if len(same):
             raise InputError(
                 f"a table over depth has two values at the coordinate {table[same[0], 0]:g}; give "
-                "one there, or a separate body for each layer where the value jumps."
+                "one value there, or a separate body for each layer where the value jumps."
             )
         rows = tuple((float(height), float(value)) for height, value in table)
         object.__setattr__(self, "rows", rows)
@@ -264,8 +264,8 @@ def read_points(path: Path, column: str) -> PointValues:
     for name in ("x", "y", column):
         if name not in names:
             raise InputError(
-                f"'{path.name}' has no column '{name}' in its first line; name the coordinates x"
-                " and y (and z in space) there, and the values as the case file does."
+                f"'{path.name}' has no column '{name}' in its first line; name the coordinates x "
+                "and y (and z in 3D) in this line, and the values as in the case file."
             )
     wanted = [*(name for name in "xyz" if name in names), column]
     numbers = np.empty((len(rows) - 1, len(wanted)))

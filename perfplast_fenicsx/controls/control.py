@@ -127,9 +127,9 @@ class Given:
         for obstacle in self.obstacles:
             if any(obstacle.move):
                 raise InputError(
-                    f"the obstacle at '{obstacle.on}' has a move, which follows the load "
-                    "factor only under control = 'displacement' or in stages; choose one "
-                    "of them, or remove move."
+                    f"the obstacle at '{obstacle.on}' has a move, which follows the load factor "
+                    "only under control = 'displacement' or in stages; use one of the two, or "
+                    "remove move."
                 )
 
 
@@ -389,8 +389,8 @@ def check_values(
     for before, value in pairwise(values):
         if value == before or (value < before) != falls:
             raise InputError(
-                f"values has {value} after {before}, but {what} must increase ({falling});"
-                " sort them and give each once."
+                f"values has {value} after {before}, but {what} must increase ({falling}); sort "
+                "the values and give each value once."
             )
 
 
@@ -411,8 +411,8 @@ def check_rising(values: Sequence[float], what: str) -> None:
             )
     if len(values) > 1 and values[1] < values[0]:
         raise InputError(
-            f"values has {values[1]} after {values[0]}, but without constant loads {what} must"
-            " increase; sort them and give each once."
+            f"values has {values[1]} after {values[0]}, but without constant loads {what} must "
+            "increase; sort the values and give each value once."
         )
 
 

@@ -84,9 +84,9 @@ class ShakedownControl(OfBody):
         check_elastic(given.materials)
         if given.contacts or given.obstacles:
             raise InputError(
-                "control = 'shakedown' superposes elastic stresses of single loads, so "
-                "bodies may neither separate nor slide; replace contacts that stay closed "
-                "by [[tie]] tables, and obstacles by supports."
+                "control = 'shakedown' superposes the elastic stresses of the separate loads, so "
+                "bodies may neither separate nor slide; replace contacts that stay closed by "
+                "[[tie]] tables, and obstacles by supports."
             )
         if given.settled or given.moving:
             raise InputError(

@@ -161,7 +161,7 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
             )
     kept = [part for part in parts if part.name not in names]
     if not kept:
-        raise InputError("without has all bodies; keep at least one body.")
+        raise InputError("without lists all bodies; keep at least one body.")
     gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
     kernels = (gmsh.model.occ, gmsh.model.geo)
     for kernel in kernels:

@@ -92,8 +92,8 @@ class Elastic:
             )
         if not -1.0 < self.poisson < 0.5:
             raise InputError(
-                f"poisson = {self.poisson} is outside (-1, 1/2); give Poisson's ratio strictly"
-                " between these (0.499 is fine for a nearly incompressible body)."
+                f"poisson = {self.poisson} is outside (-1, 1/2); give Poisson's ratio strictly "
+                "between these limits (0.499 is fine for a nearly incompressible body)."
             )
 
     @property
@@ -199,11 +199,11 @@ def check_deforms(materials: Mapping[str, object]) -> None:
     name = next((name for name, of in materials.items() if isinstance(of, Rigid)), None)
     if name is not None and all(isinstance(of, Rigid) for of in materials.values()):
         raise InputError(
-            f"all bodies, such as '{name}', have law = 'rigid', and rigid blocks have no "
-            "levels: they rest at all loads that they carry, and the forces in their "
-            "joints are not unique; give control = 'bounds' or 'strength' (control = "
-            "'bounds' with constant = true for all loads answers whether the bodies carry "
-            "them)."
+            f"all bodies, such as '{name}', have law = 'rigid', and levels of rigid blocks are "
+            "undefined: blocks do not move under loads that they can carry, and the forces in "
+            "their joints are not unique; give control = 'bounds' or 'strength' (control = "
+            "'bounds' with constant = true for all loads shows whether the bodies can carry the "
+            "loads)."
         )
 
 

@@ -90,10 +90,10 @@ def check_dilatancy(ground: Ground) -> None:
         )
     if psi < phi and stand is None:
         raise InputError(
-            f"dilatancy_angle = {psi:g} is less than friction_angle = {phi:g}, and then no "
-            "limit theorem holds; remove it, or give nonassociated = 'radenkovic' for "
-            "bounds of all possible collapse loads, or 'davis-a', 'davis-b' or 'davis-c' "
-            "for an estimate by associated ground."
+            f"dilatancy_angle = {psi:g} is less than friction_angle = {phi:g}, so no limit theorem "
+            "holds; remove it, or give nonassociated = 'radenkovic' for bounds on all possible "
+            "collapse loads, or 'davis-a', 'davis-b' or 'davis-c' for an estimate by associated "
+            "ground."
         )
     if psi == 0 and stand == "radenkovic":
         raise InputError(

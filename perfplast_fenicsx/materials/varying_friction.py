@@ -64,7 +64,7 @@ class FrictionAngle(SpatialField):
             raise InputError(
                 f"{place}: friction_angle, {self.angle}, is {angles[worst]:.6g} degrees at "
                 f"{place_of(x[worst])}; a friction angle that varies must be between 0 and 90 "
-                "degrees in the whole body, so give such values there, or give ground without "
+                "degrees in the whole body, so give valid values there, or give ground without "
                 "friction a separate body with law = 'tresca'."
             )
         return np.asarray(np.tan(np.radians(angles)) / self.divisor)

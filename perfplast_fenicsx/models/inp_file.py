@@ -87,8 +87,7 @@ def _thickness(given: set[float]) -> float:
         told = " and ".join(f"{one:g}" for one in sorted(given))
         raise InputError(
             f"sections of plane elements have the thickness {told}, but a case has only one "
-            "positive thickness; give all sections the same thickness, or model the bodies in "
-            "space."
+            "positive thickness; give all sections the same thickness, or model the bodies in 3D."
         )
     return next(iter(given), 1.0)
 

@@ -139,8 +139,8 @@ def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
     height, size = np.ptp(used[:, 2]), np.linalg.norm(np.ptp(used, axis=0))
     if height > BENT * size:
         raise InputError(
-            "there are no solid elements, only surfaces in space (shells), which have no"
-            " counterpart; give solids, or a plane model in x and y."
+            "there are no solid elements, only shells, which perfplast does not support; give "
+            "solid elements, or a plane model in x and y."
         )
 
 

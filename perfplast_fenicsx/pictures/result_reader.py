@@ -165,14 +165,14 @@ class ResultReader:
         for name in EARLIER:
             if (self.path / name).exists():
                 raise InputError(
-                    f"the folder '{path}' has {name}, so its results are of an earlier version,"
-                    " which this one does not read; run the case again."
+                    f"the folder '{path}' has {name}, so its results come from an earlier version, "
+                    "which this version cannot read; run the case again."
                 )
         for name in ("summary.json", "path.csv", "scene.json"):
             if not (self.path / name).is_file():
                 raise InputError(
-                    f"the folder '{path}' has no {name}, so it has no results of this version; give"
-                    " the DIR of perfplast run, or run the case again."
+                    f"the folder '{path}' has no {name}, so it has no results from this version; "
+                    "give the DIR of perfplast run, or run the case again."
                 )
 
     def __repr__(self) -> str:

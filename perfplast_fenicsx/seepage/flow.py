@@ -193,13 +193,15 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
     """
     if tagged_mesh.axisymmetric or tagged_mesh.is_thin:
         raise InputError(
-            "seepage is available only in plane strain and in space; remove [seepage], or remove"
-            " kind from [model]."
+            "seepage is available only in plane strain and in 3D; remove [seepage], or remove "
+            "kind from [model]."
         )
     if has_curved_cells(tagged_mesh.mesh):
         raise InputError("seepage needs straight cells; give the mesh order = 1.")
     if seepage.unit_weight is None:
-        raise InputError("unit_weight is missing; give that of water, such as 9.81 with kN and m.")
+        raise InputError(
+            "unit_weight is missing; give the unit weight of water, such as 9.81 with kN and m."
+        )
     dim = tagged_mesh.mesh.geometry.dim
     if seepage.axis >= dim:
         raise InputError(f"up = '{seepage.up}' is not a coordinate in {dim} dimensions; give 'y'.")
@@ -336,8 +338,8 @@ class Network:
         found[self._facets(mesh, surface).ravel()] = True
         if not found.any():
             raise InputError(
-                f"the surface '{surface}' is on no body with a conductivity; give its body a"
-                " conductivity, or name another surface."
+                f"the surface '{surface}' belongs to no body with a conductivity; give its body a "
+                "conductivity, or name another surface."
             )
         return found
 
@@ -426,9 +428,9 @@ class Network:
             if head.presses and cut.any():
                 at = self.points[facets[np.argmax(cut)]].mean(axis=0)
                 raise InputError(
-                    f"the level {level:g} of the water at '{head.on}' crosses a facet near"
-                    f" {place_of(at)}; put a point of the drawing at this height, so that the mesh"
-                    " has a vertex at it."
+                    f"the level {level:g} of the water at '{head.on}' crosses a facet near "
+                    f"{place_of(at)}; add a point at this height to the drawing, and the mesh will "
+                    "have a vertex there."
                 )
 
     def _check_parts(self, known: npt.NDArray[np.bool_], opened: npt.NDArray[np.bool_]) -> None:

@@ -187,8 +187,8 @@ class LevelSolver(Stepper, ABC):
         check_deforms(problem.given.materials)
         if problem.has_rigid and problem.rigid_bodies is None:
             raise InputError(
-                "a body of the problem is rigid, and levels need its motions; give the algorithm "
-                "problem.with_rigid_motions() instead of the problem."
+                "a body of the problem is rigid, and levels need its rigid motions as unknowns; "
+                "pass problem.with_rigid_motions() to the algorithm instead of the problem."
             )
         check_slip_is_true(problem)
         check_flows(problem.given.materials)

@@ -39,7 +39,7 @@ def stage_path(
     """
     if solver.prescribes is not Prescribed.LOAD_FACTOR:
         raise InputError(
-            f"stages prescribe load factors, but the method '{solver.method}' prescribes works; "
+            f"stages prescribe load factors, but the method '{solver.method}' prescribes the work; "
             "give method = 'newton'."
         )
     if start is not None:

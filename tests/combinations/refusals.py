@@ -20,7 +20,7 @@ REFUSALS: Mapping[str, str] = {
     ),
     "is associated": f"{STAYS}: real slip is not normal to the friction cone",
     "normals are averaged": f"{TO_COME}: obstacles that consist of planes",
-    "superposes elastic stresses": (
+    "superposes the elastic stresses": (
         f"{STAYS}: superposition of elastic stresses is not valid for bodies in contact"
     ),
     "a rigid surface moves": f"{TO_COME}: prescribed motions that vary",

@@ -72,7 +72,7 @@ def test_where_supports_hold_one_side_the_other_one_carries_the_jump() -> None:
     [
         (
             {"contacts": [Contact("lower_top", "x0", formulation="nodes")]},
-            ["contact 1", "no partner of their own", "formulation = 'mortar'"],
+            ["contact 1", "no separate partner", "formulation = 'mortar'"],
         ),
         ({"contacts": [Contact("lower_top", "x0")]}, ["contact 1", "nowhere opposite"]),
         ({"contacts": [Contact("lower_top", "lower_top")]}, ["contact 1", "itself"]),

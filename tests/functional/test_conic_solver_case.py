@@ -61,8 +61,8 @@ def test_where_it_cannot_run(
     [
         (BOUNDS, 'conic = "clarabell"', "conic = 'clarabell' is unknown"),
         (LEVELS, 'conic = "clarabel"', "applies only to limit loads"),
-        (PATH, 'conic = "clarabel"', "the case asks for a path"),
-        (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "the case asks for a path"),
+        (PATH, 'conic = "clarabel"', "the case selects a loading path"),
+        (BOUNDS, 'conic = "clarabel"\nmethod = "newton"', "the case selects a loading path"),
     ],
 )
 def test_where_it_has_nothing_to_solve(

@@ -197,7 +197,7 @@ def test_numbers_of_either_sign(around: tuple[bool, bool], parts: int, cube: Pro
     """A quarter or half of the ellipse, and what is refused."""
     with pytest.raises(InputError, match="one entry for each of 3"):
         envelope(cube, [[ACROSS], [ALONG], [ALONG]], around=around)
-    with pytest.raises(InputError, match="envelope needs two or three numbers"):
+    with pytest.raises(InputError, match="envelope needs two or three"):
         envelope(cube, [[ACROSS]])
     found = envelope(cube, [[ACROSS], [ALONG]], directions=4 + parts, around=around)
     turns = [row["angle"] for row in found.rows()]

@@ -285,7 +285,7 @@ def test_a_mechanism_without_a_level(comm: MPI.Intracomm, shared_tmp_path: Path)
         ("animate", lambda path: (path / "fields/mesh.vtkhdf").write_text("a"), "cannot be read"),
         ("plot", lambda path: (path / "fields/level_0001.vtkhdf").unlink(), "cannot be read"),
         ("plot", lambda path: (path / "fields.vtkhdf.series").write_text("[]"), "cannot be read"),
-        ("plot", lambda path: (path / "fields.xdmf").touch(), "are of an earlier version"),
+        ("plot", lambda path: (path / "fields.xdmf").touch(), "come from an earlier version"),
         ("animate", lambda path: (path / "model.json").touch(), "has model.json, so its results"),
         ("plot", lambda path: (path / "path.csv").write_text(""), "no level yet"),
         ("animate", lambda path: (path / "path.csv").write_text(""), "no fields on file"),

@@ -37,8 +37,8 @@ class FrictionTerms:
             )
         if not (self.reduced or self.rubs):
             raise InputError(
-                "reduced = false applies only to friction, which a factor of safety "
-                "divides; give tresca or coulomb, or remove reduced."
+                "reduced = false has no effect without friction, which a factor of safety would "
+                "divide; give tresca or coulomb, or remove reduced."
             )
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):

@@ -171,8 +171,8 @@ def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
     distance = np.linalg.norm(r, axis=1)
     if (distance <= 1e-12 * obstacle.radius).any():
         raise InputError(
-            f"a node of '{obstacle.on}' lies at the centre of the {shape}, where the "
-            "direction out of it is undefined; name only the surface that may touch it."
+            f"a node of '{obstacle.on}' lies at the centre of the {shape}, where its outward "
+            "normal is undefined; name only the part of the surface that may make contact."
         )
     sign = 1.0 if obstacle.hollow else -1.0
     return sign * (obstacle.radius - distance), sign * r / distance[:, None]

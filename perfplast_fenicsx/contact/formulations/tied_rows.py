@@ -83,9 +83,8 @@ def _rows(
     bridged = 0.01  # largest distance between tied surfaces, relative to their size
     if farthest > bridged * size:
         raise InputError(
-            f"{place}: the surfaces are up to {farthest:.3g} apart, so that forces across "
-            "the gap would not balance in moment; tie surfaces that touch, or move one of "
-            "the bodies."
+            f"{place}: the surfaces are up to {farthest:.3g} apart, so moments of forces across "
+            "the gap would not balance; tie surfaces that touch, or move one of the bodies."
         )
     parts = []
     for axis, rows in enumerate(chosen.rows):

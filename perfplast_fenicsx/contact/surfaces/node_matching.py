@@ -216,9 +216,9 @@ def normals_and_gaps(
         far = matching.farthest
         away = f" (the nearest is up to {far:.3g} away)" if 0 < far < np.inf else ""
         raise NoPartners(
-            f"{place}: {matching.alone} nodes have no partner of their own on the other"
-            f" surface{away}; choose formulation = 'mortar', or mesh the two surfaces with the"
-            " same nodes, for instance by BooleanFragments in gmsh and then write_split."
+            f"{place}: {matching.alone} nodes have no separate partner on the other surface{away}; "
+            "choose formulation = 'mortar', or mesh the two surfaces with the same nodes, for "
+            "instance by BooleanFragments in gmsh and then write_split."
         )
     primary, secondary = matching.primary, matching.secondary
     facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])

@@ -93,8 +93,8 @@ def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
         )
     if rest or loading.limit_method == LimitMethod.PATH:
         raise InputError(
-            f"{place}: conic = '{conic}' applies to the interior point method, but the case asks "
-            "for a path; remove conic, or remove all keys for the path."
+            f"{place}: conic = '{conic}' applies to the interior point method, but the case "
+            "selects a loading path; remove conic, or remove all keys for the path."
         )
     return conic, rest
 

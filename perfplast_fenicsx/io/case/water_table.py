@@ -141,7 +141,7 @@ def water_in_cracks(
         if line.water is not None and line.water < max(heights) and line.water not in heights:
             raise InputError(
                 f"the water in the crack '{line.name}' reaches y = {line.water:g}, where the crack "
-                "has no point; add a point at this height to the line, so that the mesh has a "
+                "has no point; add a point at this height to the line, and the mesh will have a "
                 "vertex at the water level."
             )
     cracks = [] if ground is None else ground.cracks()

@@ -71,7 +71,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
             loads, or if a linear program has no reliable solution.
     """
     check_blocks(problem)
-    log.info("bounds of rigid blocks: computing forces on their joints, and a mechanism")
+    log.info("bounds for rigid blocks: computing forces in their joints, and a mechanism")
     blocks = rigid_blocks(problem)
     question = Question.LIMIT if problem.loads.grows() else Question.STANDS
     found = block_limit(problem.comm, blocks, question, rtol)

@@ -234,7 +234,8 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
     comm, shared = below.comm, below.tagged_mesh
     copy, meeting = whole_mesh(shared), Meeting(below.comm, monitor)
     log.info(
-        "both bounds in parallel, each on one rank; of two steps the upper one's is reported first"
+        "both bounds run in parallel, each on one rank; of two steps, that of the upper bound is "
+        "reported first"
     )
     question = Question.LIMIT if below.loads.grows() else Question.STANDS
     mechanism, stress = _Mechanism(above, copy), _Stress(below, copy, question)

@@ -269,8 +269,8 @@ def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
         raise InputError(f"directions = {directions} is too small; give at least 3.")
     if len(loads) not in (2, 3):
         raise InputError(
-            f"an envelope needs two or three numbers, but there are {len(loads)}; give the "
-            "loads of two or three."
+            f"an envelope needs two or three load factors, but there are {len(loads)}; give the "
+            "loads for two or three factors."
         )
     for load in (load for some in loads for load in some):
         if load.constant:

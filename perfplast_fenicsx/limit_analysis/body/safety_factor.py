@@ -420,8 +420,8 @@ def _falls_anyway(kept: Sequence[str]) -> InputError:
     else:
         why = "they tip, or slide where nothing resists; support them there, or change the loads"
     return InputError(
-        f"the bodies fall even with F = {1 / FAR:g}, which multiplies all strengths that F "
-        f"divides by {FAR:g}: {why}."
+        f"the bodies collapse even with F = {1 / FAR:g}, where the strengths that F divides are "
+        f"multiplied by {FAR:g}: {why}."
     )
 
 
@@ -429,9 +429,9 @@ def _stands_anyway(kept: Sequence[str]) -> InputError:
     """Return the error for bodies that stand almost without the strengths that F divides."""
     limits = " and ".join([*kept, "the supports"])
     return InputError(
-        f"the bodies stand even with F = {FAR:g}: {limits} hold the loads, and the "
-        "strengths that F divides do not limit them; let a load grow and compute its "
-        "limit (control = 'bounds'), or let F divide the strengths that hold the bodies."
+        f"the bodies are stable even with F = {FAR:g}: {limits} hold the loads, and the strengths "
+        "that F divides do not limit the loads; let a load grow and compute its limit (control = "
+        "'bounds'), or let F divide the strengths that hold the bodies."
     )
 
 

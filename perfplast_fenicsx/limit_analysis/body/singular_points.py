@@ -443,7 +443,7 @@ def with_divided_bare_cells(problem: Problem) -> Problem:
     count = problem.comm.allreduce(len(here))
     if count == 0:
         return problem
-    log.info("%d cells without cohesion and confinement are divided", count)
+    log.info("%d cells with neither cohesion nor confinement are divided", count)
     vertices = topology.connectivity(2, 0).array.reshape(-1, 3)
     points = np.unique(vertices[here, np.argmin(outside[here], axis=1)])
     pairs = opposite_vertices(tagged_mesh, problem.given.contacts)

@@ -256,8 +256,8 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
         cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
         if cone is None and getattr(materials[name], "cohesion", None) == 0:
             raise InputError(
-                f"cohesion = 0 in volume '{name}': in space and in axisymmetry the interior point "
-                "method needs a cohesion for law = 'mohr-coulomb'; give one, such as a "
+                f"cohesion = 0 in volume '{name}': in 3D and in axisymmetry the interior point "
+                "method needs a cohesion for law = 'mohr-coulomb'; give a cohesion, such as a "
                 "thousandth of the constant pressures, or of the weight times the height."
             )
         if cone is None:
@@ -320,7 +320,7 @@ def check_whole_cones(problem: Problem) -> None:
         if getattr(material, "cohesion", None) == 0:
             raise InputError(
                 f"cohesion = 0 in volume '{name}': shakedown needs a cohesion for law = "
-                "'mohr-coulomb'; give one, such as a thousandth of the constant pressures."
+                "'mohr-coulomb'; give a cohesion, such as a thousandth of the constant pressures."
             )
         raise InputError(
             "shakedown needs a yield set that is one cone of stresses, which is not true of"

@@ -111,9 +111,9 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
         divided_by = getattr(material, "divided_by", None)
         if divided_by is None:
             raise InputError(
-                f"the material of '{name}' ({type(material).__name__}) has no strength that can be"
-                " divided; for a factor of safety give a material with one, such as those of case"
-                " files."
+                f"the material of '{name}' ({type(material).__name__}) has no strength that can be "
+                "divided; for a factor of safety give a material with the method divided_by, as "
+                "those in perfplast_fenicsx.materials have."
             )
         found[name] = divided_by(factor if is_divided(material) else 1.0)
     return found
@@ -176,8 +176,8 @@ def check_all_divided(
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(
-            f"reduced = false keeps {kept[0]} as it is where a factor of safety divides the others;"
-            " give control = 'strength', or leave reduced out."
+            f"reduced = false keeps {kept[0]} undivided in a factor of safety, which this control "
+            "does not compute; give control = 'strength', or remove reduced."
         )
 
 

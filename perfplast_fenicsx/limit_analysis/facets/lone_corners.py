@@ -65,7 +65,7 @@ def with_divided_corners(problem: Problem) -> Problem:
     count = problem.comm.allreduce(len(points))
     if count == 0:
         return problem
-    log.info("%d corners of one cell are divided, which could carry no loads", count)
+    log.info("%d corners that consist of one cell and could not carry loads are divided", count)
     pairs = opposite_vertices(tagged_mesh, problem.given.contacts)
     return problem.on(fan(tagged_mesh, points, pairs).tagged_mesh)
 

@@ -207,9 +207,9 @@ def check_elastic(materials: Mapping[str, object]) -> None:
     rigid = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     if rigid:
         raise InputError(
-            f"the body '{rigid[0]}' has law = 'rigid', which has no elastic stresses, and"
-            " control = 'shakedown' adds these up; give it law = 'elastic' with a young that is"
-            " 1e5 times as large as that of the bodies beside it."
+            f"the body '{rigid[0]}' has law = 'rigid' and so no elastic stresses, which control = "
+            "'shakedown' superposes; give it law = 'elastic' with a young that is 1e5 times that "
+            "of the adjacent bodies."
         )
 
 
@@ -235,14 +235,14 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
             )
         if name not in growing and name not in warmed:
             raise InputError(
-                f"'{name}' varies, but there is no load and no change of temperature of this name;"
-                f" {nearest(name, [*growing, *warmed])}"
+                f"'{name}' varies, but no load or change of temperature has this name; "
+                f"{nearest(name, [*growing, *warmed])}"
             )
     for name in growing:
         if name not in names:
             raise InputError(
-                f"the load '{name}' has no range; give one, or constant = true if the load"
-                " does not vary."
+                f"the load '{name}' has no range; give a range, or constant = true if the load "
+                "does not vary."
             )
 
 

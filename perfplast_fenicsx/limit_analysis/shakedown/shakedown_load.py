@@ -293,8 +293,8 @@ def _check_bonds(problem: Problem) -> None:
     """Check that supports do not move, and that elastic stresses can be superposed."""
     if problem.num_pairs or problem.friction.count:
         raise InputError(
-            "shakedown needs bodies that neither separate nor slide, since elastic stresses of"
-            " single loads are added up; make contacts that stay closed [[tie]] tables."
+            "shakedown superposes the elastic stresses of the separate loads, so bodies may "
+            "neither separate nor slide; replace contacts that stay closed by [[tie]] tables."
         )
     if problem.motion.moves_supports or problem.motion.driven:
         raise InputError(
@@ -359,8 +359,8 @@ def _search(
         made.callback(program.destroy)
         if not varying.ratio(strains, varying.live) > 0:
             raise InputError(
-                "no varying load causes stress in a body that can yield, so that nothing limits the"
-                " loads; give a yield stress to a body, or a load that is not zero."
+                "no varying load causes stress in a body that can yield, so nothing limits the "
+                "loads; give a yield stress to a body, or a load that is not zero."
             )
         steps: list[InteriorStep] = []
         iteration: InteriorIteration | None = None

@@ -28,9 +28,9 @@ def check_friction_has_limits(problem: Problem) -> None:
         check_slip_is_true(problem)
         raise InputError(
             "with Coulomb's friction (coulomb = ...) no limit theorem holds, so the interior "
-            "point method cannot be used; search along a loading path (control = 'work', "
-            "until = 'limit', limit_method = 'path'), bound it by Drucker's pair "
-            "(control = 'bounds'), or give tresca = ... instead."
+            "point method cannot be used; search along a loading path (control = 'work', until = "
+            "'limit', limit_method = 'path'), bound the load by Drucker's pair (control = "
+            "'bounds'), or give tresca = ... instead."
         )
 
 
@@ -45,9 +45,8 @@ def check_bodies_have_limits(problem: Problem) -> None:
     for name, material in problem.given.materials.items():
         if carries_any_load(material):
             raise InputError(
-                f"the material of '{name}' hardens, so that bodies carry any load, and there is no"
-                " limit load; give load values, or a law that is perfectly"
-                " plastic."
+                f"the material of '{name}' hardens, so bodies can carry any load and there is no "
+                "limit load; give load values, or a perfectly plastic law."
             )
 
 
@@ -62,9 +61,9 @@ def check_flat_guides(problem: Problem) -> None:
     for surface, curved in zip(guides.surfaces, guides.curved, strict=True):
         if curved:
             raise InputError(
-                f"the support on '{surface}' moves a curved surface along its normals, which change"
-                " from node to node, and strict bounds do not support that; give letters as"
-                " components, or ask for levels (control = 'displacement')."
+                f"the support on '{surface}' moves a curved surface along its normals, which "
+                "change from node to node, and strict bounds do not support such a motion; give "
+                "letters as components, or compute levels (control = 'displacement')."
             )
 
 
@@ -90,7 +89,8 @@ def check_loads(problem: Problem) -> None:
     what = "strict bounds and the interior point method are for loads"
     if problem.motion.driven:
         raise InputError(
-            f"the load factor moves supports or obstacles, and {what}; make these fixed."
+            f"the load factor moves supports or obstacles, and {what}; fix the supports and "
+            "obstacles."
         )
     if not _is_loaded(problem):
         raise InputError(f"there is no load, and {what}; give a load.")

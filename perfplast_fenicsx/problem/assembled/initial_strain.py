@@ -212,8 +212,8 @@ class Shanks:
 def _check_apart(bolt: Bolt, other: Bolt) -> None:
     if bolt.on == other.on:
         raise InputError(
-            f"the volume '{bolt.on}' has two bolts, '{other.called}' and '{bolt.called}'; give each"
-            " a volume of its own."
+            f"the volume '{bolt.on}' has two bolts, '{other.called}' and '{bolt.called}'; give "
+            "each bolt a separate volume."
         )
     if bolt.called == other.called:
         raise InputError(

@@ -150,7 +150,7 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         except ZeroDivisionError as error:
             raise InputError(
                 f"{what} divides by zero when it computes the parameters of its law, as with "
-                "poisson = 0.5; give numbers inside their range."
+                "poisson = 0.5; give numbers within their valid ranges."
             ) from error
         for key, number in numbers.items():
             if not math.isfinite(number):
@@ -165,8 +165,8 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         if not np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0:
             raise InputError(
                 f"{what} has an elastic stiffness that is not positive definite "
-                f"({_shown(numbers)}), so some strain has no energy; give young > 0 "
-                "and poisson between -1 and 1/2, or the equivalent numbers of its law."
+                f"({_shown(numbers)}), so some strain has no energy; give young > 0 and poisson "
+                "between -1 and 1/2, or valid elastic constants of its law."
             )
 
 

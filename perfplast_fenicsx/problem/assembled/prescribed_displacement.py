@@ -152,9 +152,9 @@ def check_moved_surfaces(
         largest = max(farthest, np.abs(move).max())
         if (unseen & (along > ROUNDING * largest)).any():
             message = (
-                f"supports hold nodes of the contact surface '{name}' along its normal, "
-                "but supports or an obstacle move these nodes or the opposite side, so the "
-                "nodes cannot give way; remove these nodes from the contact surface."
+                f"supports hold nodes of the contact surface '{name}' along its normal, but "
+                "supports or an obstacle move these nodes or the opposite side, so contact cannot "
+                "move the nodes; remove these nodes from the contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
 

@@ -134,8 +134,8 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     if not (length > in_line * size and height > in_line * size):
         kind = "a point" if gdim == 2 else "a line"
         raise InputError(
-            f"the nodes of the rigid surface '{surface}' lie in {kind}, which cannot rotate; "
-            "name a larger surface."
+            f"the nodes of the rigid surface '{surface}' lie in {kind}, so their rotation is "
+            "undefined; name a larger surface."
         )
     return Leaders(np.array(chosen), np.array(places), np.array(frame))
 

@@ -28,8 +28,8 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     gdim = mesh.geometry.dim
     if tagged_mesh.kinematics.whole and gdim == 2:
         raise InputError(
-            f"the bearing force on '{load.on}' is on a body of revolution, where a pin would press"
-            " all around the axis; give a pressure."
+            f"the bearing force on '{load.on}' acts on a body of revolution, where a pin would "
+            "press all around the axis; give a pressure."
         )
     force = fitting(f"value of the bearing force on '{load.on}'", load.value, gdim)
     force = np.asarray(force / tagged_mesh.kinematics.thickness, dtype=np.float64)

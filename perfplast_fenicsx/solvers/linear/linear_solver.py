@@ -290,7 +290,8 @@ class LinearSolver:
         if self.direct or not self._price.fits:
             return False
         log.info(
-            "%s has become slow; a factorisation, which costs %d iterations, replaces it",
+            "%s has become slow; a factorisation, which takes as long as %d iterations, replaces "
+            "it",
             *(self.name, self._price.iterations),
         )
         self._replace(Factorisation(self._problem.comm, heed=False))
