@@ -50,8 +50,8 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
         budget -= len(a)
         if budget < 0:
             raise ProofError(
-                "cells lie so closely beside each other that it would take too long to find which"
-                " of them overlap."
+                "cells lie so close together that the search for overlapping cells would take too "
+                "long."
             )
         low, high = (tree.levels[level] for tree in trees)
         kept = ((low[0, a] <= high[1, b]) & (high[0, b] <= low[1, a])).all(axis=1)

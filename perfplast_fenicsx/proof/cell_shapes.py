@@ -63,10 +63,12 @@ def check_sections(
         ProofError: If cells or data are refused.
     """
     if places.shape[2] != 2 or places[..., 0].min() < 0:
-        raise ProofError("bodies of revolution reach negative radii, or are not sections.")
+        raise ProofError(
+            "bodies of revolution reach negative radii, or their mesh is not a plane section."
+        )
     if not (held == [True, False]).all():
         raise ProofError(
-            "a rigid surface of a body of revolution can move in another direction than the axis."
+            "a rigid surface of a body of revolution can move in a direction other than the axis."
         )
     if loose:
         raise ProofError("a cone has no bound, which is not supported for bodies of revolution.")

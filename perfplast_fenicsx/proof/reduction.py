@@ -55,7 +55,9 @@ def reduction_of(
             raise ProofError(f"the shape of {name} does not fit the bodies.")
     cells = kept["cell_kept"]
     if body.cones.is_curved[body.cone[~cells & body.plastic]].any():
-        raise ProofError("strength_factor divides a parabola, which does not remain one.")
+        raise ProofError(
+            "strength_factor divides a parabolic strength, and the quotient is not a parabola."
+        )
     both = np.intersect1d(body.cone[cells & body.plastic], body.cone[~cells & body.plastic])
     if len(both):
         raise ProofError("cell_kept divides a strength in some cells but not in others.")

@@ -118,7 +118,7 @@ FORGED: dict[str, tuple[Forgery, str]] = {
     "a higher bound": (alone("lower", times("bound", 1.001)), "proven"),
     "a lower bound": (alone("upper", times("bound", 0.999)), "proven"),
     "wider above": (high(times("cone_curvature", 0.99)), "other shapes|only"),
-    "divided": (both(divided), "divides a parabola"),
+    "divided": (both(divided), "not a parabola"),
 }
 
 

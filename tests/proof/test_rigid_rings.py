@@ -49,10 +49,10 @@ def bent(them: Arrays) -> None:
 RIGID: dict[str, tuple[Forgery, str]] = {
     "more force than it has": (low(times("rigid_force", 1.1)), "rigid forces"),
     "half the force above": (high(in_turn(times("rigid_force", 0.5), times("bound", 2))), "loads"),
-    "free to turn": (both(put("rigid_held", (0, 0), 0)), "in another direction than the axis"),
+    "free to turn": (both(put("rigid_held", (0, 0), 0)), "in a direction other than the axis"),
     "held along the axis": (
         both(put("rigid_held", (0, 1), 1)),
-        "in another direction than the axis",
+        "in a direction other than the axis",
     ),
     "a plate that bends": (high(bent), "only"),
     "half the bound": (high(times("bound", 0.5)), "only|above"),

@@ -161,7 +161,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "does not fit",
     ),
     "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
-    "a rigid surface that turns": (both(rigid_surface), "in another direction than the axis"),
+    "a rigid surface that turns": (both(rigid_surface), "in a direction other than the axis"),
     "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
     "volume that changes": (high(lambda it: swell(it)), "all the work"),
     "cones without a bound": (both(lambda it: loosen(it)), "no bound"),
