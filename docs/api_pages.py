@@ -1,7 +1,7 @@
-"""Make the API pages: the modules of each room, and the table of public names.
+"""Make the API pages: the modules of each folder ("room"), and the table of public names.
 
-On a page of ``api/``, ``<!-- room NAME -->`` stands for the documentation of the modules in this
-folder of the package, and :data:`PUBLIC` for the public names.
+On a page of ``api/``, Sphinx replaces ``<!-- room NAME -->`` with the documentation of the modules
+in the folder NAME of the package, and :data:`PUBLIC` with the table of public names.
 """
 
 import inspect
@@ -17,7 +17,7 @@ PUBLIC = "<!-- the public names -->"
 
 
 def modules(room: str) -> str:
-    """Return sections with the documentation of a room's modules, as MyST.
+    """Return sections with the documentation of the modules in a room, as MyST.
 
     Args:
         room: Dotted name of the folder below the package, or "ground" for the package itself.
@@ -49,6 +49,6 @@ def _read(app: Any, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Insert the documentation at the mark of a page; Sphinx calls it."""
+    """Insert the documentation at the marks of a page; Sphinx calls it."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

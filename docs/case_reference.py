@@ -1,7 +1,7 @@
 """Make the reference of case files from the dataclasses that read them.
 
-Sphinx replaces :data:`MARK` in ``case_file.md`` with it. Keys, types and defaults come from the
-dataclasses, meanings and ranges from the ``Args`` of their docstrings.
+Sphinx replaces :data:`MARK` in ``case_file.md`` with the reference. Keys, types and defaults come
+from the dataclasses. Meanings and ranges come from the ``Args`` of their docstrings.
 """
 
 import dataclasses
@@ -53,7 +53,7 @@ def summary(documented: object) -> str:
 
 
 def markdown(text: str, module: object = None) -> str:
-    """Return reStructuredText as MyST; roles without a module belong to ``module``."""
+    """Return reStructuredText as MyST; roles without a module refer to ``module``."""
 
     def role(match: re.Match[str]) -> str:
         kind, target = match.groups()
@@ -65,13 +65,13 @@ def markdown(text: str, module: object = None) -> str:
 
 
 def row(key: str, kind: str, default: str, meaning: str) -> str:
-    """Return a line of a table, with escaped bars."""
+    """Return a row of a table, with escaped bars."""
     cells = (f"`{key}`", kind, default, meaning)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 
 def rows(schema: type[Any], leave_out: frozenset[str] = frozenset()) -> str:
-    """Return the keys of a dataclass as lines of a table."""
+    """Return the keys of a dataclass as rows of a table."""
     hints = typing.get_type_hints(schema)
     meaning = arguments(schema)
     lines = ""
@@ -84,7 +84,7 @@ def rows(schema: type[Any], leave_out: frozenset[str] = frozenset()) -> str:
 
 
 def _type(hint: Any, key: str) -> str:
-    """Return a type in the words of the program's messages, with TOML's quotes."""
+    """Return a type in the words of the program's messages, with the quotes of TOML."""
     words = described(hint, key).replace("a list whose items are each a number", "list of numbers")
     return re.sub(r"'([^']*)'", r'`"\1"`', words)
 
@@ -98,7 +98,7 @@ def _default(field: "dataclasses.Field[Any]") -> str:
 
 
 def _parameters(builder: Callable[..., Any]) -> str:
-    """Return the arguments of a builder as lines of a table."""
+    """Return the arguments of a builder as rows of a table."""
     meaning = arguments(builder)
     lines = ""
     for name, parameter in list(inspect.signature(builder).parameters.items())[1:]:
@@ -109,13 +109,13 @@ def _parameters(builder: Callable[..., Any]) -> str:
 
 
 def _choice(key: str, choices: Mapping[str, object], default: str | None, meaning: str) -> str:
-    """Return the line of the key that chooses one of several tables."""
+    """Return the row for the key that selects one of several tables."""
     kinds = " or ".join(f'`"{choice}"`' for choice in choices)
     return row(key, kinds, f'`"{default}"`' if default else "required", meaning)
 
 
 def _variants(key: str, choices: Mapping[str, type[Any]]) -> Iterator[str]:
-    """Yield a table for each choice; choices of the same dataclass share one."""
+    """Yield a table for each choice; choices with the same dataclass share one table."""
     for schema in dict.fromkeys(choices.values()):
         names = [name for name, other in choices.items() if other is schema]
         wanted = " or ".join(f'`"{name}"`' for name in names)
@@ -165,14 +165,14 @@ def _solve() -> Iterator[str]:
 
 
 def _single(schema: type[Any]) -> Callable[[], Iterator[str]]:
-    """Return a function for the content of a table that one dataclass reads."""
+    """Return a function that yields the content of a table that one dataclass reads."""
     return lambda: iter([summary(schema) + "\n", HEAD + rows(schema)])
 
 
 def _chosen(
     key: str, choices: Mapping[str, type[Any]], default: str | None, meaning: str
 ) -> Callable[[], Iterator[str]]:
-    """Return a function for the content of a table whose ``key`` chooses the dataclass."""
+    """Return a function that yields the content of a table whose ``key`` selects the dataclass."""
     return lambda: iter([HEAD + _choice(key, choices, default, meaning), *_variants(key, choices)])
 
 
@@ -216,7 +216,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "report": ("[report]", _single(tables.ReportHead)),
     "units": ("[units]", _single(Units)),
 }
-"""Heading and content of the tables of a case file, by their key at its top level."""
+"""Heading and content of each table of a case file, by its key at the top level."""
 
 
 def reference() -> str:

@@ -1,6 +1,6 @@
 """Make the reference of the command line from ``perfplast --help`` of each command.
 
-Sphinx replaces :data:`MARK` in ``command_line.md`` with it.
+Sphinx replaces :data:`MARK` in ``command_line.md`` with the reference.
 """
 
 import argparse

@@ -1,12 +1,12 @@
-r"""Run the commands of a page in a fresh folder, and compare or refresh what it shows of them.
+r"""Run the commands of a page in a fresh folder, and compare or refresh the outputs on the page.
 
-    ./fenicsx python3 docs/commands.py docs/tutorial.md            # are they as shown?
-    ./fenicsx python3 docs/commands.py docs/tutorial.md --write    # show what they print now
+    ./fenicsx python3 docs/commands.py docs/tutorial.md            # do the outputs agree?
+    ./fenicsx python3 docs/commands.py docs/tutorial.md --write    # store the present outputs
 
-A code block with a caption is a file; with the caption ``FILE, [TABLE]`` it takes the place of that
-table of a case file. In a block of the language ``console`` a line that begins with ``$`` is a
-command, and the lines below it are what it prints; a line ``...`` stands for any number of lines.
-All other blocks are left alone.
+A code block with a caption is a file. A block with the caption ``FILE, [TABLE]`` replaces this
+table in the case file. In a block of the language ``console``, a line that begins with ``$`` is a
+command, and the lines below the command are its output. A line ``...`` matches any number of lines.
+All other blocks are ignored.
 """
 
 import argparse
@@ -51,8 +51,8 @@ class File:
     """A file of a page.
 
     Attributes:
-        name: Its name, with ``, [TABLE]`` if only this table is given.
-        text: Its content.
+        name: The name of the file, followed by ``, [TABLE]`` if the block has only this table.
+        text: The content of the block.
     """
 
     name: str
@@ -79,7 +79,7 @@ def _commands(text: str, offset: int) -> Iterator[Command]:
 
 
 def clone(folder: Path) -> Path:
-    """Return a folder like a clone of the repository, in which commands may write files."""
+    """Make a folder with links to the repository for commands that write files; return its path."""
     folder.mkdir()
     for entry in ROOT.iterdir():
         if not entry.name.startswith((".", "results", "build")):
@@ -103,7 +103,7 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
         if not place.search(old):
             raise LookupError(f"{name} has no table {table}")
         text = place.sub(lambda _: text, old)
-    # a file that is only a part of a case has no title
+    # a file with only part of a case has no title
     whole = path.suffix == ".toml" and re.search(r"^title\b", text, re.M)
     if whole and not pictures and NO_PICTURES not in text:
         text += NO_PICTURES
@@ -114,7 +114,7 @@ def execute(folder: Path, command: Command) -> str:
     """Run a command and return its standard output.
 
     Raises:
-        RuntimeError: If it fails.
+        RuntimeError: If the command fails.
     """
     done = subprocess.run(
         command.line,
@@ -133,9 +133,9 @@ def execute(folder: Path, command: Command) -> str:
 
 
 def same(shown: str, printed: str) -> bool:
-    """Return whether the page shows what a command prints.
+    """Return whether the output on the page agrees with the output of the command.
 
-    Numbers, spaces, lists of files and the picture of ``check`` do not count.
+    Differences in numbers, spaces, lists of files and the picture of ``check`` are ignored.
     """
 
     def plain(text: str) -> list[str]:
@@ -153,13 +153,13 @@ def same(shown: str, printed: str) -> bool:
 def check(
     page: Path, folder: Path, pictures: bool = True, coarse: Mapping[str, str] = EXACT
 ) -> list[str]:
-    """Run a page in a folder that is made for it.
+    """Run the commands of a page in a new folder, and compare their outputs with the page.
 
     Args:
         page: A page in Markdown.
-        folder: It must not exist yet.
-        pictures: Whether its case files may draw pictures.
-        coarse: Replacements of parts of the page, so that a test takes less time.
+        folder: The new folder; it must not exist.
+        pictures: Whether the case files of the page may draw pictures.
+        coarse: Replacements in the page, such as coarser meshes, which shorten a test.
 
     Returns:
         A message for each command with an output that differs from the page.
@@ -183,7 +183,7 @@ def check(
 
 
 def refresh(page: Path, folder: Path) -> None:
-    """Run a page and write the outputs into it, except those that it shows in part."""
+    """Run a page, and write the outputs into it, except those with a line ``...``."""
     text = page.read_text(encoding="utf-8")
     clone(folder)
     printed: list[tuple[tuple[int, int], str]] = []

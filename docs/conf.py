@@ -1,4 +1,4 @@
-"""Sphinx's settings of the documentation site; `make docs` builds it."""
+"""Sphinx settings for the documentation site; `make docs` builds the site."""
 
 import ast
 import re
@@ -28,12 +28,12 @@ extensions = [
     "docs.repository",
 ]
 exclude_patterns = ["_build"]
-# Markdown with formulas between dollars, headings as link targets, and lists of definitions.
+# Markdown with formulas between dollar signs, headings as link targets, and definition lists.
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_inline"]
 myst_heading_anchors = 3
 myst_dmath_double_inline = True
 
-# API pages: the docstrings are Google's style and name the types only where signatures do not.
+# API pages: docstrings have Google style, and name types only where signatures do not.
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -44,14 +44,14 @@ autodoc_default_options = {"members": True, "show-inheritance": False}
 python_maximum_signature_line_length = 88
 python_use_unqualified_type_names = True
 
-# No inventories are fetched, so that the site builds without a network: what other packages
-# define is no link.
+# No inventories are fetched, so the site builds without a network. Names from other packages are
+# therefore not links.
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(?!perfplast_fenicsx\.)\w+(\.\w+)+"),
     ("py:.*", r"perfplast_fenicsx(\.\w+)+\._\w+"),  # private
     ("py:class", r"perfplast_fenicsx(\.\w+)+\.(T|Function|AnyGround|Rubs)"),  # type variables
-    ("py:class", "DataFrame|Axes"),  # of pandas and matplotlib
+    ("py:class", "DataFrame|Axes"),  # from pandas and matplotlib
     ("py:obj", r"perfplast_fenicsx\.problem\.judged\.state\.(Iteration|LevelReport)"),
 ]
 
@@ -81,10 +81,10 @@ CLASS = re.compile(r":class:`([A-Z]\w*)`")
 def _as_written(
     app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]
 ) -> None:
-    """Change the lines of a docstring so that Sphinx reads them as people do.
+    """Change the lines of a docstring so that Sphinx interprets them as intended.
 
-    Bars are bars, as in |J|; the first colon in the docstring of a constant ends no type; modules
-    are named without the package, and classes without their module.
+    Bars are literal, as in |J|. The first colon in the docstring of a constant does not end a type.
+    References to modules may omit the package, and references to classes may omit the module.
     """
 
     def home(match: re.Match[str]) -> str:
@@ -103,9 +103,10 @@ def _as_written(
 def _parsable(
     app: Any, what: str, name: str, obj: object, options: Any, signature: str | None, returned: str
 ) -> tuple[str | None, str]:
-    """Return a signature that is valid Python: a default from a factory becomes three dots.
+    """Return a signature that is valid Python: three dots replace a default from a factory.
 
-    In ``<factory>``, Python's own way to show it, Sphinx 9 takes the parts of types for names.
+    Python shows such a default as ``<factory>``, in which Sphinx 9 mistakes parts of types for
+    names.
     """
     return signature and signature.replace("<factory>", "..."), returned
 

@@ -1,7 +1,7 @@
 """Make the gallery from the numbered examples in ``demos``.
 
-./fenicsx python3 docs/examples.py --write     # write docs/gallery.md from their docstrings
-./fenicsx python3 docs/examples.py --draw      # run them, and store their pictures as well
+./fenicsx python3 docs/examples.py --write     # write docs/gallery.md from the docstrings
+./fenicsx python3 docs/examples.py --draw      # run the examples, and store their pictures too
 """
 
 import argparse
@@ -26,17 +26,17 @@ structures](gallery/real_things.md), and [verification](verification.md).
 
 
 def picture(example: Path) -> str:
-    """Return the path of the picture that an example draws, in the folder in which it runs."""
+    """Return the path of the picture that an example draws, relative to its working folder."""
     return re.findall(r"results/ex\d\d/\w+\.png", example.read_text(encoding="utf-8"))[-1]
 
 
 def stored(example: Path) -> Path:
-    """Return the path of the picture in the documentation."""
+    """Return the path of an example's picture in the documentation."""
     return ROOT / "docs" / "pictures" / f"{example.stem}.png"
 
 
 def page() -> str:
-    """Return the gallery: title, first paragraph, command and picture of each example."""
+    """Return the gallery, with title, first paragraph, command and picture of each example."""
     text = HEAD
     for number, example in enumerate(EXAMPLES, 1):
         docstring = ast.get_docstring(ast.parse(example.read_text(encoding="utf-8"))) or ""
@@ -49,7 +49,7 @@ def page() -> str:
 
 
 def draw(example: Path) -> None:
-    """Run an example in a folder of its own, and store its picture, 900 pixels wide at most."""
+    """Run an example in a temporary folder, and store its picture, at most 900 pixels wide."""
     from PIL import Image
 
     with TemporaryDirectory() as folder:
@@ -61,7 +61,7 @@ def draw(example: Path) -> None:
 
 
 def main() -> None:
-    """Write the gallery, and draw its pictures if asked to."""
+    """Write the gallery, and draw its pictures if the command line has ``--draw``."""
     parser = argparse.ArgumentParser(description="Make the gallery from the numbered examples.")
     parser.add_argument("--write", action="store_true", help="write docs/gallery.md")
     parser.add_argument("--draw", metavar="NAME", nargs="*", help="run examples, by default all")

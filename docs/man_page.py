@@ -47,7 +47,7 @@ EXAMPLES = (
 
 
 def _synopsis(command: argparse.ArgumentParser) -> list[str]:
-    """Return the arguments: required ones without brackets, and exclusive ones with bars."""
+    """Return the arguments: optional ones in brackets, and bars between exclusive ones."""
     grouped = {
         action.dest: group
         for group in command._mutually_exclusive_groups
@@ -69,7 +69,7 @@ def _told(command: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 def _heading(action: argparse.Action) -> str:
-    """Return names in bold with their values in italics."""
+    """Return the names of an option in bold, and its value in italics."""
     takes = ""
     if action.nargs != 0:
         choices = "|".join(map(str, action.choices or ()))
@@ -83,7 +83,7 @@ def _help(action: argparse.Action) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return text with the characters escaped that troff interprets."""
+    """Return text in which the characters that troff interprets are escaped."""
     text = text.replace("\\", "\\e").replace("-", "\\-")
     return f"\\&{text}" if text.startswith((".", "'")) else text
 

@@ -5,12 +5,12 @@ from typing import Any
 
 
 def replace_mark(app: Any, mark: str, make: Callable[[], str]) -> dict[str, bool]:
-    """Let Sphinx replace a mark in a page with a text.
+    """Connect a function with which Sphinx replaces a mark in a page by a text.
 
     Args:
-        app: Sphinx.
+        app: The Sphinx application.
         mark: The mark in the page.
-        make: Function that makes the text.
+        make: Function that returns the text.
 
     Returns:
         Metadata of a Sphinx extension.

@@ -1,6 +1,6 @@
-"""Write formulas as MathML, which browsers draw without JavaScript, also off-line.
+"""Write formulas as MathML, which browsers draw without JavaScript, even off-line.
 
-A renderer for Sphinx, by the converter that docutils brings along.
+The module contains a renderer for Sphinx, which uses the converter of docutils.
 """
 
 import re
@@ -13,8 +13,9 @@ from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 
 LETTER = re.compile(r"<mi>(\w)</mi>")
-"""A variable. Browsers draw it in Unicode's mathematical italics, which not every machine has a
-font for, unless they are told not to; the style sheet makes it italic instead."""
+"""A variable. By default browsers draw variables in Unicode's mathematical italics, for which some
+machines have no font. The attribute ``mathvariant`` prevents this, and the style sheet makes the
+letters italic."""
 
 
 def mathml(tex: str, block: bool = False) -> str:
@@ -22,7 +23,7 @@ def mathml(tex: str, block: bool = False) -> str:
 
     Args:
         tex: LaTeX, as far as docutils supports it.
-        block: Whether it is a displayed formula.
+        block: Whether the formula is displayed on a separate line.
 
     Raises:
         docutils.utils.math.MathError: For LaTeX that docutils does not support.
@@ -37,7 +38,7 @@ def _inline(self: Any, node: nodes.math) -> None:
 
 
 def _block(self: Any, node: nodes.math_block) -> None:
-    self.body.append('<div class="math">')  # MyST puts one with the label around it
+    self.body.append('<div class="math">')  # MyST puts a div with the label around it
     if node.get("number"):
         number = get_node_equation_number(self, node)
         self.body.append(f'<span class="eqno">({escape(str(number))})')

@@ -1,8 +1,8 @@
-"""Keep the codes of refusals and warnings, and make their page from the source.
+"""Keep the codes of errors and warnings, and make the page of codes from the source.
 
-``python3 docs/refusals.py --write`` gives new places a code, and keeps those of all others, also
-where their words, function or module have changed. Sphinx puts the table into ``codes.md`` in place
-of :data:`MARK`.
+``python3 docs/refusals.py --write`` gives a code to each new place. All other places keep their
+codes, even if their words, function or module have changed. Sphinx puts the table into ``codes.md``
+in place of :data:`MARK`.
 """
 
 import ast
@@ -29,7 +29,7 @@ REFUSAL, WARNING, RETIRED = "refusal", "warning", "retired"
 FIELDS = ("code", "kind", "module", "function", "text")
 
 Site = tuple[str, str, str, str]
-"""Kind, module, function and text of a place that refuses or warns."""
+"""Kind, module, function and text of a place that raises an InputError or logs a warning."""
 
 
 @dataclass(frozen=True, order=True)
@@ -57,7 +57,7 @@ class Row:
 
 
 def sites(package: Path = PACKAGE) -> list[Site]:
-    """Return all places that refuse or warn, in the order of their files."""
+    """Return all places that raise an InputError or log a warning, in the order of their files."""
     found: dict[Site, None] = {}
     trees = {path: ast.parse(path.read_text("utf-8")) for path in sorted(package.rglob("*.py"))}
     errors = {"InputError"} | {
@@ -75,21 +75,21 @@ def sites(package: Path = PACKAGE) -> list[Site]:
             if name not in {*errors, "raise_together", "log.warning"} or len(call.args) <= number:
                 continue
             if (module, function) in {("errors", "raise_together"), ("errors", "on_all_ranks")}:
-                continue  # these hand on what others have found
+                continue  # these functions raise errors from other places
             for text in _texts(call.args[number], within):
                 found[(kind, module, function, text)] = None
     return list(found)
 
 
 def _calls(tree: ast.AST) -> Iterator[tuple[str, ast.AST, ast.Call]]:
-    """Return all calls with the name and the body of their function, but for wrapping ones."""
+    """Return all calls with the name and body of their function, without handlers of InputError."""
 
     def walk(node: ast.AST, function: str, within: ast.AST) -> Iterator[Any]:
         if isinstance(node, ast.FunctionDef):
             function, within = node.name, node
         caught = isinstance(node, ast.ExceptHandler) and node.type is not None
         if caught and ast.unparse(node.type) == "InputError":  # type: ignore[attr-defined]
-            return  # what is raised here has the code of what was caught
+            return  # an error raised here keeps the code of the caught error
         if isinstance(node, ast.Call):
             yield function, within, node
         for child in ast.iter_child_nodes(node):
@@ -99,7 +99,7 @@ def _calls(tree: ast.AST) -> Iterator[tuple[str, ast.AST, ast.Call]]:
 
 
 def _texts(value: ast.expr, within: ast.AST) -> list[str]:
-    """Return the messages that an expression may be, with {} for values."""
+    """Return the messages that an expression can produce, with {} for values."""
     if isinstance(value, ast.IfExp):
         return [*_texts(value.body, within), *_texts(value.orelse, within)]
     if isinstance(value, ast.Name):
@@ -127,11 +127,11 @@ def stored() -> list[Row]:
 
 
 def updated(rows: list[Row], found: list[Site]) -> list[Row]:
-    """Return the rows for the places that there are, with the codes that they have had.
+    """Return the rows for the present places; a known place keeps its code.
 
     Args:
-        rows: The rows before.
-        found: The places.
+        rows: The stored rows.
+        found: The present places in the source.
     """
     free = {row.site: row for row in rows if row.kind != RETIRED}
     kept = {site: free.pop(site) for site in found if site in free}
@@ -178,7 +178,7 @@ def _order(row: Row) -> tuple[str, int]:
 
 
 def reference() -> str:
-    """Return the table of all codes as MyST, by the first part of the code."""
+    """Return the tables of all codes as MyST, one table for each topic."""
     topics: dict[str, list[Row]] = {}
     for row in updated(stored(), sites()):
         topics.setdefault(row.code.rpartition("-")[0], []).append(row)
@@ -192,7 +192,7 @@ def reference() -> str:
 
 
 def write() -> None:
-    """Write the table for the present places."""
+    """Write the CSV table for the present places."""
     rows = updated(stored() if TABLE.exists() else [], sites())
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
@@ -201,7 +201,7 @@ def write() -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Put the table in where a page has :data:`MARK`; called by Sphinx."""
+    """Insert the table where a page has :data:`MARK`; Sphinx calls it."""
     return replace_mark(app, MARK, reference)
 
 

@@ -1,7 +1,8 @@
-"""Include and link files of the repository outside of ``docs/`` in pages of the site.
+"""Include or link files outside ``docs/`` in pages of the site.
 
-``<!-- include PATH -->`` is replaced with a file. A link to a file that is not a page of the site
-becomes its path. In the repository the links work as they are, and the mark is not visible.
+``<!-- include PATH -->`` is replaced with the file. A link to a file that is not a page of the site
+becomes the path of the file. In the repository, the links work unchanged, and the mark is
+invisible.
 """
 
 import os
@@ -16,7 +17,7 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def with_local_links(text: str, page: Path, origin: Path) -> str:
-    """Return a text of ``origin`` with links that are valid on ``page``.
+    """Return a text from ``origin`` with links that are valid on ``page``.
 
     Args:
         text: Markdown.

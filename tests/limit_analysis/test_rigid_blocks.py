@@ -425,9 +425,7 @@ def test_refusals() -> None:
     push = [load for load in problem.given.loads if not load.constant]
     assert_refused(lambda: limit_bounds(other(loads=push)), ["no joint forces balance", "weight"])
     held = [Support("0_y0"), Support("1_y0", "x")]
-    assert_refused(
-        lambda: limit_bounds(other(supports=held)), ["only the joints", "supports hold"]
-    )
+    assert_refused(lambda: limit_bounds(other(supports=held)), ["only the joints", "supports hold"])
     weight = limit_bounds(other(loads=[BodyForce("1", (0.0, -1.0))]))
     assert weight.lower.value is None
     assert weight.upper.value is None
