@@ -1,25 +1,25 @@
-"""Collect the interfaces of the bodies for strict bounds: facet pairs and admissible tractions.
+"""Collect interfaces between bodies for strict bounds: facet pairs and admissible tractions.
 
-For any kind of interface, the strength defines the admissible tractions. This module defines the
-facets of an interface and the unknowns of its jumps.
+The strength of an interface defines its admissible tractions. The module also defines the facets of
+an interface and the unknowns of its jumps.
 
-For strict bounds, the admissible tractions of a contact form a yield set of zero thickness. A
+For strict bounds, a contact is a layer of zero thickness with a yield set for its tractions. A
 surface can transmit the tractions r = (r_n, r_t) with
 
     r_n ≤ 0,   ‖r_t‖ ≤ c − μ r_n,
 
-with the adhesion c (stress), Tresca's constant shear stress, and the coefficient of friction μ. Let
-w = v_b − v_a be the jump, with w_n along the outward normal of body a. If slip is normal to the
-set, w_n ≥ μ‖w_t‖, and the jump dissipates c‖w_t‖. The reason is that the set is the sum of the cone
-‖r_t‖ ≤ −μ r_n and the disc ‖r_t‖ ≤ c. The support function of the cone is 0 for such jumps and ∞
-for others.
+with the adhesion c (a constant shear stress, as Tresca's) and the coefficient of friction μ. Let w
+= v_b − v_a be the jump, with w_n along the outward normal of body a. If slip is normal to the set,
+w_n ≥ μ‖w_t‖, and the jump dissipates c‖w_t‖. The reason is that the set is the sum of the cone
+‖r_t‖ ≤ −μ r_n and the disc ‖r_t‖ ≤ c. The support function of the cone is 0 for jumps with w_n ≥
+μ‖w_t‖ and ∞ for all other jumps.
 
 With μ = 0, slip is normal to the set, and both limit theorems hold. With Coulomb's friction, μ > 0,
 slip is not normal to the set, but Drucker's two theorems hold (J. Appl. Mech. 21 (1954), 71). True
 tractions are in the set, so the upper bound of this set also holds for real slip. Real slip
 dissipates (c + μp)‖w_t‖, which is at least the dissipation with μ = 0. So a lower bound with the
 adhesion c alone also holds. If a contact declares associated slip, for example a joint that
-dilates, both theorems hold for the whole set.
+dilates, both limit theorems hold for the whole set.
 """
 
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ surfaces."""
 def facing_vertices(
     one: Floats, other: Floats, normals: Floats, turned: bool = False
 ) -> tuple[Longs, Floats]:
-    """Return the opposite facet's vertex for each vertex, and its distance along the facet.
+    """Return the opposite facet's vertex for each vertex, and the largest distance along the facet.
 
     Args:
         one: Vertices of facets, shape (n, d, d).
@@ -55,7 +55,7 @@ def facing_vertices(
         turned: Whether the facets are sections of rings, which face each other only at equal radii.
 
     Returns:
-        Shapes (n, d) and (n,) (length).
+        Indices of vertices, shape (n, d), and distances (length), shape (n,).
     """
     best = np.full(len(one), np.inf)
     order = np.zeros(one.shape[:2], dtype=np.int64)
@@ -80,7 +80,8 @@ def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArra
         normals: Unit normals of the facets, shape (n, d).
         others: Unit normals of the opposite facets, shape (n, d).
     """
-    # Limit for the distance of vertices, relative to the facet, and for the difference of normals.
+    # Limit for the distance between vertices, relative to the facet, and for the difference of
+    # normals.
     rounding = 1e-8
     size = np.ptp(one, axis=1).max(axis=1)
     askew = np.linalg.norm(normals + others, axis=1)
@@ -103,7 +104,7 @@ def facet_type(gdim: int) -> np.dtype:
     - ``normal``: the outward unit normal,
     - ``corners``: the vertices in the order of their global numbers,
     - ``rank``: the rank that owns the facet,
-    - ``facet`` and ``number``: its local and its global number,
+    - ``facet`` and ``number``: the local and the global number of the facet,
     - ``held``: flags of the components that supports prescribe,
     - ``free``: whether supports leave the facet free along its normal.
     """
@@ -123,15 +124,15 @@ def facet_type(gdim: int) -> np.dtype:
 
 @dataclass(frozen=True)
 class FacetPairs:
-    """Pairs of facets.
+    """Pairs of opposite facets on this rank: a host, and a guest to which its jump is relative.
 
     Attributes:
-        host: Owned facets whose velocity along the normal becomes a jump, shape (num_pairs,).
+        host: Owned facets whose normal velocity unknown becomes a jump, shape (num_pairs,).
         guest: Normal velocity unknown of the opposite facet, to which the jump is relative, at each
             vertex of the host, shape (num_pairs, d); −1 where supports hold the guest.
         aligned: Flags of components that supports hold on either side of a host, shape (num_pairs,
             d).
-        turned: Owned guest facets, which take over the normal of their host.
+        turned: Owned guest facets, which use the normal of their host.
         turned_aligned: The same flags as ``aligned``, for each guest.
         both_held: Whether supports hold components on both sides of any pair of this rank.
     """
@@ -173,8 +174,8 @@ def pair_facets(
 def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
     """Send each pair to the ranks that own its facets. Collective.
 
-    The host is the facet of the first surface, unless supports hold more components of it than of
-    the opposite facet.
+    The host is the facet of the first surface, unless supports hold more components of this facet
+    than of the opposite facet.
     """
     gdim = order.shape[1]
     flags = ("aligned", np.bool_, gdim)
@@ -211,8 +212,8 @@ class ContactStrength:
 
     Attributes:
         adhesion: Adhesion c ≥ 0 (stress).
-        friction: Coefficient μ ≥ 0.
-        associated: Whether slip is normal to the set.
+        friction: Coefficient of friction μ ≥ 0.
+        associated: Whether slip is normal to the set of tractions.
         reduced: Whether a factor of safety divides the adhesion and the friction coefficient.
     """
 
@@ -223,7 +224,7 @@ class ContactStrength:
 
     @property
     def loose(self) -> bool:
-        """Whether the surfaces can slip and separate without dissipation."""
+        """Return whether the surfaces can slip and separate without dissipation."""
         return self.friction > 0 and self.adhesion == 0
 
 
@@ -251,8 +252,9 @@ class Interface:
         surfaces: Names of the surfaces, the primary surface first; a single name for an obstacle.
         strength: Tractions that the interface can transmit.
         obstacle: The obstacle; None for an interface between bodies.
-        into: Unit normal into the obstacle if it is a half space, shape (d,); otherwise None.
-        dilation: Coefficient μ if bodies separate as they slip, otherwise 0.
+        into: Unit normal into the obstacle if the obstacle is a half-space, shape (d,); otherwise
+            None.
+        dilation: Coefficient of friction μ if bodies separate as they slip, otherwise 0.
     """
 
     surfaces: tuple[str, ...]
@@ -271,20 +273,21 @@ class InterfaceFacets:
             surfaces and roller supports, the first direction is the normal.
         held: Flags of the components that supports hold, shape (num_facets, d).
         hosts: Owned facets whose first component is a jump.
-        twins: Unknowns to which the jumps are relative, −1 for none, for each component at each
-            vertex, shape (num_facets, d, d). Without friction, only the first component is a jump.
+        twins: Unknowns to which the jumps are relative, for each component at each vertex, shape
+            (num_facets, d, d); −1 for components that are not jumps. Without friction, only the
+            first component is a jump.
         in_contact: Owned facets of surfaces in contact.
         adhesion: Shear strength that resists slip on a host facet (stress), shape (num_facets,).
-        friction: Coefficient μ on host facets that separate as they slip, shape (num_facets,); 0 on
-            other facets. In two dimensions, the components on these facets are the jumps a and b of
-            :mod:`entering`.
+        friction: Coefficient of friction μ on host facets that separate as they slip, shape
+            (num_facets,); 0 on other facets. In 2D, the components on these facets are the jumps a
+            and b of :mod:`entering`.
         rubbing: Owned facets, on both sides of interfaces, with shear tractions from adhesion or
             friction.
         oblique: Whether supports hold any contact surface of this rank in a direction oblique to
             its normal.
         matched: Whether all surfaces match facet by facet.
-        both_held: Whether supports hold both sides of a surface with friction, or such a surface
-            along its normal.
+        both_held: Whether supports hold both sides of a surface with adhesion or dilation, or hold
+            one side along its normal.
     """
 
     axes: Floats
@@ -305,8 +308,8 @@ class InterfaceFacets:
 
         Args:
             held: Flags of components that supports hold, shape (num_facets, d).
-            guided: Further directions along which supports hold facets, 0 for none, shape
-                (num_facets, d).
+            guided: Further directions along which supports hold facets, shape (num_facets, d); 0
+                without such a direction.
         """
         count, d = held.shape
         axes, held = np.tile(np.eye(d), (count, 1, 1)), held.copy()
@@ -321,7 +324,7 @@ class InterfaceFacets:
         return cls(axes, held, no, twins, no, np.zeros(count), np.zeros(count), no)
 
     def add(self, problem: Problem, facets: FacetGeometry, interface: Interface) -> None:
-        """Add an interface. Collective."""
+        """Add the facets of an interface. Collective."""
         if interface.obstacle is None:
             self._add_bodies(problem, facets, interface)
         else:

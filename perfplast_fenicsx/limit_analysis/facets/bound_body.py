@@ -1,14 +1,15 @@
-"""Convert the bodies and loads of a problem to a rank's arrays for strict bounds.
+"""Convert the bodies and loads of a problem to this rank's arrays for strict bounds.
 
-Supports, loads and interfaces determine the conditions on cells and on the tractions of each facet.
-Stress and velocity programs, error indicators, the division of corners and the proof file use them.
+Supports, loads and interfaces determine the conditions on cells and on the tractions on each facet.
+Stress and velocity programs, error indicators, the division of corners and the proof file use these
+arrays.
 
 A few unknowns determine all velocities on the facets of a rigid surface. If a body is tied to a
 rigid surface, only the resultant force and moment of the tractions are known. So the multiplier of
-the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. A division of ω by
-the extent of the surface gives ω the units of the other unknowns. These 3 unknowns (6 in three
-dimensions) replace the first unknowns of one facet of the surface. The remaining unknowns of this
-facet, and the unknowns of the other facets of the surface, are zero.
+the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. The unknowns are a,
+and ω times the extent of the surface, which have the same unit. These 3 unknowns (6 in 3D) replace
+the first unknowns of one facet of the surface. The remaining unknowns of this facet, and the
+unknowns of the other facets of the surface, are zero.
 """
 
 from collections.abc import Sequence
@@ -63,11 +64,13 @@ class RigidFacets:
 
     Attributes:
         names: Names of the surfaces.
-        surface: Number of the surface of each local facet, −1 for none.
+        surface: Number of the surface of each local facet; −1 for facets that are on no rigid
+            surface.
         lead: For each surface, the global number of the facet whose unknowns are its rigid motion.
-        free: 1 for unknowns that can move and 0 for others, shape (num_surfaces, 3 or 6).
+        free: 1 for free unknowns and 0 for unknowns that supports hold, shape (num_surfaces, 3 or
+            6).
         middle: Centre c, shape (num_surfaces, d).
-        extent: Length by which rotations are scaled.
+        extent: Length by which rotations are scaled, shape (num_surfaces,).
         area: Area of each surface; in axisymmetry, the area of the full turn.
     """
 
@@ -91,7 +94,7 @@ class RigidFacets:
         return found
 
     def follow(self, number: int, x: Floats) -> Floats:
-        """Return the matrices from a surface's unknowns to the velocities of points.
+        """Return matrices that map a surface's unknowns to the velocities of points.
 
         Args:
             number: Number of the surface.
@@ -110,14 +113,14 @@ class RigidFacets:
     def followers(
         self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
     ) -> Followers:
-        """Return the cells at rigid surfaces, and how their unknowns follow. Collective.
+        """Return the cells at rigid surfaces, and the coefficients of their unknowns. Collective.
 
         Args:
             comm: The ranks.
             numbers: Numbers of the facets.
             vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
-            nodes: Number of nodes of a facet; in axisymmetry, where no surface rotates, more than
-                its vertices.
+            nodes: Number of nodes of a facet. In axisymmetry a facet has more nodes than vertices;
+                rigid surfaces do not rotate there.
         """
         d, (count, unknowns) = vertices.shape[2], self.free.shape
         others = np.array([[b for b in range(d + 1) if b != a] for a in range(d + 1)])
@@ -127,8 +130,8 @@ class RigidFacets:
         for number in range(count):
             at, side = np.nonzero(of_cells[cells] == number)
             x = vertices[cells[at][:, None], others[side]]
-            # the traction at a vertex acts on area/d, at the point for which this product is the
-            # integral of the linear traction function of the vertex
+            # the traction at a vertex acts on area/d, at the point at which the product equals the
+            # integral of the vertex's linear traction function
             x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
             x = np.concatenate([x, np.tile(x.mean(axis=1, keepdims=True), (nodes - d, 1))], axis=1)
             follow = self.follow(number, x.reshape(-1, d)).reshape(-1, nodes, d, unknowns)
@@ -171,7 +174,7 @@ def rigid_facets(problem: Problem, facets: FacetGeometry) -> RigidFacets:
 
 
 def free_surfaces(problem: Problem) -> list[RigidSurface]:
-    """Return the rigid surfaces that loads can move."""
+    """Return the rigid surfaces that can move."""
     return [surface for surface in problem.given.rigid if surface.free]
 
 
@@ -190,7 +193,8 @@ class FacetLoads:
         wet: Whether any load is a pore pressure.
         rigid_forces: Forces on free rigid surfaces, shape (num_surfaces, d).
         rigid_moments: Moments of these forces about the origin, shape (num_surfaces, 1 or 3).
-        resultants: These loads on the unknowns of the surfaces (:meth:`RigidFacets.resultants`).
+        resultants: Forces and moments as loads on the unknowns of the surfaces
+            (:meth:`RigidFacets.resultants`).
         on_rigid: Largest resultant divided by the area of its surface (stress).
     """
 
@@ -204,7 +208,7 @@ class FacetLoads:
     on_rigid: float
 
     def pushes(self, slopes: Floats, volumes: Floats) -> tuple[Floats, Floats]:
-        """Return the forces of a pore pressure u: u n on the facets, −∇u inside each cell.
+        """Return the forces from a pore pressure u: u n on the facets, −∇u inside each cell.
 
         Args:
             slopes: Gradients ∇φ of the barycentric coordinates, shape (num_cells, d + 1, d).
@@ -241,13 +245,13 @@ class FacetLoads:
 def loads_of(
     problem: Problem, facets: FacetGeometry, rigid: RigidFacets, loads: Sequence[Load]
 ) -> tuple[FacetLoads, str | None]:
-    """Return the sums of loads, and a phrase on the first nonlinear load or None. Collective.
+    """Return the sums of loads, and a clause on the first nonlinear load (or None). Collective.
 
     Args:
         problem: The bodies.
         facets: Geometry of the facets of the bodies.
         rigid: Facets of rigid surfaces.
-        loads: Loads of kinds that strict bounds support.
+        loads: Loads, all of kinds that strict bounds support.
     """
     count, corners, tdim = facets.vertices.shape
     values = np.zeros((facets.num, tdim, tdim))
@@ -292,7 +296,7 @@ UNMATCHED = "surfaces in contact do not match facet by facet"
 
 OBLIQUE = "a support holds a surface in contact obliquely to its normal"
 
-VARYING = "a load is a force per volume that is a formula"
+VARYING = "a load is a force per volume that is given as a formula"
 
 UNKNOWN = "a load is of a kind that strict bounds do not support"
 
@@ -307,7 +311,7 @@ HELD = "supports hold surfaces in contact, on both sides or along their normal"
 
 @dataclass(frozen=True, eq=False)
 class BoundBody:
-    """Data of the local facets, including ghosts, and of this rank's cells.
+    """Data of the local facets, including ghosts, and of the cells that this rank owns.
 
     Attributes:
         numbers: Numbers of the facets.
@@ -316,16 +320,16 @@ class BoundBody:
             1, d).
         supported: Flags of the Cartesian components that supports hold, shape (num_facets, d);
             False on free rigid surfaces.
-        guided: Unit vectors along which roller supports hold facets, 0 for none, shape (num_facets,
-            d).
+        guided: Unit vectors along which roller supports hold facets, shape (num_facets, d); 0 on
+            other facets.
         live: Loads that ζ multiplies, at ζ = 1.
         dead: Permanent loads.
         rigid: Facets of free rigid surfaces.
         interfaces: Contacts, followed by obstacles.
         facets: Supports and interfaces of the facets, including facets of rigid surfaces.
-        why_not: Reasons why results do not hold for the true bodies.
-        prevents: Reason why no result is possible; None if a result is possible.
-        turned: Whether the bodies are of revolution.
+        why_not: Reasons why bounds do not hold for the true bodies.
+        prevents: Reason why strict bounds are not possible; None if they are possible.
+        turned: Whether the bodies are bodies of revolution.
     """
 
     numbers: FacetNumbers
@@ -345,7 +349,10 @@ class BoundBody:
 
 @once_a_problem
 def bound_body(problem: Problem) -> BoundBody:
-    """Return the bodies of a problem, computed once for each problem. Collective."""
+    """Return the bodies of a problem; the function computes them once for each problem.
+
+    Collective.
+    """
     mesh, given = problem.tagged_mesh.mesh, problem.given
     tdim = mesh.topology.dim
     numbers = facet_numbers(mesh)
@@ -396,7 +403,7 @@ def bound_body(problem: Problem) -> BoundBody:
 
 
 def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
-    """Return the directions along which roller supports hold facets, equal on all ranks.
+    """Return the directions along which roller supports hold facets, the same on all ranks.
 
     Collective.
     """
@@ -412,7 +419,7 @@ def _guided(problem: Problem, facets: FacetGeometry) -> Floats:
 
 
 def _held(problem: Problem, facets: FacetGeometry) -> Flags:
-    """Return flags of the components that supports hold, equal on all ranks. Collective."""
+    """Return flags of the components that supports hold, the same on all ranks. Collective."""
     tdim = facets.tdim
     flags = la.vector(facets.index_map, tdim)
     array = flags.array.reshape(-1, tdim)

@@ -36,8 +36,8 @@ class ContactFacets:
             shape (num_facets, num_edges); no columns for linear elements.
         cells: Cells of the facets.
         sides: Local vertex opposite to each facet.
-        areas: Areas; in axisymmetry, areas for the full turn at the radius of the facet's midpoint;
-            0 where another rank owns the cell.
+        areas: Areas, 0 where another rank owns the cell. In axisymmetry, areas of the full turn at
+            the radius of the facet's midpoint.
         normals: Unit normals that point out of the cells, shape (num_facets, d).
         tags: Tags of the surfaces.
     """
@@ -51,7 +51,7 @@ class ContactFacets:
     tags: Ints
 
     def edges(self, chosen: PairFlags | slice = slice(None)) -> Ints:
-        """Return the midside and end nodes of each edge of chosen facets, shape (num_edges, 3)."""
+        """Return the midside and end nodes of edges of chosen facets, shape (num_edges, 3)."""
         nodes, middles = self.nodes[chosen], self.middles[chosen]
         d = self.normals.shape[1]
         between = np.take_along_axis(nodes, middles, axis=1)
@@ -118,8 +118,8 @@ SAME = 1e-9
 """Normals whose components differ by less than this number count as equal."""
 
 UNSEEN = 5e-13
-"""Largest allowed penetration rate, relative to the velocities at a facet: half of the checker's
-limit.
+"""Largest allowed penetration rate, relative to the velocities at a facet: half of the proof
+checker's limit.
 """
 
 
@@ -129,8 +129,8 @@ class FaceJumps:
 
     Attributes:
         source: Number of the contact or obstacle among the sources of constraints.
-        normal: Normal of the pairs on the face, shape (d,); a jump along the normal is positive
-            where bodies penetrate.
+        normal: Normal of the pairs on the face, shape (d,). A jump along this normal is positive
+            where bodies penetrate each other.
         here: Flags of the contact facets (:func:`contact_facets`) on the face.
         moves: Flags of local nodes that have no pair of this face and are not completely held by
             supports.
@@ -153,7 +153,7 @@ class FaceJumps:
     speeds: Floats
 
     def entered(self, friction: float = 0.0) -> float:
-        """Return the largest relative penetration, or shortfall of separation for the slip.
+        """Return the largest relative penetration, or lack of separation for the slip.
 
         Args:
             friction: Coefficient μ of Coulomb's friction with associated slip.
@@ -222,9 +222,9 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
-    """Return the lower limit of the speeds that jumps are divided by. Collective.
+    """Return the least speed by which jumps are divided. Collective.
 
-    With this limit, rounding errors of the largest velocity do not count as penetration of slow
+    Without this limit, rounding errors of the largest velocity would count as penetration of slow
     bodies.
     """
     slowest = 1e-8  # share of the largest velocity, as in the proof checker
@@ -233,7 +233,7 @@ def least_speed(problem: Problem, velocity: fem.Function) -> float:
 
 
 def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
-    """Return the largest velocity component of each pair, shape (num_pairs,). Collective."""
+    """Return the largest velocity component at each pair, shape (num_pairs,). Collective."""
     constraints = problem.constraints
     sizes = np.abs(velocity.x.array.reshape(problem.fixed.shape)).max(axis=1, initial=0.0)
     on_nodes, on_rows = constraints.shares.createVecs()
@@ -248,7 +248,7 @@ def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
 
 @once_a_problem
 def flat_faces(problem: Problem) -> Floats | None:
-    """Return the distinct (contact number, normal) of all pairs; None if too many. Collective.
+    """Return the distinct rows (contact number, normal) of all pairs; None if too many. Collective.
 
     Surfaces with too many different normals are not flat.
     """
@@ -298,17 +298,17 @@ def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats
 
 @dataclass(frozen=True, eq=False)
 class MatchedFacets:
-    """Pairs of facets, each on one rank; nodes are the vertices, followed by the midsides.
+    """Pairs of opposite facets, each on one rank; their nodes are the vertices, then the midsides.
 
     Attributes:
         first: Global numbers of the primary facet's nodes, shape (n, num_nodes).
         second: Global numbers of the nodes opposite ``first``, in the same order.
         held_first: Flags of components that supports hold, shape (n, num_nodes, d).
-        held_second: The same for the opposite nodes.
+        held_second: The same flags for the opposite nodes.
         normals: Unit normals out of the primary body, shape (n, d).
         jumps: Jumps u_first − u_second (length) of a displacement, shape (n, num_nodes, d).
-        speeds: Largest component of the displacement on both facets, at least
-            :func:`least_speed`, shape (n,).
+        speeds: Largest displacement component on both facets, at least :func:`least_speed`, shape
+            (n,).
     """
 
     first: Longs
@@ -325,7 +325,7 @@ class MatchedFacets:
         return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
 
     def coefficients(self) -> Floats:
-        """Return Bernstein coefficients of the jumps along the normals, shape (n, num_nodes)."""
+        """Return Bernstein coefficients of the jumps along normals, shape (n, num_nodes)."""
         along: Floats = np.einsum("fni,fi->fn", self.jumps, self.normals)
         found = along.copy()
         for node, (a, b) in enumerate(self.edges(), start=self.normals.shape[1]):
@@ -420,7 +420,7 @@ def _rows(problem: Problem, displacement: fem.Function | None) -> npt.NDArray[np
 
 
 def _with_midsides(order: Longs, count: int) -> Longs:
-    """Return the order of all nodes, given the order of the vertices."""
+    """Return the order of all nodes that corresponds to an order of the vertices."""
     d = order.shape[1]
     place = np.zeros((d, d), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d), 2), start=d):
@@ -525,7 +525,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
 
 
 def _crowded(problem: Problem, nodes: Longs) -> Flags:
-    """Return whether either node of each pair is in several pairs. Collective."""
+    """Return flags of pairs of which either node is in several pairs. Collective."""
     asked = Exchange(problem.comm, owners(problem, nodes.ravel()))
     there = asked.forward(nodes.ravel())
     _, of, times = np.unique(there, return_inverse=True, return_counts=True)

@@ -1,10 +1,10 @@
 """Enclose pore pressures between functions that are linear in each cell.
 
 Suppose that a stress is in equilibrium and its effective stress σ + uδ is within yield. Then the
-bodies also carry the loads with any smaller pressure, since compression never brings ground closer
-to yield. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller pressure
-does at most this work. Therefore a lower bound uses linear pressures above the given ones, and an
-upper bound uses linear pressures below them. Both bounds are strict.
+bodies also carry the loads with any smaller pressure, because compression never brings ground
+closer to yield. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller
+pressure does at most this work. Therefore a lower bound uses linear pressures above the given
+pressures, and an upper bound uses linear pressures below them. Both bounds are strict.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,15 +33,14 @@ from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
-"""Laws for which a stress within yield remains within yield when a compressive pressure is
-added."""
+"""Laws for which a stress within yield remains within yield if a compressive pressure is added."""
 
 
 def with_enclosed_pores(problem: Problem, side: str) -> Problem:
-    """Return the problem with linear pressures above or below the given ones. Collective.
+    """Return the problem with linear pore pressures above or below the given pressures. Collective.
 
-    The function returns the problem itself if all pressures are linear. It also does so if loads
-    grow, because one proof with the same loads then contains both bounds.
+    The function returns the problem itself if all pressures are linear in each cell, and if loads
+    grow. With growing loads one proof with the same loads contains both bounds.
 
     Args:
         problem: The bodies and their loads.
@@ -68,7 +67,7 @@ def on_kinks(
     loads: Sequence[Load],
     strengths: Sequence[tuple[str, SpatialField]] = (),
 ) -> npt.NDArray[np.bool_]:
-    """Return flags of local vertices where the gradient of a pressure or strength jumps.
+    """Return flags of local vertices at which the gradient of a pressure or a strength jumps.
 
     Collective.
 
@@ -109,7 +108,7 @@ def on_kinks(
 
 
 def _low(field: SpatialField, corners: Floats) -> Floats:
-    """Return the vertex values of linear functions that are below a strength in cells."""
+    """Return the vertex values of linear functions that are below a strength in each cell."""
     return field.between(corners, "a strength")[0]
 
 
@@ -139,7 +138,7 @@ def _bent(problem: Problem) -> list[Load]:
 
 
 def _cells(tagged_mesh: TaggedMesh, name: str) -> tuple[Ints, Ints, Floats]:
-    """Return a volume's owned cells, their local vertices and their coordinates."""
+    """Return a volume's owned cells, the local vertices of these cells, and their coordinates."""
     vertices, points = corners(tagged_mesh.mesh)
     cells = tagged_mesh.cells(name)
     cells = cells[cells < len(vertices)]

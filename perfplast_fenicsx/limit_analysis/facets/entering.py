@@ -7,23 +7,23 @@ not sufficient: the values 0, 0 and −1 at one end, the middle and the other en
 1/8 between the nodes.
 
 :func:`with_facet_contact` prevents penetration of all facets of curved surfaces. Nodes of curved
-surfaces have an averaged normal, and a velocity without penetration along this normal can still
-penetrate the adjacent facets. The function therefore gives each pair of nodes a cone of at most d
-directions around the normals of all facets at the pair. The constraints act on the jump along these
-directions, at midsides on its Bernstein coefficient. Then the mechanism penetrates no facet
-anywhere. If this needs more unknowns than the nodes have, for example where three bodies meet, the
-nodes move together. This reduces the number of mechanisms, but the load of each remaining mechanism
-is still an upper bound.
+surfaces have an averaged normal. Even with a velocity that does not penetrate along this normal,
+bodies can penetrate the adjacent facets. The function therefore gives each pair of nodes a cone of
+at most d directions around the normals of all facets at the pair. The constraints act on the jump
+along these directions, at midsides on its Bernstein coefficient. Then the mechanism penetrates no
+facet anywhere. If the constraints need more unknowns than the nodes have, for example where three
+bodies meet, the nodes move together. This excludes some mechanisms, but the load of each remaining
+mechanism is still an upper bound.
 
 :func:`with_associated_slip` makes slip with Coulomb's friction normal to the friction cone.
-Surfaces that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In two dimensions,
-this condition is a pair of bounds, with the jump s = −w_n along the normal,
+Surfaces that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In 2D, this
+condition is a pair of bounds, with the jump s = −w_n along the normal,
 
     a = s + μ w_t ≤ 0,   b = s − μ w_t ≤ 0,
 
-where a and b replace s and w_t as unknowns. In three dimensions, the cone is not a wedge, and the
-function lets surfaces with friction neither slip nor separate. This reduces the number of
-mechanisms, but the load of each remaining mechanism is still an upper bound.
+where a and b replace s and w_t as unknowns. In 3D, the cone is not a wedge, and the function lets
+surfaces with friction neither slip nor separate. This excludes some mechanisms, but the load of
+each remaining mechanism is still an upper bound.
 """
 
 from dataclasses import replace
@@ -72,14 +72,15 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 NARROWEST = 0.02
-"""Tangent of the smallest angle of a cone; with this angle, the directions form a basis."""
+"""Tangent of the smallest angle of a cone. With a smaller angle, the directions would hardly be a
+basis."""
 
 
 def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[Floats, Ints]:
     """Return cones of at most d directions that enclose given directions.
 
-    A single direction, or two directions in a plane, are the result themselves unless their angle
-    is too small. Around more directions in three dimensions, the function chooses the smallest of
+    For a single direction, or for two directions in a plane, the cone consists of these directions,
+    unless their angle is too small. For more directions in 3D, the function chooses the smallest of
     several triangles that enclose the intersections of the directions with a plane.
 
     Args:
@@ -90,7 +91,7 @@ def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[F
         Unit vectors b, shape (n, d, d), and the number of vectors in each cone, shape (n,); −1
         where the given directions do not lie on one side of a plane.
     """
-    same = 1e-9  # tangents that differ by less count as equal
+    same = 1e-9  # tangents that differ by less than this number count as equal
     widest = 0.1  # least cosine between each direction and the mean
     n, _, d = directions.shape
     sizes = np.linalg.norm(directions, axis=2)
@@ -145,7 +146,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 def with_facet_contact(problem: Problem) -> Problem | None:
-    """Return the problem with contact in which mechanisms penetrate no facet. Collective.
+    """Return the problem with contact constraints under which no facet is penetrated. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -186,7 +187,7 @@ def _rows(
     glued: Flags,
     one: Flags,
 ) -> tuple[Constraints, Constraints] | None:
-    """Return the constraints of pairs that may separate, and of tied nodes. Collective."""
+    """Return the constraints for pairs that may separate, and for tied nodes. Collective."""
     comm = problem.comm
     knots = _knots(problem, pairs, glued)
     # pairs within a knot add no constraint; a pair with one node in a knot has the other node as
@@ -223,7 +224,7 @@ def _rows(
 
 
 def _contact(problem: Problem, rows: npt.NDArray[np.void]) -> Constraints:
-    """Return constraints on jumps, at midsides on Bernstein coefficients. Collective."""
+    """Return constraints on jumps, for midsides on their Bernstein coefficients. Collective."""
     first = problem.V.dofmap.index_map.local_range[0]
     middle = rows["nodes"][:, 1, 0] >= 0
     factors = np.where(middle[:, None], [2.0, -0.5, -0.5], [1.0, 0.0, 0.0])
@@ -263,7 +264,7 @@ class _Knots:
 
 
 def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
-    """Join tied pairs to groups, for example along edges where three bodies meet. Collective."""
+    """Join tied pairs into groups, for example along edges where three bodies meet. Collective."""
     gdim = problem.bodies.gdim
     edge = [("nodes", np.int64, 2), ("held", np.bool_, (2, gdim))]
     mine = np.zeros(int(glued.sum()), dtype=edge)
@@ -272,7 +273,7 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Return constraints that tie each free component in a group to a supported or first node."""
+    """Return constraints that tie free components in each group to a held or the first node."""
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []
@@ -327,7 +328,7 @@ def entering_between_nodes(problem: Problem, velocity: fem.Function) -> list[str
 def entered_share(
     problem: Problem, velocity: fem.Function, *, rubbing: bool = False
 ) -> float | None:
-    """Return the largest penetration, relative to the velocities at a facet and its opposite.
+    """Return the largest penetration, relative to the velocities on both facets of a pair.
 
     Collective.
 
@@ -359,7 +360,7 @@ def entered_share(
 
 
 def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
-    """Return whether the normals of the pairs on each facet equal the facet's. Collective."""
+    """Return whether the pairs on each facet have the normal of the facet. Collective."""
     nodes = facets.nodes
     none, paired = np.zeros(len(problem.constraints.host)), has_pair(problem)
     seen = ~paired[nodes].any(axis=1)
@@ -462,10 +463,10 @@ def _summed(problem: Problem, values: Floats) -> Floats:
 
 
 def with_strict_contact(problem: Problem) -> Problem:
-    """Return the problem for the search for mechanisms of upper bounds. Collective.
+    """Return the problem in which mechanisms of upper bounds are sought. Collective.
 
-    Its mechanisms do not penetrate between nodes, if contact permits this formulation, and slip
-    with Coulomb's friction is associated.
+    Mechanisms of the new problem do not penetrate between nodes if contact permits this
+    formulation. Slip with Coulomb's friction is associated.
 
     Args:
         problem: The bodies and their contact.
@@ -474,10 +475,10 @@ def with_strict_contact(problem: Problem) -> Problem:
 
 
 def with_associated_slip(problem: Problem) -> Problem:
-    """Return the problem with associated slip where friction is Coulomb's. Collective.
+    """Return the problem with associated slip on all surfaces with Coulomb friction. Collective.
 
-    Only :func:`discrete_limit.interior_point` accepts this problem, because its unknowns are
-    different.
+    Only :func:`discrete_limit.interior_point` accepts this problem, because its unknowns differ
+    from displacements.
 
     Args:
         problem: The bodies and their contact; the problem of
@@ -485,8 +486,8 @@ def with_associated_slip(problem: Problem) -> Problem:
             is to apply to the coefficients of slip.
 
     Returns:
-        A problem without Coulomb's friction that shares everything except contact with the given
-        problem; the given problem itself if it has no such friction.
+        A problem without Coulomb friction that shares everything except contact with the given
+        problem; the given problem itself if it has no Coulomb friction.
     """
     constraints = problem.constraints
     _, coulomb = constraints.friction_of(np.arange(len(constraints.surface)))
@@ -514,7 +515,7 @@ def _glued(problem: Problem, rows: PairFlags) -> Problem:
 
 
 def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem) -> Friction:
-    """Return the friction at chosen places, with pairs numbered by ``numbers``. Collective."""
+    """Return the friction at chosen places, with new pair numbers from ``numbers``. Collective."""
     coulomb = friction.coulomb[places]
     return Friction(
         pair=numbers[friction.pair[places]].astype(np.int32),
@@ -531,7 +532,7 @@ def _some(friction: Friction, places: PairFlags, numbers: Ints, problem: Problem
 
 
 def _wedged(problem: Problem) -> Problem:
-    """Return the 2D problem with the unknowns a and b where friction is Coulomb's.
+    """Return the 2D problem with the unknowns a and b at places with Coulomb friction.
 
     Collective.
     """

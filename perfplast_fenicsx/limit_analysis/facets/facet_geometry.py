@@ -1,13 +1,14 @@
-"""Compute the geometry of a rank's exterior facets, and number velocity unknowns on facets.
+"""Compute the geometry of a rank's exterior facets, and number the velocity unknowns on facets.
 
-Each facet has d velocity unknowns at each of its vertices, so d² in total; the numbers are global.
-In axisymmetry, a facet has three nodes: its ends and a point between the ends
+Each facet has d velocity unknowns at each of its vertices, and therefore d² unknowns. Their numbers
+are global. In axisymmetry, a facet has three nodes: its ends and a point between the ends
 (:mod:`stress_cells`).
 
 Facets have the numbers of DOLFINx, and their vertices are in ascending order of global numbers.
-Where two bodies touch, the jump along the normal replaces the normal velocity of one side as
+Where two bodies touch, the jump along the normal replaces the normal velocity of one side as an
 unknown. The velocity of this side is the jump plus the velocity of the other side, the *twin*. A
-few unknowns, the *leads*, determine the velocities on a rigid surface; its facets *follow* them.
+few unknowns, the *leads*, determine the velocities on a rigid surface; the unknowns of its facets
+*follow* the leads.
 """
 
 from dataclasses import dataclass
@@ -25,11 +26,11 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def turned_axes(normal: Floats, held: PairFlags, aligned: PairFlags) -> tuple[Floats, PairFlags]:
-    """Return axes of which the first is the normal, and flags of the axes that are held.
+    """Return orthonormal axes with the normal as the first axis, and flags of the held axes.
 
     Args:
-        normal: Unit vectors that are zero in held components, shape (n, d). Vectors that are equal
-            to rounding give the same axes.
+        normal: Unit vectors that are zero in held components, shape (n, d). Vectors that differ
+            only by rounding give the same axes.
         held: Flags of Cartesian components that are held, shape (n, d).
         aligned: Flags of further components whose directions become axes, shape (n, d).
 
@@ -65,7 +66,7 @@ class FacetNumbers:
 
 
 def facet_numbers(mesh: Mesh) -> FacetNumbers:
-    """Return facet numbers and vertex positions, equal for both cells of a facet. Collective."""
+    """Return facet numbers and vertex positions, the same for both cells of a facet. Collective."""
     topology = mesh.topology
     tdim = topology.dim
     topology.create_connectivity(tdim, tdim - 1)
@@ -80,7 +81,7 @@ def facet_numbers(mesh: Mesh) -> FacetNumbers:
 
 @dataclass(frozen=True, eq=False)
 class Followers:
-    """Cells with facets that follow other unknowns, the *leads*.
+    """Cells with facets whose unknowns follow other unknowns, the *leads*.
 
     Attributes:
         leads: Global numbers of all leads, on every rank.
@@ -106,7 +107,8 @@ class FacetVelocities:
         of_cells: Local unknowns of each owned cell, in the order of
             :class:`stress_cells.CellLayout`, shape (num_cells, num_outer).
         numbers: Global numbers of the local unknowns, including ghosts.
-        twins: Global number of the unknown whose value is added to each local unknown, −1 for none.
+        twins: Global number of the unknown whose value is added to each local unknown; −1 without a
+            twin.
         followers: Cells whose facets follow others.
     """
 
@@ -122,7 +124,7 @@ class FacetVelocities:
 
         Args:
             mesh: The mesh.
-            numbers: Numbers of its facets.
+            numbers: Numbers of the facets.
             twins: Twins of the local unknowns, including ghosts.
             nodes: Number of nodes of a facet; its vertices come first.
             followers: Cells whose facets follow others.
@@ -149,7 +151,7 @@ class FacetVelocities:
         there.destroy()
 
     def destroy(self) -> None:
-        """Free PETSc's memory. Collective."""
+        """Free the memory of PETSc objects. Collective."""
         for thing in (self.vector, self._local, self._scatter):
             thing.destroy()
 
@@ -171,7 +173,7 @@ class FacetVelocities:
         return found
 
     def matrix(self) -> sparse.csr_array:
-        """Return the matrix of :meth:`gather`, on one rank only.
+        """Return the matrix of :meth:`gather`; only for a single rank.
 
         Returns:
             Shape (num_cells · num_outer, count).
@@ -199,7 +201,7 @@ class FacetVelocities:
         return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
 
     def meet(self, sizes: Floats, across: bool = True) -> Floats:
-        """Return the sums of cells' positive numbers at the unknowns, for leads the means.
+        """Return the sums of positive numbers of cells at the unknowns; for leads, the means.
 
         Collective.
 
@@ -232,7 +234,7 @@ class FacetVelocities:
 
 
 class FacetGeometry:
-    """Geometry of the exterior facets of this rank, by local number.
+    """Geometry of this rank's exterior facets, by local number.
 
     Attributes:
         exterior: Local numbers of the exterior facets that this rank owns, sorted.
@@ -261,7 +263,7 @@ class FacetGeometry:
         return normals
 
     def areas(self, facets: Ints | Longs) -> Floats:
-        """Return the areas of facets (lengths in two dimensions), shape (n,)."""
+        """Return the areas of facets (lengths in 2D), shape (n,)."""
         slopes, volumes = gradients(self.vertices[self.cell[facets]])
         heights = np.linalg.norm(slopes[np.arange(len(facets)), self.side[facets]], axis=1)
         found: Floats = self.tdim * volumes * heights

@@ -1,25 +1,26 @@
 """Find vertices without stress, and divide corners whose single cell cannot balance its loads.
 
-In two dimensions, the stress of a cell has three components at a corner. The tractions on both
-sides of the corner prescribe up to four combinations of these components. For example, a pressure
-next to a free side prescribes four, which contradict each other unless the sides are at right
-angles; the stress then balances no load at all. A free side next to contact prescribes three, which
-determine the contact pressure in the corner, often as zero. A free side next to a surface with
-friction prescribes two; shear and pressure are then proportional, whatever the adhesion. Two cells
-that meet in the corner have six components, of which at most six are prescribed.
+In 2D, the stress of a cell has three components at a corner. The tractions on both sides of the
+corner prescribe up to four combinations of these components. For example, a pressure next to a free
+side prescribes four combinations. They contradict each other unless the sides are at right angles,
+and the stress then balances no load at all. A free side next to contact prescribes three
+combinations, which determine the contact pressure in the corner, often as zero. A free side next to
+a surface with friction prescribes two combinations; shear and pressure are then proportional,
+whatever the adhesion is. Two cells that meet in the corner have six components, and the tractions
+prescribe at most six combinations.
 
-In three dimensions, a cell has four parts. Three parts meet at a vertex that belongs to a single
-cell, and their stresses there have 18 components. The tractions on three facets, and continuity at
-three facets between the parts, are also 18 conditions. These conditions are regular for one
-tetrahedron, and therefore for all, since Piola's transformation maps symmetric stresses to
+In 3D, a cell has four parts. Three parts meet at a vertex that belongs to a single cell, and their
+stresses at this vertex have 18 components. The tractions on three facets, and continuity at three
+facets between the parts, are also 18 conditions. These conditions are regular for one tetrahedron,
+and therefore for all tetrahedra, because Piola's transformation maps symmetric stresses to
 symmetric stresses and tractions to tractions.
 
 :func:`bare_vertices` finds vertices at which unconfined, cohesionless ground has no stress. On a
 free facet, σn = 0, so one principal stress is zero. Without cohesion, the yield condition then
-makes all of σ zero. At this vertex, the tractions on all other facets of the cell are then zero
-too, and so is σ in the neighbouring cells. This does not hold with a pore pressure, on which
-effective stresses depend. Such stresses are not unknowns of a lower bound, because their yield set
-has no interior.
+requires σ = 0. At this vertex, the tractions on all other facets of the cell are then zero too, and
+so is σ in the neighbouring cells. With a pore pressure this does not hold, because yielding depends
+on effective stresses. Stresses at these vertices are not unknowns of a lower bound, because their
+yield set has no interior.
 """
 
 import logging
@@ -46,14 +47,16 @@ log = logging.getLogger(__name__)
 
 
 def with_divided_corners(problem: Problem) -> Problem:
-    """Return the problem on a mesh that has two cells in each such corner. Collective.
+    """Return the problem on a mesh with two cells in each corner of :func:`lone_corners`.
 
-    The function divides each such cell from the corner to the midpoint of the opposite edge. If
-    there are no such corners, it returns the problem itself.
+    Collective.
+
+    The function divides the cell in each such corner from the corner to the midpoint of the
+    opposite edge. Without such corners, it returns the problem itself.
 
     Args:
-        problem: The bodies with their loads. In three dimensions, on curved cells, and if the
-            facets do not determine tractions, the function returns the problem unchanged.
+        problem: The bodies with their loads. In 3D, on curved cells, and if the data of the facets
+            do not determine their tractions, the function returns the problem unchanged.
     """
     tagged_mesh = problem.tagged_mesh
     if problem.bodies.gdim == 3 or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):
@@ -88,10 +91,10 @@ def lone_corners(problem: Problem, body: BoundBody) -> Ints:
 
     axes, told = body.facets.axes[here], ~body.facets.held[here]
     pressed = np.isin(here, body.facets.in_contact)
-    told[..., 0] &= ~pressed  # the pressure there is not known
+    told[..., 0] &= ~pressed  # the contact pressure is not known
     told[body.rigid.surface[here] >= 0] = False  # only resultants are known
     rubs = np.isin(here, body.facets.rubbing)
-    told[rubs] = False  # nor is the shear known there
+    told[rubs] = False  # the shear traction is not known
     # Basis of in-plane stresses.
     components: Floats = np.array(
         [[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]], dtype=float
@@ -123,7 +126,7 @@ Flags = npt.NDArray[np.bool_]
 def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
     """Return flags of vertices without stress in this rank's cells. Collective.
 
-    The result has the shape (num_cells, d + 1). See the module.
+    The result has the shape (num_cells, d + 1). The docstring of the module gives the reason.
 
     Args:
         problem: The bodies.

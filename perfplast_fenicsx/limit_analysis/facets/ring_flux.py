@@ -1,10 +1,10 @@
-"""Describe axisymmetric velocities u by v = ru, which is quadratic in each cell.
+"""Describe axisymmetric velocities u by v = ru, a quadratic function in each cell.
 
 The flow u preserves volume if the divergence of v in the section is zero; three points of a cell
-are sufficient to enforce this. With a polynomial w and u_r = rw, a flow between fixed planes would
-need r²w independent of r, which no polynomial fulfils except zero. With v, such a flow only needs
-v_r independent of r. On the axis, v is zero. With zero divergence, u_r is zero there too, and
-strain rates are finite except at vertices on the axis.
+are sufficient to enforce this condition. With a polynomial w and u_r = rw, a flow between fixed
+planes would need r²w independent of r, and no polynomial except zero satisfies this condition. With
+v, such a flow only needs v_r independent of r. On the axis, v is zero. With zero divergence, u_r is
+also zero on the axis, and strain rates are finite except at vertices on the axis.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def by_flux(problem: Problem) -> Problem:
-    """Return the problem with fixed supports and v as displacement. Collective.
+    """Return the problem with v as the unknown, and with supports that do not move. Collective.
 
     The bodies, the loads and the contact do not change.
 
@@ -35,7 +35,7 @@ def by_flux(problem: Problem) -> Problem:
         problem: Axisymmetric problem with quadratic elements on straight cells.
 
     Raises:
-        InputError: If surfaces in contact are apart in the radial direction.
+        InputError: If there is a gap between surfaces in contact in the radial direction.
     """
     given = problem.given
     supports: Sequence[Support] = [replace(one, value=0.0) for one in given.supports]
@@ -55,7 +55,7 @@ def by_flux(problem: Problem) -> Problem:
 
 
 def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
-    """Return the same straight mesh with v as displacement. Collective."""
+    """Return the same straight mesh with v as the unknown. Collective."""
     x = tagged_mesh.mesh.geometry.x.astype(np.float64)
     low, high = bounding_box(tagged_mesh.mesh.comm, x)
     shift = float((low + high)[0] / 2 / np.linalg.norm(high - low))
@@ -63,14 +63,14 @@ def _with_flux(tagged_mesh: TaggedMesh) -> TaggedMesh:
 
 
 def _as_meshed(contact: Contact) -> Contact:
-    """Return the contact with the gap that the mesh has."""
+    """Return the contact with the gap of the mesh instead of a declared gap."""
     if contact.gap is None:
         return contact
     return replace(contact, gap=None, interference=False, constant=True)
 
 
 def _check_rings_meet(problem: Problem) -> None:
-    """Check that rings in contact have equal radii. Collective."""
+    """Refuse rings in contact whose radii differ. Collective."""
     rows = problem.constraints
     inner = np.array([source.inner for source in rows.sources], dtype=bool)[rows.surface]
     across = np.abs(rows.gap * rows.normal[:, 0])[inner]
@@ -110,7 +110,7 @@ def without_pores(problem: Problem, dilates: bool) -> Problem:
 
 
 def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:
-    """Return u = v/r at the nodes, on the axis extrapolated linearly along edges. Collective.
+    """Return u = v/r at the nodes, with linear extrapolation along edges to the axis. Collective.
 
     Args:
         problem: Problem with displacements u on the same mesh.

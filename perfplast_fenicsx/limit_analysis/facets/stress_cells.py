@@ -1,4 +1,4 @@
-"""Formulate cells with linear stress, and evaluate material laws at their vertices.
+"""Formulate cells with a linear stress, and evaluate material laws at the vertices of cells.
 
 The values at the vertices determine the stress of a cell. The multipliers are a velocity y of the
 cell, for div σ + b = 0, and velocities w at the vertices of each facet, for the tractions. Each
@@ -6,10 +6,10 @@ vertex v has the share 1/(d + 1) of the volume and the strain rate
 
     e_v = (d + 1) Σ_{facets f at v} sym(∇φ_f ⊗ (y − w_fv)),
 
-with the gradients ∇φ of barycentric coordinates, where facet f is opposite to vertex f. In three
-dimensions, a cell is split into four parts at its barycentre. A linear stress in a single
-tetrahedron cannot balance all self-equilibrated linear tractions, but stresses in the four parts
-can (C. Johnson, B. Mercier, Numer. Math. 30 (1978), 103; M. Křížek, Apl. Mat. 27 (1982), 46).
+with the gradients ∇φ of barycentric coordinates, where facet f is opposite vertex f. In 3D, a cell
+is split into four parts from its barycentre. A linear stress in a single tetrahedron cannot balance
+all self-equilibrated linear tractions, but stresses in the four parts can (C. Johnson, B. Mercier,
+Numer. Math. 30 (1978), 103; M. Křížek, Apl. Mat. 27 (1982), 46).
 
 In axisymmetry, the equilibrium of S = rσ is formulated with S quadratic in a cell of the section.
 The axisymmetric equations of equilibrium with a force b per volume, multiplied by r, are
@@ -21,19 +21,19 @@ vertices and S_ab at edges. Their derivatives are linear, with the value 2 Σ_b 
 vertex a (S_aa = S_a). So the second equation holds everywhere if it holds at the vertices, and σ_θ
 is linear. Then S_θ = rσ_θ is quadratic with the coefficients r_a σ_θa and (r_a σ_θb + r_b σ_θa)/2.
 Bernstein polynomials are not negative. So S is within yield, ‖dev S‖ ≤ γr, if its coefficients
-fulfil this condition with the coefficients of r: r_a and (r_a + r_b)/2. The traction S·n on a facet
-is continuous if its three coefficients are continuous. Where a coefficient of r is zero, on the
-axis, the coefficient of S is zero too.
+satisfy this condition with the coefficients of r: r_a and (r_a + r_b)/2. The traction S·n on a
+facet is continuous if its three coefficients are continuous. On the axis, where a coefficient of r
+is zero, the coefficient of S is zero too.
 
-Each coefficient is a point of the cell, with the unknown σ, the coefficient of S divided by the
+Each coefficient is a point of the cell, with the unknown σ: the coefficient of S divided by the
 coefficient of r. The multipliers of a cell are six y_r for the definitions of S_θ, three y_z at its
 vertices, and three velocities on each facet. The formulas use only NumPy.
 
 :func:`with_points_at_vertices` evaluates laws at the vertices of cells, for strict bounds of bodies
 that dilate. The strain rates of a quadratic velocity are linear in a straight cell, and the
 admissible strain rates of a yield set form a convex cone. So strain rates that are admissible at
-the vertices are admissible everywhere. Where a body dilates, tr ε ≥ α‖dev ε‖, it dissipates (γ/α)
-tr ε, which the mean over the vertices integrates exactly.
+the vertices are admissible everywhere. A body that dilates, tr ε ≥ α‖dev ε‖, dissipates (γ/α) tr ε,
+and the mean over the vertices integrates this linear function exactly.
 
 In axisymmetry, r²ε is quadratic. The points are then at vertices and edges, one for each Bernstein
 coefficient of r²ε (:mod:`~perfplast_fenicsx.limit_analysis.discrete.point_strains`).
@@ -62,15 +62,16 @@ from perfplast_fenicsx.problem.variant import variant
 
 @dataclass(frozen=True)
 class CellLayout:
-    """Parts, vertices and multipliers of a cell; multipliers of the cell's facets come first.
+    """Parts, vertices and multipliers of a cell; the multipliers of its facets come first.
 
     Attributes:
-        corners: Index of the cell vertex at each vertex of each part, d + 1 for the barycentre,
-            shape (num_parts, d + 1). In part a, the barycentre replaces vertex a.
-        rows: Index of the multiplier of each component at each vertex of each part, first of the
-            part, then of the facets at the vertex, shape (num_parts, d + 1, d + 1, d).
-        outer: Number of multipliers of the cell's facets, d² for each facet, in the order of the
-            facet's vertices in the cell.
+        corners: Index of the cell's vertex at each vertex of each part, shape (num_parts, d + 1);
+            the barycentre has index d + 1. In part a, the barycentre replaces vertex a.
+        rows: Index of the multiplier of each component at each vertex of each part, shape
+            (num_parts, d + 1, d + 1, d). Multipliers of the part come first, then those of the
+            facets at the vertex.
+        outer: Number of multipliers of the cell's facets: d² for each facet, in the order in which
+            the cell has the facet's vertices.
         inner: Number of all other multipliers.
     """
 
@@ -108,13 +109,13 @@ def cell_layout(tdim: int) -> CellLayout:
 
 
 def facets_of(simplex: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the vertices of the facets opposite each vertex of a simplex."""
+    """Return the vertices of the facet opposite each vertex of a simplex."""
     return [tuple(b for b in simplex if b != a) for a in simplex]
 
 
 @lru_cache
 def tensors(gdim: int) -> Floats:
-    """Return the unit tensor and orthonormal deviators; in plane strain, in-plane tensors.
+    """Return the unit tensor and orthonormal deviators; for plane strain, in-plane tensors.
 
     Returns:
         Shape (1 + m, gdim, gdim), m = 2 or 5.
@@ -132,7 +133,7 @@ def tensors(gdim: int) -> Floats:
 
 @lru_cache
 def components(gdim: int) -> Floats:
-    """Return :func:`tensors` as Mandel components in the equations, shape (1 + m, 3 or 6).
+    """Return the Mandel components of :func:`tensors` that the equations contain, (1 + m, 3 or 6).
 
     In plane strain, no equation contains σ_zz.
     """
@@ -147,7 +148,7 @@ def components(gdim: int) -> Floats:
 
 
 def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Return the matrices from multipliers to strain rates, and the volumes of vertices.
+    """Return matrices that map multipliers to strain rates, and the volume of each point.
 
     Args:
         x: Vertices of cells, shape (num_cells, d + 1, d).
@@ -178,7 +179,7 @@ def strain_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
 
 
 NODES = 3
-"""Number of coefficients of a traction on a facet: two at its ends, in the order of the vertices,
+"""Number of coefficients of a traction on a facet: two at the ends, in the order of the vertices,
 and one between the ends.
 """
 
@@ -198,17 +199,17 @@ def ring_layout() -> CellLayout:
 
 
 def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Return the matrices from multipliers to strain rates, and full-turn volumes of points.
+    """Return matrices that map multipliers to strain rates, and the full-turn volume of each point.
 
     Args:
         x: Vertices of cells, r and z, shape (num_cells, 3, 2).
         axes: Directions of the components of velocities on the cell's facets, shape (num_cells, 3,
-            2, 2); zero where a support holds one.
+            2, 2); zero for components that supports hold.
 
     Returns:
         Coefficients of the Mandel components, shape (num_cells, 6, 13, 4), with multipliers in the
         order of :func:`ring_layout`; volumes, shape (num_cells, 6). A point on the axis has only
-        the multiplier of σ_θ, which keeps this meaningless unknown at zero.
+        the multiplier of σ_θ; it keeps this unused unknown at zero.
     """
     slopes, areas = gradients(x)
     radii, rho = x[..., 0], coefficients_of_radius(x)
@@ -241,7 +242,7 @@ def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
 
 
 def ring_forces(x: Floats, forces: Floats) -> Floats:
-    """Return the loads on the cells' multipliers due to forces per volume, shape (num_cells, 9)."""
+    """Return the loads on the cells' multipliers from forces per volume, shape (num_cells, 9)."""
     _, areas = gradients(x)
     radii, rho = x[..., 0], coefficients_of_radius(x)
     ends = np.array(EDGES)
@@ -272,14 +273,14 @@ def _ends_at(vertex: int) -> list[tuple[int, int]]:
 
 
 def with_points_at_vertices(problem: Problem) -> Problem:
-    """Return the problem with the vertices of each cell as its points. Collective.
+    """Return the problem with quadrature points at the vertices of each cell. Collective.
 
     In axisymmetry, the midpoints of edges are points too. The new problem shares everything with
-    the given problem except the spaces and laws at the points.
+    the given problem except the spaces and the laws at the points.
 
     Args:
-        problem: Problem with quadratic elements on straight cells, in two or three dimensions or in
-            axisymmetry for v = ru (:mod:`ring_flux`), whose laws have no history.
+        problem: Problem with quadratic elements on straight cells and with laws that have no
+            history, in 2D, in 3D, or in axisymmetry for v = ru (:mod:`ring_flux`).
     """
     mesh = problem.tagged_mesh.mesh
     cell, gdim = mesh.basix_cell(), mesh.geometry.dim
@@ -294,7 +295,7 @@ def with_points_at_vertices(problem: Problem) -> Problem:
         )
         return fem.functionspace(mesh, element)
 
-    # with Bernstein coefficients this is not a quadrature rule, and no form is assembled with it
+    # with Bernstein coefficients this is not a quadrature rule, and no form uses it
     metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
     dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
     spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)
