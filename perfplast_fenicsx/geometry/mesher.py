@@ -102,13 +102,30 @@ def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
     )
 
 
-def area_remarks(missed: float) -> Iterator[str]:
-    """Yield a remark if the largest relative error of the area of a large face is too large."""
+def area_remarks(
+    missed: float, faces: Sequence[Face] = (), joints: Sequence[Joint] = ()
+) -> Iterator[str]:
+    """Yield a remark if the largest relative error of the area of a large face is too large.
+
+    Args:
+        missed: This error.
+        faces: Free faces, large and small ones. The remark names the face with the largest error.
+        joints: Places where bodies touch.
+    """
+    areas = [(one.name, one.area, one.cad) for one in faces]
+    areas += [(one.surfaces[0], one.area, one.cad) for one in joints]
+    errors = {name: abs(area / drawn - 1) for name, area, drawn in areas if drawn}
+    worst = max(errors, key=lambda name: errors[name], default="")
+    most, large = max(errors.get(worst, 0.0), missed), ""
+    whose = f" ('{worst}')" if errors.get(worst, 0.0) >= most else ""
+    if f"{most:.2g}" != f"{missed:.2g}":
+        large = f", those of large faces up to {100 * missed:.2g} %"
     if missed > EXACT:
         yield (
-            f"areas of faces have errors up to {100 * missed:.2g} %, because polygons approximate "
-            "circles, and forces from pressures have the same errors: give more elements around a "
-            "circle (--curvature), or give a traction as total force (total = true)"
+            f"areas of faces have errors up to {100 * most:.2g} %{whose}{large}, because polygons "
+            "approximate circles, and forces from pressures have the same errors: give more "
+            "elements around a circle (--curvature), or give a traction as total force (total = "
+            "true)"
         )
 
 
@@ -476,7 +493,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
         if share_through(dim, part) > MOST_THIN
     ]
     remarks += apart_remarks([part.name for part in parts], joints)
-    remarks += [*volume_remarks(dim, bodies), *area_remarks(missed)]
+    remarks += [*volume_remarks(dim, bodies), *area_remarks(missed, measured, joints)]
     told = (joints, near, measured, remarks, longest, named)
     return Survey(dim, options.order, sum(nodes_of(dim, part) for part in parts), bodies, *told)
 

@@ -24,7 +24,7 @@ from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.geometry_file import check_file
 from perfplast_fenicsx.geometry.part_names import unique_names
 from perfplast_fenicsx.geometry.parts import Part
-from perfplast_fenicsx.geometry.survey import Body, Joint
+from perfplast_fenicsx.geometry.survey import Body, Face, Joint
 from perfplast_fenicsx.mesh import gmsh_session
 from tests.geometry.files import pin_in_plate, survey_of, write
 
@@ -417,8 +417,12 @@ def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
     assert not any("areas of faces" in remark for remark in found.remarks)
     coarse = survey_of(step, mesh, MeshingOptions(size=20.0, curvature=8.0))
     (remark,) = [remark for remark in coarse.remarks if "areas of faces" in remark]
-    assert "errors up to 10 %" in remark
+    assert "errors up to 10 % (" in remark
     assert "--curvature" in remark
+    worst, large = Face(1, "lug", "shaft", "flat", 70.0, (0.0,) * 3, 100.0), coarse.faces
+    (remark,) = mesher.area_remarks(0.1, [*large, worst])
+    assert "errors up to 30 % ('lug'), those of large faces up to 10 %, because" in remark
+    assert not [*mesher.area_remarks(0.001, [worst])]
 
 
 def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
