@@ -6,6 +6,7 @@ Only the drawing process imports this module (:mod:`drawing_process`).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import matplotlib as mpl
@@ -161,7 +162,8 @@ def save_parts(source: str | Path, output: Path) -> None:
     if len(names) > most_names:
         handles.append(Patch(color="none", label=f"and {len(names) - most_names} more"))
     below = 0.3 + 0.24 * -(-len(handles) // names_in_line)  # inches
-    above, view_height = 0.9, 5.6
+    title = title_lines(hidden, columns)
+    above, view_height = 0.68 + 0.22 * len(title), 5.6
     height = above + lines * view_height + below
     figure = Figure(figsize=(columns * 7.0, height), dpi=DPI)
     FigureCanvasAgg(figure)
@@ -178,14 +180,25 @@ def save_parts(source: str | Path, output: Path) -> None:
         ncols=min(names_in_line, len(handles)),
         frameon=False,
     )
-    words = "Bodies, and the numbers of their free faces"
-    if hidden:
-        words += f"; not visible: {', '.join(map(str, hidden))}"
-    figure.suptitle(words, y=1 - 0.25 / height)
+    figure.suptitle("\n".join(title), y=1 - 0.2 / height, va="top")
     figure.subplots_adjust(
         *(0.01, below / height, 0.99, 1 - above / height), wspace=0.02, hspace=0.08
     )
     replace_picture(output, figure)
+
+
+def title_lines(hidden: Sequence[int], columns: int) -> list[str]:
+    """Return the lines of the title, which are not wider than the picture.
+
+    Args:
+        hidden: Numbers of the faces that no view shows.
+        columns: Number of views that are side by side.
+    """
+    words = "Bodies, and the numbers of their free faces"
+    if hidden:
+        words += f"; not visible: {', '.join(map(str, sorted(hidden)))}"
+    in_view, most = 60, 5  # characters above a view, and lines
+    return wrap(words, in_view * columns, max_lines=most, placeholder=" ...")
 
 
 def _write(axes: Axes, found: list[Label]) -> None:

@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-from perfplast_fenicsx.pictures.parts_figure import ENOUGH, labels, rooms, shared_out
+from perfplast_fenicsx.pictures.parts_figure import (
+    DPI,
+    ENOUGH,
+    labels,
+    rooms,
+    shared_out,
+    title_lines,
+)
 
 pytestmark = pytest.mark.serial
 
@@ -41,3 +50,16 @@ def test_numbers_of_thin_faces_stand_beside_them() -> None:
 def test_each_face_has_its_number_where_it_has_most_room() -> None:
     few, many = {1: (0.0, 0.0, 5.0), 2: (0.0, 0.0, 40.0)}, {1: (0.0, 0.0, 9.0), 2: (0.0, 0.0, 80.0)}
     assert [set(view) for view in shared_out([few, many])] == [{2}, {1, 2}]
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_the_title_fits_on_the_picture(columns: int) -> None:
+    hidden = [*range(80, 200), 7]
+    lines = title_lines(hidden, columns)
+    figure = Figure(figsize=(7.0 * columns, 7.0), dpi=DPI)
+    canvas = FigureCanvasAgg(figure)
+    extent = figure.suptitle("\n".join(lines)).get_window_extent(canvas.get_renderer())
+    assert 0 < extent.x0 < extent.x1 < figure.bbox.x1
+    numbers = " ".join(lines).partition("visible: ")[2]
+    assert numbers.startswith("7, 80, 81, ")
+    assert title_lines([], columns) == ["Bodies, and the numbers of their free faces"]
