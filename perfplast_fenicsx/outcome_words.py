@@ -189,6 +189,25 @@ class PathBracket:
         return f"loses equilibrium between {low}, where it is solved, and {high}, where it has none"
 
 
+def factor_so_far(lower: float | None, upper: float | None, estimate: bool) -> str:
+    """Return the proven bounds of a factor of safety during its search, without a full stop.
+
+    Args:
+        lower: Largest factor with which the bodies stand; None if it is not known.
+        upper: Least factor at which the bodies fall; None if it is not known.
+        estimate: Whether both factors are for Davis' associated ground.
+    """
+    proven = "Davis' estimate of the" if estimate else "proven"
+    if lower is None and upper is None:
+        return "factor of safety so far: no proven bound"
+    if upper is None and lower is not None:
+        return f"factor of safety so far: {rounded_down(lower)} or more ({proven} lower bound)"
+    if lower is None and upper is not None:
+        return f"factor of safety so far: {rounded_up(upper)} or less ({proven} upper bound)"
+    both = f"{rounded_down(lower or 0.0)} ... {rounded_up(upper or 0.0)}"
+    return f"factor of safety so far: {both} ({proven} lower and upper bound)"
+
+
 def factor_words(
     lower: float | None, upper: float | None, estimate: bool, many: bool = False
 ) -> list[str]:

@@ -20,16 +20,22 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import (
     Effort,
     designed,
     next_steps,
+    sentence,
 )
 from perfplast_fenicsx.limit_analysis.body.interaction import Angles, Envelope, Proven, Proving
-from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety, times_in_words
+from perfplast_fenicsx.limit_analysis.body.safety_factor import (
+    INTERRUPTED,
+    FactorOfSafety,
+    estimate_in_words,
+    times_in_words,
+)
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Direction, ShakedownLoad
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
-from perfplast_fenicsx.outcome_words import Row, force_rows
+from perfplast_fenicsx.outcome_words import Row, factor_so_far, force_rows
 from perfplast_fenicsx.problem.judged.report import Iteration, LevelReport
 from perfplast_fenicsx.problem.judged.state import Level
 from perfplast_fenicsx.problem.problem import Problem
@@ -185,6 +191,8 @@ class Recorder:
         self._announce()
         run.interrupts.check()
         self._solving = time.perf_counter()
+        self._factors: tuple[float | None, float | None] = (None, None)
+        self._safety_is_known = False
 
     def plan(self, levels: int) -> None:
         """Store and show the number of levels in the whole run. Collective.
@@ -323,10 +331,49 @@ class Recorder:
         Raises:
             Interrupted: On every rank, after a signal.
         """
-        words = times_in_words(factor, lower, upper, cells, by_davis(self._run.case.materials))
+        davis = by_davis(self._run.case.materials)
+        stands, falls = self._factors
+        if lower.strict and lower.value is not None and lower.value >= 1:
+            stands = max(stands or factor, factor)
+        if upper.strict and upper.value is not None and upper.value <= 1:
+            falls = min(falls or factor, factor)
+        self._factors = (stands, falls)
+        known = factor_so_far(stands, falls, davis)
+        words = f"{times_in_words(factor, lower, upper, cells, davis)} {sentence(known)}."
+        self._run.terminal.known = known
         self._run.terminal.say(words)
         self._run.journal.say(words)
         self._run.interrupts.check()
+
+    def estimate(self, factor: float, times: float | None, cells: int) -> None:
+        """Show and log an estimate for reduced strengths; called before the bounds. Collective.
+
+        Raises:
+            Interrupted: On every rank, after a signal.
+        """
+        known = factor_so_far(*self._factors, by_davis(self._run.case.materials))
+        words = f"{estimate_in_words(factor, times, cells)} {sentence(known)}."
+        self._run.terminal.known = known
+        self._run.terminal.say(words)
+        self._run.journal.say(words)
+        self._run.interrupts.check()
+
+    def interrupted_safety(self, found: FactorOfSafety | None) -> None:
+        """Write and show what an interrupted search for a factor of safety has proven. Collective.
+
+        Args:
+            found: The proven factors; None if the search was interrupted before its first bound.
+
+        Raises:
+            InputError: On every rank, if the files cannot be written.
+        """
+        if found is not None:
+            self.safety(found)
+        elif not self._safety_is_known:
+            known = factor_so_far(*self._factors, by_davis(self._run.case.materials))
+            words = f"{sentence(known)}. {INTERRUPTED}"
+            self._run.terminal.say(words)
+            self._run.journal.say(words)
 
     def safety(self, found: FactorOfSafety) -> None:
         """Write and show a factor of safety with its proof. Collective.
@@ -334,6 +381,7 @@ class Recorder:
         Raises:
             InputError: On every rank, if the files cannot be written.
         """
+        self._run.terminal.known, self._safety_is_known = "", True
         solve = time.perf_counter() - self._solving
         found = self._writer.judged_safety(found)
         self._run.terminal.say(found.news())

@@ -31,6 +31,7 @@ from perfplast_fenicsx.io.results.result_files import INTERRUPTED, KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
+from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import (
     USUAL,
     check_solver,
@@ -327,8 +328,10 @@ def _solve(context: RunContext, solver: Any, stages: LoadingHistory | None) -> i
             with conic_solver(case.conic):
                 limit = case.loading.find(asked)
     except Interrupted as interrupted:
-        adapted, found = interrupted.adapted, interrupted.found
-        if isinstance(adapted, AdaptiveBounds):
+        adapted, found, safety = interrupted.adapted, interrupted.found, interrupted.safety
+        if isinstance(safety, FactorOfSafety) or case.loading.divides:
+            recorder.interrupted_safety(safety if isinstance(safety, FactorOfSafety) else None)
+        elif isinstance(adapted, AdaptiveBounds):
             recorder.limit(adapted.best.mesh, adapted.body, adapted)
         elif isinstance(found, LimitLoad) and _is_on(context.problem, found):
             recorder.limit(found)

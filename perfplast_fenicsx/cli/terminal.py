@@ -96,6 +96,7 @@ class Terminal:
 
     Attributes:
         heard: Function that is called on every rank with the current activity; None for no call.
+        known: The results so far, which precede the current activity on the live line.
     """
 
     def __init__(
@@ -125,6 +126,7 @@ class Terminal:
         self._stage = ""
         self._driven = False
         self.heard: Callable[[str], None] | None = None
+        self.known = ""
 
     def say(self, text: str = "") -> None:
         """Write one or several lines; control characters are written as escapes."""
@@ -204,8 +206,9 @@ class Terminal:
 
     def interior(self, step: InteriorStep) -> None:
         """Show a step of the interior point method on the live line; the method calls it."""
+        known = f"{self.known}; " if self.known else ""
         self.status(
-            f"step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, unbalanced "
+            f"{known}step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, unbalanced "
             f"forces {step.unbalanced:.1e}, inadmissible flow {step.inadmissible:.1e}"
         )
 

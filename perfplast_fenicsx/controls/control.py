@@ -165,6 +165,9 @@ class Record(Protocol):
     def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
         """Record the bounds for strengths divided by ``factor``, and the number of cells."""
 
+    def estimate(self, factor: float, times: float | None, cells: int) -> None:
+        """Record an estimate of the multiple of the loads for strengths divided by ``factor``."""
+
     def limit(
         self,
         limit: LimitLoad,

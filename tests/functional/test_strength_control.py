@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -14,9 +15,13 @@ from meshes.retaining_wall import write_retaining_wall
 from meshes.slope import write_slope
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
+from perfplast_fenicsx.cli.recorder import Recorder
+from perfplast_fenicsx.cli.signals import Interrupted
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results import proof_file
 from perfplast_fenicsx.io.results.claims import check_factor, proofs_in
+from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
+from perfplast_fenicsx.outcome_words import factor_so_far
 from perfplast_fenicsx.pictures.result_reader import ResultReader
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.report.verdict import verdict_on
@@ -230,6 +235,51 @@ def test_a_wide_tolerance(
     case = write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
     assert main(["check", str(case)]) == SOLVED
     assert main(["run", str(case), "-o", str(slope / "results")]) == SOLVED
+
+
+def test_an_interrupted_search_prints_and_writes_its_bracket(
+    comm: MPI.Intracomm,
+    slope: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    undrawn: None,
+) -> None:
+    """Only proven factors are called proven, before and after the first bounds."""
+    if comm.rank == 0:
+        write_slope(slope / "slope.msh", size=1.0)
+    comm.barrier()
+    text = CASE.replace("path = true", "").replace("= 0.01", "= 0.3")
+    case = write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
+    told: list[float] = []
+    factor, most = Recorder.factor, 0
+
+    def keep(self: Recorder, *bounds: Any) -> None:
+        factor(self, *bounds)
+        told.append(bounds[0])
+
+    def interior(_: Recorder, step: InteriorStep) -> None:
+        if len(told) == most and step.number == 2:
+            raise Interrupted(15)
+
+    monkeypatch.setattr(Recorder, "factor", keep)
+    monkeypatch.setattr(Recorder, "interior", interior)
+    assert main(["run", str(case), "-o", str(slope / "early")]) == 128 + 15
+    early = capsys.readouterr().out
+    most = 2
+    assert main(["run", str(case), "-o", str(slope / "late")]) == 128 + 15
+    late = capsys.readouterr().out
+    if comm.rank == 0:
+        assert "Factor of safety so far: no proven bound. The search was interrupted." in early
+        assert "(an estimate that is not proven)" in late
+        strength = json.loads((slope / "late" / "summary.json").read_text())["limit"]["strength"]
+        proven = [strength["lower"], strength["upper"]]
+        assert any(proven)
+        for side, sign in (("lower", 1), ("upper", -1)):
+            times = [row[side] for row in strength["curve"] if row["factor"] == strength[side]]
+            assert all(sign * (it - 1) >= 0 for it in times)
+        assert f"{factor_so_far(*proven, False)[1:]}." in late
+        assert "The search was interrupted." in strength["in_words"]
+        assert strength["in_words"] in late
 
 
 @pytest.mark.long

@@ -23,6 +23,11 @@ Monitor: TypeAlias = Callable[[float, Bound, Bound, int], None]
 """Called on every rank with F, both bounds of μ at this F (lower, upper), and the number of cells.
 """
 
+Estimates: TypeAlias = Callable[[float, float | None, int], None]
+"""Called on every rank with F, an estimate of μ at this F, and the number of cells. The estimate is
+None if it was not found, and ∞ if μ seems to be unbounded.
+"""
+
 STEP = 1.3
 """Ratio of consecutive F if a bound of μ is unknown, or if fewer than two values are known."""
 
@@ -40,6 +45,7 @@ class FactorRoots:
         found: Computed bounds by the kind that was sought ("lower", "upper") and by F.
         searches: Number of computed bounds; lower and upper bounds count separately.
         met: Whether :meth:`of_mesh` came close to a root.
+        estimates: See :data:`Estimates`.
     """
 
     problem: Problem
@@ -52,6 +58,7 @@ class FactorRoots:
     )
     searches: int = 0
     met: bool = False
+    estimates: Estimates | None = None
 
     @property
     def rough(self) -> float:
@@ -102,6 +109,16 @@ class FactorRoots:
 
         Collective.
         """
+        times = self._times(factor)
+        if self.estimates is not None:
+            self.estimates(factor, times, number_of_cells(self.problem.tagged_mesh))
+        return math.log(times) if times is not None else None
+
+    def _times(self, factor: float) -> float | None:
+        """Return the approximate μ of the mesh; None if it is not found, ∞ if unbounded.
+
+        Collective.
+        """
         _, other = weaker_and_stronger(weakened(self.problem, factor))
         searched = with_strict_contact(other)
         found = interior_point(searched, self.rough, self.steps)
@@ -110,7 +127,7 @@ class FactorRoots:
         ):  # coarse meshes may have no motion with the required dilatancy
             return math.inf
         times = None if found.standing is None else found.standing.lower
-        return math.log(times) if times is not None and times > 0 else None
+        return times if times is not None and times > 0 else None
 
     def root(
         self,

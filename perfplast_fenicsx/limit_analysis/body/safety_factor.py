@@ -11,7 +11,7 @@ root.
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
@@ -25,10 +25,16 @@ from perfplast_fenicsx.limit_analysis.body.body_bounds import (
     taken_as,
 )
 from perfplast_fenicsx.limit_analysis.body.bound_problems import with_matching_facets
-from perfplast_fenicsx.limit_analysis.body.factor_roots import FactorRoots, Monitor, next_factor
+from perfplast_fenicsx.limit_analysis.body.factor_roots import (
+    Estimates,
+    FactorRoots,
+    Monitor,
+    next_factor,
+)
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, number_of_cells
 from perfplast_fenicsx.limit_analysis.body.limit_bounds import NOT_ASKED, limit_bounds, upper_bound
 from perfplast_fenicsx.limit_analysis.body.singular_points import with_room_for_stress
+from perfplast_fenicsx.limit_analysis.conic.interior_steps import StopSearch
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     check_stands,
@@ -48,6 +54,9 @@ log = logging.getLogger(__name__)
 
 FAR = 100.0
 """Factor that multiplies or divides the strengths to test whether F affects the collapse."""
+
+INTERRUPTED = "The search was interrupted."
+"""The sentence on the result of a stopped search."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +134,7 @@ class FactorOfSafety(NotebookResult):
         """Return a sentence on the proven result."""
         sides = factor_words(self.lower, self.upper, self.estimate)
         if not sides:
-            return "Nothing is proven for the factor of safety."
+            return f"Nothing is proven for the factor of safety. {self.missed}".rstrip()
         body = "By Davis' estimate the body" if self.estimate else "The body"
         but = f" but {' and '.join(self.kept)}" if self.kept else ""
         said = f"{body} {', and '.join(sides)}, if all strengths{but} are divided by F."
@@ -142,6 +151,7 @@ def factor_of_safety(
     adaptation: Adaptation | None = None,
     monitor: Monitor | None = None,
     steps: Callable[[InteriorStep], None] | None = None,
+    estimates: Estimates | None = None,
 ) -> FactorOfSafety:
     """Return strict bounds on the factor of safety of permanent loads. Collective.
 
@@ -153,8 +163,11 @@ def factor_of_safety(
             the mesh of the problem.
         monitor: See :data:`factor_roots.Monitor`.
         steps: Called on every rank after each step of the interior point method.
+        estimates: See :data:`factor_roots.Estimates`.
 
     Raises:
+        StopSearch: If ``monitor``, ``steps`` or ``estimates`` raises it. Its attribute ``safety``
+            then contains the proven factors so far.
         InputError: If a load grows, if F divides no strength of a body, if no body yields, or if
             :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall at any F, or
             stand at any F.
@@ -166,9 +179,32 @@ def factor_of_safety(
     if are_blocks(problem):
         return _of_blocks(problem, tolerance, monitor)
     problem = with_matching_facets(problem)
-    curves, ended = _curves(problem, tolerance, monitor, steps, adaptation)
-    for kind, other in (("upper", "lower"), ("lower", "upper")):
-        _root_of_finest(curves, kind, other)
+    first = FactorRoots(problem, tolerance, monitor, steps, estimates=estimates)
+    curves: list[FactorRoots] = []
+    try:
+        ended = _compute_curves(curves, first, adaptation)
+        for kind, other in (("upper", "lower"), ("lower", "upper")):
+            _root_of_finest(curves, kind, other)
+    except StopSearch as stop:
+        if curves:
+            stop.safety = replace(_from_curves(problem, curves, None, ""), missed=INTERRUPTED)
+        raise
+    return _from_curves(problem, curves, adaptation, ended)
+
+
+def _from_curves(
+    problem: Problem, curves: Sequence[FactorRoots], adaptation: Adaptation | None, ended: str
+) -> FactorOfSafety:
+    """Return the best proven factors on all meshes so far. Collective.
+
+    Args:
+        problem: The problem on the first mesh.
+        curves: Results on all meshes.
+        adaptation: The request.
+        ended: Why there is no finer mesh; empty if ``until`` was met at one F.
+    """
+    given = problem.given
+    rubbing = [*given.contacts, *given.obstacles]
     (lower, stands), (upper, falls) = (_best(curves, kind) for kind in ("lower", "upper"))
     rows: dict[float, tuple[float | None, float | None]] = {}
     for curve in curves:
@@ -260,26 +296,59 @@ def _of_blocks(
             factor = math.sqrt(low * high)
         return low, high
 
-    lower, _ = edge(lambda it: it.lower.strict and (it.lower.value or 0.0) >= 1)
-    _, upper = edge(lambda it: not it.upper.strict or (it.upper.value or 0.0) >= 1)
+    try:
+        lower, _ = edge(_stands)
+        _, upper = edge(lambda it: not _falls(it))
+    except StopSearch as stop:
+        if found:
+            stop.safety = _from_joints(problem, found, INTERRUPTED)
+        raise
     given = problem.given
     kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
     if upper not in found:
         raise _stands_anyway(kept)
     if lower not in found and upper <= (1 + tolerance) / FAR:
         raise _falls_anyway(kept)
+    return _from_joints(problem, found)
+
+
+def _stands(bounds: BodyBounds) -> bool:
+    """Return whether the loads are provably carried."""
+    return bounds.lower.strict and (bounds.lower.value or 0.0) >= 1
+
+
+def _falls(bounds: BodyBounds) -> bool:
+    """Return whether the loads are provably not carried."""
+    return bounds.upper.strict and (bounds.upper.value or 0.0) < 1
+
+
+def _from_joints(
+    problem: Problem, found: dict[float, BodyBounds], missed: str = ""
+) -> FactorOfSafety:
+    """Return the best proven factors of rigid blocks so far. Collective.
+
+    Args:
+        problem: The blocks with the given strengths.
+        found: Bounds of μ by F.
+        missed: See :class:`FactorOfSafety`.
+    """
+    given = problem.given
+    kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
+    lower = max((factor for factor, it in found.items() if _stands(it)), default=None)
+    upper = min((factor for factor, it in found.items() if _falls(it)), default=None)
     rows = {factor: _strict(it) for factor, it in found.items()}
     return FactorOfSafety(
-        lower=lower if lower in found else None,
+        lower=lower,
         upper=upper,
-        stands=found.get(lower),
-        falls=found[upper],
-        last=found[upper],
+        stands=None if lower is None else found[lower],
+        falls=None if upper is None else found[upper],
+        last=list(found.values())[-1] if upper is None else found[upper],
         bodies=problem,
         curve=tuple(sorted((factor, *sides) for factor, sides in rows.items())),
         searches=2 * len(found),
         taken=taken_as(problem),
         kept=tuple(kept),
+        missed=missed,
     )
 
 
@@ -316,6 +385,23 @@ def times_in_words(
     return f"{divided} there is no bound on the multiple of the loads: {told.rstrip('.')}."
 
 
+def estimate_in_words(factor: float, times: float | None, cells: int) -> str:
+    """Return an estimate of how many times the mesh carries the loads, in a sentence.
+
+    Args:
+        factor: F, by which strengths are divided.
+        times: The estimate; None if it was not found, ∞ if the multiple seems to be unbounded.
+        cells: Number of cells of the mesh.
+    """
+    carried = f"about {times:.3g} times" if times is not None else "an unknown number of times"
+    if times is not None and math.isinf(times):
+        carried = "any number of times"
+    return (
+        f"{cells} cells: with strengths divided by F = {factor:.6g} the mesh carries the loads"
+        f" {carried} (an estimate that is not proven)."
+    )
+
+
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
     """Return the values of both bounds; None for a bound that does not hold for the body."""
     lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
@@ -346,33 +432,36 @@ def _better_of(
     return max(lowers, default=None), min(uppers, default=None)
 
 
-def _curves(
-    problem: Problem,
-    tolerance: float,
-    monitor: Monitor | None,
-    steps: Callable[[InteriorStep], None] | None,
-    adaptation: Adaptation | None,
-) -> tuple[list[FactorRoots], str]:
-    """Return the results on each mesh, and the reason why there is no finer mesh. Collective.
+def _compute_curves(
+    curves: list[FactorRoots], first: FactorRoots, adaptation: Adaptation | None
+) -> str:
+    """Append the results on each mesh to a list, and return why there is no finer mesh. Collective.
 
     The reason is empty if the bounds are close enough. The caller then seeks the roots on the last
     mesh.
 
     The function seeks F again on each mesh. At a fixed F, a coarse mesh may carry its loads with
     far too small strengths, and would then be refined in the wrong places.
+
+    Args:
+        curves: The list, empty at first. It is filled during the search, so that its results remain
+            if the search is stopped.
+        first: The search on the first mesh, without results.
+        adaptation: When the sequence of meshes ends; None for the first mesh only.
     """
-    first = FactorRoots(problem, tolerance, monitor, steps)
+    problem, tolerance, steps = first.problem, first.tolerance, first.steps
     factor = first.of_mesh()
     if not first.met:
         _check_that_f_matters(problem, first.rtol, steps)
     if adaptation is None:
         first.searches = 2
-        first.keep(factor, limit_bounds(weakened(problem, factor), first.rtol, steps))
-        return [first], ""
+        bounds = limit_bounds(weakened(problem, factor), first.rtol, steps)
+        curves.append(first)
+        first.keep(factor, bounds)
+        return ""
     adaptation.check(problem.tagged_mesh)
     adaptation.check_design(None)
     problem, gap = with_room_for_stress(problem), None
-    curves: list[FactorRoots] = []
     while True:
         reduced = weakened(problem, factor)
         try:
@@ -380,17 +469,17 @@ def _curves(
         except TooLarge:
             if not curves:
                 raise
-            return curves, "a finer mesh does not fit into memory"
-        curves.append(FactorRoots(problem, tolerance, monitor, steps, first.steepness))
+            return "a finer mesh does not fit into memory"
+        curves.append(FactorRoots(problem, tolerance, first.monitor, steps, first.steepness))
         curves[-1].searches = 2
         curves[-1].keep(factor, bounds)
         gap = bounds.lower.apart(bounds.upper)
         if adaptation.ends(bounds.lower, bounds.upper, 1.0):
-            return curves, ""
+            return ""
         finer = finer_mesh(reduced, bounds, gap, adaptation, much=True)
         if isinstance(finer, str):
             log.info("F = %.6g: %s", factor, finer)
-            return curves, finer
+            return finer
         problem = problem.on(finer)
         factor = next_factor(curves, factor, bounds)
 

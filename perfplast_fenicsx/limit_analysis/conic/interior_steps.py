@@ -38,10 +38,12 @@ class StopSearch(Exception):
     Attributes:
         found: Results of the search so far; None if the search had not begun.
         adapted: Results on the previous meshes of an adaptive search; None in other searches.
+        safety: Proven factors so far of a search for a factor of safety; None in other searches.
     """
 
     found: object = None
     adapted: object = None
+    safety: object = None
 
 
 class Verdict(StrEnum):
