@@ -1,8 +1,8 @@
-"""Assemble and factorise K of equilibrium multipliers, condensed to the facets of cells.
+"""Assemble and factorise the stiffness K of multipliers, condensed to the facets of cells.
 
-The module also generates the C source that eliminates the inner unknowns of cells. The kernel
-processes four cells at once and stores their corresponding entries side by side. Compilers can
-therefore use the vector instructions of any processor. In the kernel, inner unknowns come first,
+The module also generates C kernels that eliminate the inner unknowns of cells. The kernels process
+four cells at once and store corresponding entries of these cells side by side. Compilers can
+therefore use the vector instructions of any processor. In the kernels, inner unknowns come first,
 and the diagonal of L contains inverse values.
 """
 
@@ -230,7 +230,7 @@ void bring_in(int64_t cells, int outer, int inner, const double *factors, double
 
 
 class CellCondensation:
-    """Factors L of the inner block of each cell's K, and L⁻¹ times its coupling block."""
+    """Factor L of the inner block of each cell's K, and L⁻¹ times the coupling block."""
 
     def __init__(self, comm: MPI.Intracomm, rows: Longs, matrices: Floats, outer: int) -> None:
         """Compile the kernels and allocate arrays. Collective.
@@ -238,7 +238,7 @@ class CellCondensation:
         Args:
             comm: The ranks.
             rows: Index of the cell unknown of each row at each point, shape (num_points, n). Outer
-                unknowns have the first indices, and each inner unknown occurs in a row.
+                unknowns have the first indices, and each inner unknown occurs in at least one row.
             matrices: Matrices of the points, shape (num_cells, num_points, n, 1 + m).
             outer: Number of outer unknowns, which remain after the elimination.
         """
@@ -263,7 +263,7 @@ class CellCondensation:
 
         Returns:
             The condensed matrix of the outer unknowns, shape (num_cells, outer, outer); whether the
-            elimination has succeeded.
+            elimination succeeded.
         """
         left = np.empty((self._count, self._outer, self._outer))
         failed = self._kernels.condense(
@@ -297,7 +297,7 @@ class CellCondensation:
         return onto
 
     def bring_in(self, outer: Floats) -> Floats:
-        """Return inner unknowns, given outer unknowns and the last forces of :meth:`push_out`.
+        """Return the inner unknowns for outer unknowns and the last forces of :meth:`push_out`.
 
         Args:
             outer: Outer unknowns, shape (num_cells, outer).
@@ -325,13 +325,13 @@ class CellCondensation:
 
 
 RIDGE = 1e-13
-"""Share of the diagonal that is added to it, since rows of equilibrium may depend on each other
-where facets meet at right angles or cross.
+"""Fraction of the diagonal that is added to the diagonal, because rows of equilibrium may depend on
+each other where facets meet at right angles or cross.
 """
 
 
 class CondensedStiffness(SprungMatrix):
-    """K of multipliers; see :class:`discretisation.Stiffness` and :class:`MultiplierStrains`."""
+    """Stiffness K of multipliers; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, strains: MultiplierStrains, held: Ints, jumps: Ints) -> None:
         """Compute the sparsity pattern. Collective.
@@ -346,7 +346,8 @@ class CondensedStiffness(SprungMatrix):
         self._springs: Springs | None = None
         matrix = PETSc.Mat().create(facets.vector.comm)
         matrix.setType(PETSc.Mat.Type.AIJ)
-        # K is positive semidefinite, so pivoting in MUMPS would only need memory and time.
+        # K is positive semidefinite, so pivoting in MUMPS would cost memory and time without a
+        # benefit.
         unpivoted = {**DIRECT, "mat_mumps_cntl_1": 0.0}
         super().__init__(facets.vector.comm, matrix, jumps, unpivoted)
         self._preallocate()
@@ -363,7 +364,10 @@ class CondensedStiffness(SprungMatrix):
             vector.destroy()
 
     def _preallocate(self) -> None:
-        """Preallocate the entries of cells, and the entries that jumps couple. Collective."""
+        """Preallocate the entries of cells, and the entries that couple jumps to their twins.
+
+        Collective.
+        """
         facets, block = self._strains.facets, self._strains.gdim
         numbers = facets.numbers[facets.of_cells].astype(PETSc.IntType)
         twins = facets.twins[facets.of_cells].astype(PETSc.IntType)
@@ -404,21 +408,22 @@ class CondensedStiffness(SprungMatrix):
         matrix.assemble()
 
     def add_springs(self, springs: Springs) -> None:
-        """Set springs at the facet unknowns of single vertices, which later assemblies add."""
+        """Set springs at facet unknowns of single vertices; later assemblies add the springs."""
         self._springs = springs
 
     def _stiffen(self, index: Ints, stiffness: Floats) -> None:
-        """Add the springs to the matrix. Collective."""
+        """Add the stiffness of springs to the matrix. Collective."""
         first = self._matrix.getOwnershipRange()[0]
         numbers = np.where(index >= 0, index + first, -1).astype(PETSc.IntType)
         self._matrix.setValuesRCV(numbers, numbers, stiffness, addv=PETSc.InsertMode.ADD)
         self._matrix.assemble()
 
     def check_memory(self) -> None:
-        """Check that the factors of K fit into memory, from its pattern alone. Collective.
+        """Check from the sparsity pattern of K that its factors fit into memory. Collective.
 
         Raises:
-            TooLarge: If they do not fit; the message gives the needed and the available memory.
+            TooLarge: If the factors do not fit; the message gives the needed and the available
+                memory.
         """
         outer = self._strains.layout.outer
         pattern = 1.0  # any value, since only the pattern matters
@@ -436,7 +441,7 @@ class CondensedStiffness(SprungMatrix):
         """
         strains = self._strains
         roots = moduli.roots() * np.sqrt(strains.weights)[:, None, None]
-        # in cells with few stresses, the eliminated rows may already imply rows of the facets
+        # in cells with few stresses, the eliminated rows may already imply the rows of facets
         ridge: Floats = RIDGE * strains.few.astype(np.float64)
         idle: Floats = strains.idle[:, strains.layout.outer :].astype(np.float64)
         values, done = self._cells.condense(roots, idle, ridge)

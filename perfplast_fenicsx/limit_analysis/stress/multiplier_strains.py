@@ -1,4 +1,4 @@
-"""Evaluate strain rates of the multipliers of equilibrium at the vertices of stress cells."""
+"""Evaluate the strain rates of multipliers of equilibrium at the vertices of stress cells."""
 
 from petsc4py import PETSc
 
@@ -34,11 +34,10 @@ class MultiplierStrains:
         num_cells: Number of owned cells.
         matrices: Matrices of :func:`stress_cells.strain_matrices`, in axisymmetry of
             :func:`stress_cells.ring_matrices`, in the coordinates of the cones. The matrices are
-            zero at bare vertices, where the stress is zero and not an unknown
-            (:mod:`lone_corners`).
+            zero at bare vertices: the stress there is zero, and no unknown (:mod:`lone_corners`).
         idle: Flags of unknowns that belong only to bare vertices, shape (num_cells, num_rows).
         few: Flags of cells with bare vertices, or with points on the axis, where stresses are zero.
-            Rows of the facets of such a cell may be equivalent to rows of the cell.
+            The rows of this cell's facets may be equivalent to rows of the cell.
     """
 
     def __init__(
@@ -55,12 +54,12 @@ class MultiplierStrains:
         Args:
             facets: The facets' unknowns.
             vertices: Vertices of the owned cells, shape (num_cells, d + 1, d).
-            axes: Axes of the components on facets, zero for held components, shape (num_cells, d +
-                1, d, d).
+            axes: Directions of the components on facets, zero for held components, shape
+                (num_cells, d + 1, d, d).
             cones: Cones of the bodies.
             bare: Flags of vertices of the cells without stress, shape (num_cells, d + 1).
-            around_axis: Whether cells are sections of rings around x = 0; such cells have no bare
-                vertices.
+            around_axis: Whether cells are sections of rings around x = 0. In this case no vertex is
+                bare.
         """
         self.num_cells, corners, self.gdim = vertices.shape
         self.facets = facets
@@ -100,7 +99,7 @@ class MultiplierStrains:
         self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
     def _fields(self, cones: BodyCones, vertices: Floats) -> tuple[Floats | None, Floats | None]:
-        """Return lower bounds of profiles and of slope factors at the points, None if constant."""
+        """Return lower bounds of profiles and slope factors at the points, or None if constant."""
         if not cones.varies:
             return None, None
         places = np.concatenate([vertices, vertices.mean(axis=1, keepdims=True)], axis=1)
@@ -116,7 +115,7 @@ class MultiplierStrains:
         return profile, steepness
 
     def _leave(self, bare: npt.NDArray[np.bool_]) -> None:
-        """Remove stresses at bare vertices from the unknowns, and find the idle unknowns."""
+        """Remove the stresses at bare vertices from the unknowns, and find the idle multipliers."""
         before = self._unused()
         if bare.any():
             ends = np.column_stack([bare, np.zeros(len(bare), dtype=bool)])  # the barycentre
@@ -131,17 +130,17 @@ class MultiplierStrains:
         self.idle: npt.NDArray[np.bool_] = self._unused() & ~before
 
     def _unused(self) -> npt.NDArray[np.bool_]:
-        """Return flags of a cell's unknowns that no stress uses, shape (num_cells, num_rows)."""
+        """Return flags of a cell's multipliers that act on no stress, (num_cells, num_rows)."""
         sizes = np.abs(self.matrices).sum(axis=3).reshape(self.num_cells, -1)
         unused: npt.NDArray[np.bool_] = (self._sum @ sizes.T).T == 0
         return unused
 
     def weaknesses(self, pressure: Floats) -> Floats:
-        """Return 1/strength of the weakest point of each cell, shape (num_cells,).
+        """Return 1/strength at the weakest point of each cell, shape (num_cells,).
 
         Args:
-            pressure: Mean stress p (stress) at the points; values of further points may follow. The
-                strength without cohesion depends on p.
+            pressure: Mean stress p (stress) at the points; values at further points may follow.
+                Without cohesion, the strength depends on p.
         """
         own = own_strengths(self, pressure[: self.count])
         found: Floats = (1 / own).reshape(self.num_cells, -1).max(axis=1)
@@ -177,7 +176,7 @@ class MultiplierStrains:
         return PETSc.Vec().createMPI((size, None), comm=self.facets.vector.comm)
 
     def inner(self, array: Floats) -> Floats:
-        """Return the inner unknowns of cells in a vector's array.
+        """Return the inner unknowns of cells as a view of a vector's array.
 
         The result has the shape (num_cells, inner).
         """
@@ -211,7 +210,7 @@ class MultiplierStrains:
         return sparse.csr_array(at_points, shape=shape) @ of_cells
 
     def deviators(self, deviator: Floats) -> Floats:
-        """See :meth:`discretisation.Strains.deviators`; s has no redundant component."""
+        """Return the deviator unchanged, because it has no redundant component."""
         return deviator
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:

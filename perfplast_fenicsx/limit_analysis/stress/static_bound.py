@@ -1,17 +1,17 @@
 """Compute a lower bound of the body's limit load from a stress in equilibrium everywhere.
 
-The stress is linear in each cell (in three dimensions in each of its four parts), with continuous
-tractions, and nowhere exceeds yield. On contact surfaces, there is neither friction nor tension.
-Since yield sets are convex, it is sufficient that these conditions hold at the vertices. The
-interior point method (:mod:`interior_iteration`) computes the stress, with the multipliers of
-equilibrium as velocities. At the end, the stress is scaled into the yield set, so its load is a
-bound even if the method has not converged.
+The stress is linear in each cell (in 3D in each of its four parts), with continuous tractions, and
+nowhere exceeds yield. On contact surfaces, there is neither friction nor tension. Because yield
+sets are convex, these conditions need to hold only at the vertices. The interior point method
+(:mod:`interior_iteration`) computes the stress, with the multipliers of equilibrium as velocities.
+At the end, the module scales the stress into the yield set. Its load is therefore a bound even if
+the method has not converged.
 
 :class:`BalancedStress` combines stresses in equilibrium by weighted means. With permanent loads, a
 stress that exceeds yield cannot be scaled down. However, the mean of two stresses in equilibrium is
-in equilibrium with the mean of their load factors, and yield sets are convex. The mean of a stress
-that slightly exceeds yield with a stress well within yield is therefore within yield again. This is
-faster than a new search.
+in equilibrium at the mean of their load factors, and yield sets are convex. The mean of a stress
+that slightly exceeds yield and a stress well within yield can therefore be within yield. Computing
+this mean is faster than a new search.
 """
 
 from collections.abc import Callable, Sequence
@@ -74,11 +74,14 @@ class BalancedStress:
     aside: float
 
     def part(self, share: float) -> "BalancedStress":
-        """Return the stress and its load factors times a share."""
+        """Return the stress and its load factors, multiplied by a share."""
         return BalancedStress(*(share * it for it in vars(self).values()))
 
     def over(self, static: StaticProgram) -> float:
-        """Return the relative excess over yield, negative within yield. Collective."""
+        """Return the relative excess of the stress over yield, negative within yield.
+
+        Collective.
+        """
         scale = 1 / static.program.stress_unit
         return static.program.overstress((scale * self.pressure, scale * self.deviator)) - 1
 
@@ -90,7 +93,7 @@ class BalancedStress:
         Collective.
 
         Args:
-            others: Stresses that exceed yield; this stress is within yield.
+            others: Stresses that exceed yield, while this stress is within yield.
             static: The conditions.
 
         Returns:
@@ -118,15 +121,15 @@ class BalancedStress:
 
 
 class StaticIteration(InteriorIteration):
-    """The iteration of a lower bound, which finally measures equilibrium row by row.
+    """The iteration of a lower bound, which at the end measures equilibrium row by row.
 
-    During the iteration, unbalanced forces are divided by the loads. At the end, they must be small
-    compared with the strengths. Both measures differ if hydrostatic pressures are large, and where
-    a weak body touches a strong body.
+    During the iteration, unbalanced forces are relative to the loads. At the end, they must be
+    small relative to the strengths. Both measures differ if hydrostatic pressures are large, and
+    where a weak body touches a strong body.
     """
 
     def __init__(self, static: StaticProgram) -> None:
-        """Start in the same way as :class:`InteriorIteration`. Collective."""
+        """Start as :class:`InteriorIteration`. Collective."""
         super().__init__(static.program)
         self._static = static
         self._rows: Floats | None = None
@@ -139,11 +142,11 @@ class StaticIteration(InteriorIteration):
         return float(self.program.comm.allreduce(mine, MPI.MAX)) * self.program.force_unit
 
     def row_units(self) -> Floats | float:
-        """See :meth:`InteriorIteration.row_units`."""
+        """Return the units of the rows of equilibrium; see :meth:`InteriorIteration.row_units`."""
         return super().row_units() if self._rows is None else self._rows
 
     def settle(self) -> None:
-        """Balance stress and loads in each row, as far as rounding permits.
+        """Balance stress and loads in each row of equilibrium, as far as rounding permits.
 
         Collective.
         """
@@ -151,9 +154,9 @@ class StaticIteration(InteriorIteration):
         self._rows = self._static.forces_of_strengths(self.program.stress_unit * pressure)
         left = self.unbalanced()
         # Largest unbalanced force, relative to the strength, that needs no correction. The sum of
-        # such forces over some thousand rows is small even compared with a gap of 1e-7.
+        # forces of this size over some thousand rows is small even compared with a gap of 1e-7.
         rounding = 1e-14
-        most_corrections = 4  # with the same factors, while each halves the residual
+        most_corrections = 4  # with the same factors, if each correction halves the residual
         for _ in range(most_corrections):
             if left <= rounding:
                 return
@@ -173,22 +176,22 @@ class StaticBound:
     """A lower bound, and the stress that proves the bound.
 
     Attributes:
-        bound: The bound, and its scope.
-        verdict: Whether the best stress of the mesh was found.
-        reason: Reason in words.
-        stress: Stress σ at the bound, Mandel vectors in the user's units, linear between vertices,
-            shape (num_owned_cells, num_points, m). In two dimensions, the points are the vertices
-            of the cell in the order of the mesh's geometry, which is the order of its topology. In
-            three dimensions, the points are the vertices of the four parts, one part after the
-            other; in part a, the barycentre replaces vertex a. In axisymmetry, the values are
-            Bernstein coefficients of rσ, which is quadratic (:mod:`stress_cells`).
-        aside: Factor of the free loads, if there are any.
+        bound: The bound with its scope.
+        verdict: Whether the search found the best stress of the mesh.
+        reason: Reason for the verdict, in words.
+        stress: Stress σ at the bound, as Mandel vectors in the user's units, linear between
+            vertices, shape (num_owned_cells, num_points, m). In 2D, the points are the vertices of
+            the cell in the order of the mesh's geometry, which is also the order of its topology.
+            In 3D, the points are the vertices of the four parts, one part after the other; in part
+            a, the barycentre replaces vertex a. In axisymmetry, the values are Bernstein
+            coefficients of rσ, which is quadratic (:mod:`stress_cells`).
+        aside: Factor of the free loads, if there are free loads.
         dissipation: Dissipation (γ − αp)‖dev ε‖ of the multipliers in each owned cell, normalised
-            to L = 1. If bodies preserve their volume, the sum over all cells is the bound up to the
-            tolerance. Refinement is most effective where the dissipation is large.
+            to L = 1. If bodies preserve their volume, the sum over all cells equals the bound up to
+            the tolerance. Refinement is most effective in cells with a large dissipation.
         certificate: Residuals of the stress; None without a stress.
         steps: Steps of the iteration.
-        factorisations: Number of factorisations of a stiffness.
+        factorisations: Number of factorisations of stiffness matrices.
     """
 
     bound: Bound
@@ -260,17 +263,17 @@ def strict_lower_bound(
 
     Args:
         problem: The bodies and their loads.
-        rtol: Largest relative difference between the bound and the best one on this mesh.
+        rtol: Largest relative difference between the bound and the best bound on this mesh.
         monitor: Called on every rank after each step.
-        question: The loads whose factor is sought.
+        question: The loads whose factor is bounded.
         form: Form of the problem (:func:`form_that_fits`), which the caller owns; by default the
             function creates and destroys a form.
         reserve: Share of the strengths that is kept in reserve for rounding if there are constant
             loads; by default :attr:`Start.reserve`.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move, there are no loads, or bounds
-            do not support a body's yield set (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, if supports move, if there are no loads, or
+            if bounds do not support a body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -321,7 +324,7 @@ def _search(
     reached: list[BalancedStress],
     start: Start,
 ) -> tuple[StaticBound, Start | None]:
-    """Search from a start; return the result and the next start, or None. Collective.
+    """Search from a start; return the result, and the next start or None. Collective.
 
     The list ``reached`` contains stresses of earlier searches that are in equilibrium but exceed
     yield.
@@ -368,7 +371,7 @@ def _search(
 
 
 def _carried_by_none(problem: Problem) -> str:
-    """Return the likely reason why no stress balances the loads."""
+    """Return the likely reason why there is no stress in balance with the loads."""
     if not by_friction_alone(problem):
         return CORNERS
     return (
@@ -380,11 +383,11 @@ def _carried_by_none(problem: Problem) -> str:
 
 
 def check_straight(problem: Problem) -> None:
-    """Check that tractions are linear, so that piecewise linear stresses can balance them.
+    """Refuse tractions that piecewise linear stresses cannot balance.
 
     Raises:
-        InputError: If a traction is not linear on each facet, or a pore pressure not linear in each
-            cell.
+        InputError: If a traction is not linear on each facet, or if a pore pressure is not linear
+            in each cell.
     """
     prevents = bound_body(problem).prevents
     if prevents is not None and BENT in prevents:
@@ -392,7 +395,7 @@ def check_straight(problem: Problem) -> None:
 
 
 def form_that_fits(problem: Problem) -> StaticForm | None:
-    """Return the form of lower bounds, if the factors of its K fit into memory. Collective.
+    """Return the form of lower bounds if the factors of its stiffness fit into memory. Collective.
 
     Call this function first, and pass the form to :func:`strict_lower_bound`.
 
@@ -400,7 +403,7 @@ def form_that_fits(problem: Problem) -> StaticForm | None:
         The form; None if no lower bound is possible.
 
     Raises:
-        TooLarge: With the memory that is needed and that is available.
+        TooLarge: If the factors do not fit; the message gives the needed and the available memory.
         InputError: If a traction is not linear on each facet, and in the cases of
             :func:`strict_lower_bound`.
     """
@@ -426,7 +429,7 @@ def _result(
     reason: str,
     steps: list[InteriorStep],
 ) -> tuple[StaticBound, BalancedStress]:
-    """Return the bound that an iterate gives, and its stress. Collective."""
+    """Return the bound from the last iterate, and its stress. Collective."""
     program, form = static.program, static.form
     strains = form.strains
     iteration.settle()
@@ -491,17 +494,19 @@ def bound_by_stress(
 ) -> StaticBound:
     """Return a lower bound, or a result that shows which cells to refine. Collective.
 
-    With permanent loads, the cells of a mesh may have no stress in equilibrium within yield at any
-    load factor, although the body has one. The function then computes the multiple of the permanent
-    loads that the mesh carries; the dissipation of this result shows which cells must be smaller.
+    With permanent loads, the mesh may allow no stress in equilibrium within yield at any load
+    factor, although the body has such a stress. The function then computes the multiple of the
+    permanent loads that the mesh carries; the dissipation of this result shows which cells must be
+    smaller.
 
     Args:
         problem: The bodies and their loads, as for :func:`static_bound.strict_lower_bound`.
-        rtol: Largest relative difference between the bound and the best one on this mesh.
+        rtol: Largest relative difference between the bound and the best bound on this mesh.
         monitor: Called on every rank after each step.
         question: The loads whose factor is sought.
         form: Form of the problem; None if no form exists yet.
-        reserve: Share of the strengths that is kept in reserve for rounding; small by default.
+        reserve: Share of the strengths that is kept in reserve for rounding; by default as for
+            :func:`strict_lower_bound`.
     """
     static = strict_lower_bound(problem, rtol, monitor, question, form, reserve)
     doubted = static.bound.value is None or static.bound.doubts

@@ -1,9 +1,8 @@
-"""Create the equilibrium operators and loads of a lower bound, once for each mesh.
+"""Create the equilibrium operators and the loads of a lower bound, once for each mesh.
 
 The module computes the areas of facets and cells in the equilibrium equations, and the loads on
-multipliers. In two and three dimensions, stresses are linear in the cells, and the nodes of a facet
-are its vertices. In axisymmetry, rσ is quadratic, and each facet has one more node
-(:mod:`stress_cells`).
+multipliers. In 2D and 3D, stresses are linear in the cells, and the nodes of a facet are its
+vertices. In axisymmetry, rσ is quadratic, and each facet has one more node (:mod:`stress_cells`).
 """
 
 import math
@@ -47,10 +46,10 @@ class StressForm:
         turned: Whether the cells are sections of rings.
         nodes: Number of nodes of a facet; its vertices come first.
         twins: Twins of the unknowns of facets, shape (num_facets, nodes, d).
-        areas: Area that belongs to each node, in axisymmetry for the full turn, shape (num_facets,
-            nodes).
+        areas: Area of each node of each facet, shape (num_facets, nodes); in axisymmetry for the
+            full turn.
         measures: The same areas, with nonzero values for nodes on the axis.
-        sections: Section of each cell, V^((d − 1)/d), in axisymmetry times 2πr.
+        sections: Section V^((d − 1)/d) of each cell; in axisymmetry multiplied by 2πr.
         slopes: Gradients of barycentric coordinates, shape (num_cells, d + 1, d).
         shares: Area of each facet of each cell divided by d, shape (num_cells, d + 1).
         volumes: Volumes of the cells; in axisymmetry areas of their sections.
@@ -140,7 +139,7 @@ def _others(tdim: int) -> Longs:
 
 
 def _with_middles(twins: Longs) -> Longs:
-    """Return numbers of twins, renumbered for facets with a node between their ends."""
+    """Return the numbers of twins, renumbered for facets with a node between their ends."""
     facet, rest = np.divmod(twins, 4)
     moved = np.where(twins >= 0, facet * 2 * NODES + rest, -1)
     middle = np.where(twins[:, 0] >= 0, facet[:, 0] * 2 * NODES + 4 + rest[:, 0] % 2, -1)
@@ -149,7 +148,7 @@ def _with_middles(twins: Longs) -> Longs:
 
 @dataclass(frozen=True, eq=False)
 class StaticForm:
-    """The data of a lower bound that do not depend on which load factor is sought.
+    """The data of a lower bound that do not depend on the load factor that is bounded.
 
     Attributes:
         comm: The ranks.
@@ -159,13 +158,13 @@ class StaticForm:
         every: Strain rates at all points: the points of cells, followed by places of slip.
         whole: Stiffness with all points.
         areas: Area of each node of an owned facet, shape (num_facets, num_nodes).
-        sections: Section of each cell, V^((d − 1)/d), by which forces in the cell are divided.
+        sections: Section V^((d − 1)/d) of each cell, by which forces in the cell are divided.
         live: Loads that ζ multiplies, in the user's units.
         dead: Permanent loads.
-        open_jumps: Owned unknowns that are jumps of contact and can open.
-        jumps: Flags of owned facet unknowns that are jumps of contact, shape (num_unknowns,).
+        open_jumps: Owned unknowns that are contact jumps and can open.
+        jumps: Flags of owned facet unknowns that are contact jumps, shape (num_unknowns,).
         pressed: Flags of jumps along the normal, or of the first of two jumps of a dilating
-            contact, including jumps on the axis, where there is no pressure.
+            contact. They include jumps on the axis, where there is no pressure.
         slips: Flags of tangential unknowns on contact surfaces without friction.
         places: Places of slip.
     """
@@ -187,7 +186,7 @@ class StaticForm:
     places: SlipPlaces
 
     def destroy(self) -> None:
-        """Free PETSc's memory. Collective."""
+        """Free the memory of PETSc objects. Collective."""
         for thing in (self.every, self.whole, self.live, self.dead):
             thing.destroy()
 
@@ -275,8 +274,8 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
     """Return flags of the owned facets' unknowns at bare vertices. Collective.
 
     Returns:
-        Flags of unknowns whose equilibrium row contains a stress; flags of jumps without a stress
-        on one side, where there is no contact pressure.
+        Flags of unknowns with a stress in their row of equilibrium; flags of jumps without a stress
+        on one side, and therefore without contact pressure.
     """
     facets, busy = strains.facets, ~strains.idle[:, : strains.layout.outer]
     if not facets.vector.comm.tompi4py().allreduce(bool(strains.idle.any())):
@@ -288,20 +287,20 @@ def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
 
 
 def _slip_places(at: BoundBody, areas: Floats) -> SlipPlaces:
-    """Return the nodes of host facets with friction, as places of slip.
+    """Return the nodes of host facets with friction as places of slip.
 
-    Their strength bounds shear tractions. For dilating joints in three dimensions, the strength is
-    the sum of the adhesion and a part due to pressure, with a separate place for each.
+    The strength at a place bounds the shear traction. For dilating joints in 3D, the strength is
+    the sum of the adhesion and a part from pressure, and each of the two has its own place.
 
     Args:
         at: Conditions on facets.
-        areas: Area of each node of each facet; 0 on the axis, where there is no traction.
+        areas: Area of each node of each facet; 0 on the axis, where tractions have no area.
     """
     tdim, nodes = at.facets.held.shape[1], areas.shape[1]
     hosts = at.facets.hosts
 
     def nodes_of(facets: Longs) -> tuple[Longs, Longs, Floats]:
-        """Return the facet, the first unknown and the area of each node."""
+        """Return the facet, the first unknown and the area of each node of facets."""
         which = np.flatnonzero(areas[facets] > 0)
         of, places = facets[which // nodes], which % nodes
         return of, (of * nodes + places) * tdim, areas[of, places]

@@ -17,10 +17,10 @@ from perfplast_fenicsx.limit_analysis.stress.static_form import StaticForm
 
 @dataclass(frozen=True, eq=False)
 class StaticProgram:
-    """A conic program of a lower bound, with the mechanical data of its unknowns.
+    """The conic program of a lower bound, with the mechanical data of its unknowns.
 
     Attributes:
-        program: Program whose velocities are the multipliers of the equilibrium of stresses.
+        program: Program whose velocities are the multipliers of equilibrium.
         form: Form of the bodies, which several programs can share.
         load: Loads L before scaling, in the user's units.
         dead: Permanent loads L₀, in the same units.
@@ -37,7 +37,7 @@ class StaticProgram:
 
     @property
     def factorisations(self) -> int:
-        """Number of factorisations of this program so far."""
+        """Return the number of factorisations of this program so far."""
         return self.form.stiffness.factorisations - self.before
 
     def destroy(self) -> None:
@@ -46,7 +46,7 @@ class StaticProgram:
             load.destroy()
 
     def shared_out(self, stress: Stress) -> Stress:
-        """Return the stress with joint shears divided between friction and adhesion.
+        """Return the stress, with joint shears divided between friction and adhesion.
 
         Args:
             stress: Stress in the user's units.
@@ -67,7 +67,7 @@ class StaticProgram:
         return load * self.load + self.dead + aside * self.free
 
     def loaded(self, load: float, aside: float) -> Floats:
-        """Return the sum of the magnitudes of all kinds of loads, in each row of this rank.
+        """Return the sum of the magnitudes of all kinds of loads, for each row of this rank.
 
         Args:
             load: Load factor λ.
@@ -77,13 +77,16 @@ class StaticProgram:
         return np.asarray(np.abs(kinds).sum(axis=0))
 
     def can_carry(self) -> bool:
-        """Return whether some stress balances the loads, if contact may be in tension. Collective.
+        """Return whether a stress, possibly with tensile contact forces, can balance the loads.
 
-        The yield conditions are ignored. In two dimensions, the tractions on both sides of a corner
-        may be incompatible with every stress in a single cell. In three dimensions, the four parts
-        of a cell can balance all self-equilibrated linear tractions on its facets
-        (:mod:`stress_cells`), and the result is True. With bare vertices, rows depend on each other
-        too strongly for refinement. The result is then True too, and the iteration has to decide.
+        Collective.
+
+        The method ignores the yield conditions. In 2D, the tractions on both sides of a corner may
+        be incompatible with every stress in a single cell. In 3D, the four parts of a cell can
+        balance all self-equilibrated linear tractions on its facets (:mod:`stress_cells`), and the
+        result is True. With bare vertices, the rows of equilibrium depend on each other too
+        strongly for iterative refinement. The result is then also True, and the iteration has to
+        decide.
 
         Call this method after :func:`interior_steps.choose_units`, whose factors it uses.
         """
@@ -95,13 +98,13 @@ class StaticProgram:
         program.load.copy(left)
         largest = PETSc.NormType.NORM_INFINITY
         whole, missing = program.load.norm(largest), np.inf
-        # If more than this share of the loads remains, no stress can balance the loads. With a
-        # shear traction next to a free side, a half remains.
+        # If more than this share of the loads remains unbalanced, no stress can balance the loads.
+        # With a shear traction next to a free side, half of the loads remains.
         least_missing = 1e-2
-        # Largest number of refinements of a flow. Slender bodies move so far that the ridge of K
+        # Largest number of iterative refinements. Slender bodies move so far that the ridge of K
         # balances a part of their loads.
         most_refinements = 10
-        # A refinement has failed if more than this share remains.
+        # A refinement has failed if more than this share of the residual remains.
         refined = 0.9
         for _ in range(most_refinements):
             program.stiffness.solve(left, more)
@@ -120,7 +123,7 @@ class StaticProgram:
     def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
         """Return the largest unbalanced force, relative to the strength in its row. Collective.
 
-        Contact forces that push count as balanced, contact forces that pull as unbalanced.
+        Compressive contact forces count as balanced, and tensile contact forces as unbalanced.
 
         Args:
             stress: Stress in the user's units.
@@ -139,13 +142,13 @@ class StaticProgram:
         return float(self.program.comm.allreduce(mine, MPI.MAX))
 
     def forces_of_strengths(self, pressure: Floats) -> Floats:
-        """Return the force of the strength in each row of equilibrium.
+        """Return the force that corresponds to the strength in each row of equilibrium.
 
         Collective.
 
-        The force combines the yield radii of all cells at a facet, including cells of bodies in
+        The strength combines the yield radii of all cells at a facet, including cells of bodies in
         contact. The smallest radius has the largest weight, and radii above the program's unit of
-        stress count as this unit. If all cells at a facet are elastic, the radius is the smallest
+        stress count as this unit. If all cells at a facet are elastic, the strength is the smallest
         radius of all cells, as in the proof checker. Without cohesion, the strength depends on the
         stress.
 
@@ -168,7 +171,7 @@ class StaticProgram:
 
 
 def static_program(form: StaticForm, question: Question, reserve: float) -> StaticProgram:
-    """Return the program of a lower bound, given its form. Collective.
+    """Return the program of a lower bound from its form. Collective.
 
     Args:
         form: Form of the bodies.
@@ -185,32 +188,32 @@ def static_program(form: StaticForm, question: Question, reserve: float) -> Stat
 
 
 DOUBTED = 1e-10
-"""Residuals, relative to strengths, above which a bound is in doubt until the proof checker has
+"""Residual, relative to the strengths, above which a bound is in doubt until the proof checker has
 judged it."""
 
 
 @dataclass(frozen=True)
 class StaticCertificate:
-    """The residuals by which a stress violates the conditions of a lower bound.
+    """The residuals of a stress in the conditions of a lower bound.
 
     The first four numbers are stresses, divided by the smallest finite yield radius γ of the cells
     that each condition involves. Without cohesion, −αp replaces γ. A condition in a cell involves
-    the cell and the cells that share its facets; a condition on a facet involves the cells on both
+    this cell and the cells that share its facets; a condition on a facet involves the cells on both
     sides. For tension, and if all involved cells are elastic, the divisor is the smallest γ of all
     cells. The proof checker decides by how much these residuals reduce the bound.
 
     Attributes:
-        equilibrium: Largest div σ + λb times the size of the cell; in three dimensions also the
-            jumps of tractions between the parts of a cell.
-        traction: Largest jump of the traction between cells, or difference from the applied
+        equilibrium: Largest div σ + λb times the size of the cell; in 3D also the jumps of
+            tractions between the parts of a cell.
+        traction: Largest jump of the traction between cells, or largest difference from the applied
             traction.
         shear: Largest tangential traction on contact surfaces without friction.
         tension: Largest tensile traction on surfaces in contact.
         left_of_load: Sum of the magnitudes of all unbalanced forces, divided by the sum of the
             magnitudes of the loads of each kind at λ.
-        overstress: Largest relative excess of the stress over yield, negative if the stress is far
-            below yield. On surfaces with friction, it is the excess of the shear traction over the
-            strength.
+        overstress: Largest relative excess of the stress over yield, negative if the stress is
+            below yield everywhere. On surfaces with friction, the excess of the shear traction over
+            the strength counts.
     """
 
     equilibrium: float
@@ -222,12 +225,12 @@ class StaticCertificate:
 
     @property
     def is_doubted(self) -> bool:
-        """Whether the residuals may reduce the bound considerably, as the checker has to decide."""
+        """Return whether the residuals may reduce the bound considerably."""
         return not self.is_balanced or self.overstress > DOUBTED
 
     @property
     def is_balanced(self) -> bool:
-        """Whether the stress is in equilibrium, up to rounding."""
+        """Return whether the stress is in equilibrium up to rounding."""
         return max(self.equilibrium, self.traction, self.shear, self.tension) <= DOUBTED
 
 
@@ -239,7 +242,7 @@ def certify_stress(
     Args:
         static: The conditions.
         pressure: Mean stress in the coordinates of the cones, shape (count,), at the points of
-            cells, followed by places of slip, where it is zero.
+            cells, followed by zeros at places of slip.
         deviator: Deviator in the coordinates of the cones, shape (count, m); at places of slip,
             shear tractions.
         load: Load factor λ.
@@ -288,17 +291,17 @@ def certify_stress(
 
 
 def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds of 1/γ of the weakest cell that each condition involves. Collective.
+    """Return upper bounds of 1/γ for the weakest cell that each condition involves. Collective.
 
-    The function adds the inverse radii of the cells that meet. The sum is at most 2 times the
-    largest inverse radius, at contact at most 4 times.
+    The function adds the inverse radii of the cells that meet at a facet. The sum is at most 2
+    times the largest inverse radius; at contact, at most 4 times.
 
     Args:
         static: The conditions.
         inverse: Inverse radii 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
 
     Returns:
-        Values for the facet unknowns that this rank owns, and for its cells.
+        Values for the facet unknowns and for the cells that this rank owns.
     """
     facets = static.form.strains.facets
     everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)

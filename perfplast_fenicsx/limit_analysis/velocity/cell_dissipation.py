@@ -2,8 +2,8 @@
 
 The norm ‖·‖ is convex, so its integral is at most the integral of its linear interpolation on any
 subdivision of the cell (the composite vertex rule). The same holds for Σ|ε_i| of the principal
-values. A body that dilates dissipates (γ/α) tr ε, which is linear. A strength that varies is
-replaced by a linear function that is nowhere below it; the product of two linear functions is
+values. A body that dilates dissipates (γ/α) tr ε, which is linear. A linear function that is
+nowhere below a varying strength replaces this strength; the product of two linear functions is
 integrated exactly.
 
 :func:`dissipation_of_rings` computes upper bounds in axisymmetry, for quadratic v = ru. For the
@@ -14,11 +14,11 @@ strain rates ε of u, r²ε is quadratic in the section,
 With the Bernstein coefficients q_i of r²ε on a part of a cell, ∫ ‖ε‖ r ≤ Σ ‖q_i‖ ∫ B_i/r, because
 ‖·‖ is convex and B_i ≥ 0. The function 1/r is convex too and is bounded by the linear interpolation
 of its values at the vertices. On a part with an edge on the axis, r²ε is r times a linear function.
-On a part with one vertex on the axis, the bound of 1/r is linear along the opposite edge, divided
-by the relative distance from the vertex. The formulas use only NumPy, except for the laws of the
-cells.
+On a part with one vertex on the axis, the bound of 1/r is a linear function along the opposite
+edge, divided by the relative distance from the vertex. The formulas use only NumPy, except for the
+laws of the cells.
 
-:func:`slip_work` computes an upper bound of the dissipation by slip that holds between nodes too.
+:func:`slip_work` computes an upper bound of the dissipation by slip that also holds between nodes.
 The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`).
 The Bernstein polynomials are not negative and sum to 1. So ‖w_t‖ is at most the mean of the norms
 of the coefficients, weighted with the polynomials. Therefore ∫c‖w_t‖ is at most c times the area
@@ -69,21 +69,22 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class MechanismRates:
-    """Strain rates of a mechanism in the coordinates of the cones, and the yield sets.
+    """Strain rates of a mechanism in the coordinates of the cones, and yield sets at the points.
 
     Attributes:
-        trace: Trace, shape (count,).
+        trace: Traces, shape (count,).
         deviator: Deviator, shape (count, m).
         powers: Strain rates ε for computing power, Mandel vectors
             (:meth:`point_strains.PointStrains.power_rates`), shape (count, m).
         count: Number of points of this rank.
-        gdim: See :class:`discretisation.Strains`, as for the next four attributes.
+        gdim: Dimension of the bodies; see :class:`discretisation.Strains` for this and the next
+            four attributes.
         weights: Volume of each point, shape (count,).
         radii: Yield radius γ, shape (count,).
         slopes: Slope α, shape (count,).
-        tilts: Tilt t, shape (count, m); None where all are zero.
-        principal: Sets of principal stresses at their points.
-        others: Sets of other kinds at their points.
+        tilts: Tilt t, shape (count, m); None if all tilts are zero.
+        principal: Sets of principal stresses, with their points.
+        others: Sets of other kinds, with their points.
         profile: Factor of γ and of bounds of principal stresses where strengths vary in space,
             shape (count,); None if no strength varies.
         above: Linear functions that are nowhere below the profile, at the vertices of the cells
@@ -143,7 +144,7 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
     """Return the values at vertices of functions that are linear in each cell.
 
     Args:
-        problem: The problem of the points.
+        problem: The problem with the points.
         values: Values at the points, shape (count, m).
 
     Returns:
@@ -162,7 +163,7 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
 
 
 def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
-    """Return the amount by which tr ε is too small at the vertices of dilating bodies.
+    """Return the amount by which tr ε is too small at the vertices of cells in dilating bodies.
 
     Not collective.
 
@@ -171,8 +172,8 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
         rates: Rates that are linear in each cell.
 
     Returns:
-        Shortfall from α‖dev ε‖ for the cells that this rank owns, shape (num_cells, d + 1), or at
-        Bernstein coefficients (num_cells, 6).
+        The difference between α‖dev ε‖ and tr ε where it is positive, for the cells that this rank
+        owns, shape (num_cells, d + 1), or at Bernstein coefficients (num_cells, 6).
     """
     slopes = rates.slopes[points_of_cells(problem)][:, :1]
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))
@@ -191,7 +192,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _SetsOfCells:
-    """Yield sets of another kind, one for each cell, stored at the first point of the cell.
+    """Yield sets of another kind, one set for each cell, stored at the first point of the cell.
 
     Attributes:
         sets: The sets, in the order of the cells.
@@ -204,7 +205,7 @@ class _SetsOfCells:
     count: int
 
     def at_points(self, values: Floats) -> Floats:
-        """Return values of the cells at their first points, and zero at other points."""
+        """Return the values of cells at their first points, and zero at other points."""
         found: Floats = np.zeros((self.count, values.shape[1]))
         found[self.sets.at] = values
         return found
@@ -228,7 +229,7 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
         rates: Rates at the points of the problem.
 
     Returns:
-        The sets, with ``at`` = 0, 1, ... and without the strength profile; the numbers of the
+        The sets, with ``at`` = 0, 1, ... and without the strength profile; the numbers of their
         cells, among the cells that this rank owns.
     """
     first, given = points_of_cells(problem)[:, 0], rates.principal
@@ -246,11 +247,11 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
 def dissipation_of_cells(
     problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
-    """Return upper bounds of the dissipation of cells, from the coordinates of their cones.
+    """Return upper bounds of the dissipation of cells, from rates in coordinates of the cones.
 
     Not collective. The dissipation is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε in dilating bodies
     (:mod:`standard_cones`). For sets of principal stresses, see :mod:`semidefinite_cones`. A volume
-    change that is too small for its deviator, but only by rounding, counts as admissible.
+    change that is too small for its deviator only because of rounding counts as admissible.
 
     Args:
         problem: The bodies.
@@ -302,11 +303,11 @@ def _of_others(
 
 
 def _mean(values: Floats, profile: Floats | None) -> Floats:
-    """Return the means in cells of linear functions, times the strength profile if given.
+    """Return means of linear functions in cells, times the strength profile if there is one.
 
     Args:
         values: Values at the vertices, shape (num_cells, d + 1).
-        profile: Strength profile at the vertices, same shape; None for a constant strength.
+        profile: Strength profile at the vertices, of the same shape; None for a constant strength.
     """
     if profile is None:
         return np.asarray(values.mean(axis=1))
@@ -347,14 +348,15 @@ def work_of_cells(
     profile: Floats | None = None,
     size: Callable[[Floats], Floats] = lambda values: np.linalg.norm(values, axis=1),
 ) -> Floats:
-    """Return an upper bound of ∫ f‖s‖ in each cell, for s and f that are linear in the cell.
+    """Return an upper bound of ∫ f‖s‖ over each cell, for s and f that are linear in the cell.
 
     Args:
         volumes: Volumes of the cells, shape (num_cells,).
         vertex_values: Values s at the vertices, shape (num_cells, d + 1, m).
         subdivisions: Parts of a cell's edge.
         profile: Factor f ≥ 0 at the vertices, shape (num_cells, d + 1); None for 1.
-        size: Norm ‖·‖, or another convex function of s: shape (num_cells,) for (num_cells, m).
+        size: Norm ‖·‖, or another convex function; it maps values s of shape (num_cells, m) to
+            shape (num_cells,).
 
     Returns:
         Shape (num_cells,).
@@ -371,7 +373,7 @@ def work_of_cells(
 def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
     """Return the points and shares of the vertex rule on n^tdim equal parts of a simplex.
 
-    The parts are the simplices of Kuhn's division of cubes that lie in 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
+    The parts are the simplices of Kuhn's division of cubes that lie within 1 ≥ x₁ ≥ x₂ ≥ ... ≥ 0.
 
     Returns:
         Barycentric coordinates, shape (num_points, tdim + 1), and shares of the volume, of the same
@@ -403,7 +405,7 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
     """Return upper bounds of the dissipation of cells. Not collective.
 
     Args:
-        problem: Problem with v = ru as displacement (:mod:`ring_flux`).
+        problem: Problem with v = ru as the unknown (:mod:`ring_flux`).
         velocity: Velocity v with updated ghosts.
         subdivisions: Parts of a cell's edge.
 
@@ -435,7 +437,7 @@ def _powers(cones: BodyCones, rates: Floats) -> Floats:
     """Return the dissipation of strain rates per volume, shape (num_cells, 6).
 
     The dissipation is a convex function of the strain rate. If a dilation is too small for its
-    deviator because of rounding, the least admissible dilation replaces it.
+    deviator because of rounding, the function uses the least admissible dilation.
     """
     found = np.zeros(rates.shape[:2])
     for number, cone in enumerate(cones.cones):
@@ -465,16 +467,17 @@ CLOSED = "between nodes, surfaces with Coulomb's friction separate too little fo
 
 @dataclass(frozen=True)
 class SlipWork:
-    """The dissipation by slip, and related sums.
+    """The dissipation by slip, and sums for the same surfaces.
 
     Attributes:
         power: Upper bound of ∫c‖w_t‖, summed over all ranks.
-        squares: Sum of ∫(‖w_t‖/h)² over layers whose thickness is the size h of the facet; it
+        squares: Sum of ∫(‖w_t‖/h)² over layers whose thickness is the size h of the facet. It
             corresponds to ∫‖ε(v)‖² in cells.
-        why_not: Reasons why the dissipation may be larger or the slip inadmissible, as phrases.
+        why_not: Reasons why the dissipation may be larger, or why the slip is inadmissible, as
+            clauses.
         shares: For each owned cell, the contribution of slip at its facets to the gap between a
-            velocity and a stress, shape (num_cells,). The contribution is ∫c‖w_t‖ − r·w, one half
-            on each side; 0 without a stress.
+            velocity and a stress, shape (num_cells,). The contribution is ∫c‖w_t‖ − r·w; each side
+            has half of it. It is 0 without a stress.
     """
 
     power: float
@@ -560,7 +563,7 @@ def _others(gdim: int) -> Ints:
 
 
 def _means(num_nodes: int, gdim: int) -> Floats:
-    """Return the means over a facet of barycentric coordinates times Bernstein polynomials.
+    """Return the mean over a facet of each barycentric coordinate times each Bernstein polynomial.
 
     Args:
         num_nodes: Number of nodes of a facet, which is also the number of polynomials: one for each

@@ -1,16 +1,17 @@
-"""Compute an upper bound of a mechanism's plastic work, and each cell's share of the gap.
+"""Compute the upper bound of a mechanism, and the share of each cell in the gap of the bounds.
 
 In a straight cell, the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So the
 integral of the norm is at most the integral of its linear interpolation on any subdivision of the
-cell (the composite vertex rule). If volume changes vanish at the points, they vanish everywhere.
-The strain rates tr ε ≥ α‖dev ε‖ of a dilating body form a convex cone. If they are admissible at
-the vertices, they are admissible everywhere, and they dissipate (γ/α) tr ε, which is linear.
-Without penetration of contact, the result is an upper bound for the body that the mesh fills, not
-only for the mesh. :mod:`cell_dissipation` computes the dissipation of slip.
+cell (the composite vertex rule). If volume changes vanish at the quadrature points, they vanish
+everywhere. The strain rates tr ε ≥ α‖dev ε‖ of a dilating body form a convex cone. If they are
+admissible at the vertices, they are admissible everywhere, and they dissipate (γ/α) tr ε, which is
+linear. If bodies do not penetrate each other at contacts, the result is an upper bound for the body
+that the mesh fills, not only for the mesh. :mod:`cell_dissipation` computes the dissipation by
+slip.
 
-If strong bodies rest or move rigidly, their strain rates are rounding errors; the dissipation of
-these strain rates is computed with the true strength. The remaining volume changes reduce the work
-of the loads, with mean stresses of the order of the tractions. Otherwise relative volume changes of
+If strong bodies rest or move rigidly, their strain rates are rounding errors; the module computes
+their dissipation with the true strength. The remaining volume changes reduce the work of the loads,
+with mean stresses of the order of the tractions. Without this reduction, relative volume changes of
 1e-12 could make a bound wrong where loads nearly balance each other.
 
 :func:`gap_shares` computes the share of each cell in the gap between both bounds, for refinement.
@@ -18,9 +19,9 @@ For an admissible mechanism with L(v) = 1 and a stress in equilibrium with λ⁻
 
     λ⁺ − λ⁻ = Σ_T η_T + W,   η_T = ∫_T D(ε(v)) − σ:ε(v) ≥ 0,
 
-where D is the dissipation, γ‖dev ε‖ or, in dilating bodies, (γ/α) tr ε. W ≥ 0 is the work of
-contact pressures on gaps that open. On surfaces with friction, the dissipation minus the work of
-the tractions is divided between the cells on both sides (:mod:`cell_dissipation`).
+where D is the dissipation: γ‖dev ε‖ or, in dilating bodies, (γ/α) tr ε. W ≥ 0 is the work of
+contact pressures on gaps that open. On surfaces with friction, the cells on both sides share the
+dissipation minus the work of the tractions (:mod:`cell_dissipation`).
 """
 
 from dataclasses import dataclass, replace
@@ -74,8 +75,8 @@ from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_cur
 from perfplast_fenicsx.problem.problem import Problem
 
 ADMISSIBLE = 1e-9
-"""Share of ‖ε(v)‖ up to which a mechanism counts as admissible on its mesh. It limits volume
-changes in plastic bodies, the shortfall of dilation in dilating bodies, and strain rates in elastic
+"""Fraction of ‖ε(v)‖ up to which a mechanism counts as admissible on its mesh. It limits volume
+changes in plastic bodies, the lack of dilation in dilating bodies, and strain rates in elastic
 bodies. This limit does not make a bound strict: the proof checker corrects the mechanism and raises
 the bound accordingly.
 """
@@ -92,20 +93,20 @@ def strict_upper_bound(
 
     Args:
         problem: The bodies and their loads.
-        mechanism: Velocity that is admissible at the points and whose ghosts are up to date, such
-            as the mechanism of :func:`discrete_limit.interior_point`.
-        subdivisions: Number of parts of a cell's edge; with more parts, the result decreases
+        mechanism: Velocity that is admissible at the quadrature points, such as the mechanism of
+            :func:`discrete_limit.interior_point`. Its ghosts are up to date.
+        subdivisions: Number of parts of a cell's edge. With more parts, the result decreases
             towards the exact value.
         question: The loads whose factor is sought.
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:
-        The bound. The bound has no value if the loads do no work on the mechanism. It is in doubt
-        if the mechanism is not admissible at the points. It holds only for the mesh if there are
-        reasons in ``why_not``.
+        The bound. It has no value if the loads do no work on the mechanism. It is in doubt if the
+        mechanism is not admissible at the quadrature points. It holds only for the mesh if
+        ``why_not`` contains reasons.
 
     Raises:
-        InputError: If ζ moves supports or obstacles, or there is no load.
+        InputError: If ζ moves supports or obstacles, or if there is no load.
     """
     check_loads(problem)
     if problem.tagged_mesh.axisymmetric and not isinstance(problem.kinematics, RingFlux):
@@ -139,14 +140,13 @@ def strict_upper_bound(
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
-    # Largest work on volume changes of a stress as large as the loads, relative to the work of the
-    # loads, with which a mechanism counts as a proof: half of the limit of a checker that works
-    # cell by cell.
+    # Largest allowed work of a stress as large as the loads on volume changes, relative to the work
+    # of the loads: half of the limit of a checker that works cell by cell.
     least_charge = 5e-10
     provable = cost.most * stress <= least_charge * measure_of(dissipation, excess, bool(loose))
-    # Mean stress, in multiples of the largest load, with which the work on remaining volume changes
-    # and elastic strain rates is computed. If pressures nearly balance each other, the work on a
-    # strain rate of 1e-12 may be 1e-6 of the total work.
+    # Mean stress, in multiples of the largest load, for the work on remaining volume changes and
+    # elastic strain rates. If pressures nearly balance each other, the work on a strain rate of
+    # 1e-12 may be 1e-6 of the total work.
     mean_stresses = 10.0
     lost = 0.0 if unfit else mean_stresses * cost.lost  # the checker corrects mechanisms in doubt
     excess += lost * at_zero
@@ -165,7 +165,9 @@ def strict_upper_bound(
 def _reasons(
     problem: Problem, mechanism: fem.Function, doubts: list[str]
 ) -> tuple[list[str], list[str]]:
-    """Return the reasons why a bound does not or may not hold for the body. Collective.
+    """Return reasons why a bound does not hold for the body, and doubts whether it holds.
+
+    Collective.
 
     Args:
         problem: The bodies.
@@ -190,16 +192,16 @@ class _Flow:
         rates: Strain rates at the points.
         plastic: Flags of points that can yield, shape (count,).
         dilating: Flags of points that dilate in plastic flow, shape (count,).
-        squares: ‖dev ε‖² at the points, shape (count,).
+        squares: Values ‖dev ε‖² at the points, shape (count,).
         volumes: Volumes of the cells that this rank owns, shape (num_cells,).
-        short: Shortfall of tr ε at the vertices of cells (:func:`missing_growth`).
+        short: Amount by which tr ε is too small at the vertices of cells (:func:`missing_growth`).
         total: Volume of all bodies.
         part: Weighted sum of the squares of volume changes and elastic strain rates, which must
             vanish.
-        whole: Σ w‖ε‖².
-        lacking: Sum of squares of ``short``.
+        whole: The sum Σ w‖ε‖² over all points.
+        lacking: Volume-weighted sum of the squares of ``short``.
         is_held: Whether the velocity is zero where supports hold the bodies.
-        slowest: Least value of ``whole`` that counts as straining if bodies separate.
+        slowest: Least value for ``whole`` if bodies can separate without strain.
     """
 
     def __init__(self, problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> None:
@@ -222,7 +224,7 @@ class _Flow:
         comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         through = problem.guides.through(problem.ties, mechanism.x.petsc_vec)
         self.is_held = max(largest[0], through) <= ADMISSIBLE * largest[1]
-        slowest = 1e-5  # strain rates, relative to velocities divided by the size of the bodies
+        slowest = 1e-5  # strain rate, relative to the velocity divided by the size of the bodies
         usual = largest[1] / self.total ** (1 / rates.gdim)
         self.slowest = (slowest * usual) ** 2 * self.total
 
@@ -230,13 +232,13 @@ class _Flow:
 def _ends(
     problem: Problem, velocity: PETSc.Vec, question: Question, work: float, aside: float
 ) -> bool:
-    """Return whether the free loads do no work on a mechanism. Collective.
+    """Return whether the loads with a free factor do no work on a mechanism. Collective.
 
-    If the free loads act on bodies at rest, all motion there is rounding. The comparison therefore
-    uses at least the mean velocity on which the sought loads do their work.
+    If the free loads act on bodies at rest, all velocities of these bodies are rounding errors. The
+    comparison therefore uses at least the mean velocity at which the bounded loads do their work.
     """
     # Largest work that counts as zero, relative to the sum of the absolute works of live loads at
-    # all nodes: half of the checker's limit. Such work would only affect load factors some million
+    # all nodes: half of the checker's limit. A smaller work affects only load factors some million
     # times as large as the limit load.
     least_parting = 5e-7
     comm = problem.comm
@@ -253,10 +255,11 @@ class _Cost:
 
     Attributes:
         dissipation: Upper bound of the bodies' dissipation.
-        allowed: Part of the dissipation that rounding may add, including that of points at rest.
-        lost: Sum over cells of the mean size of rates that must vanish, times the volume.
+        allowed: Part of the dissipation that rounding may add, including the dissipation of points
+            at rest.
+        lost: Sum over cells of the volume times the mean size of rates that must vanish.
         volume: Volume of the bodies.
-        most: Sum over cells of the largest size of such rates, times the volume.
+        most: Sum over cells of the volume times the largest size of rates that must vanish.
         loose: Number of points without cohesion.
     """
 
@@ -269,7 +272,7 @@ class _Cost:
 
 
 def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
-    """Return the dissipation of a mechanism and the rates that must vanish. Collective.
+    """Return the dissipation of a mechanism, and the sizes of rates that must vanish. Collective.
 
     Args:
         flow: Strain rates of the mechanism.
@@ -298,7 +301,7 @@ def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
 
 
 def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
-    """Return the order of magnitude of the stress due to loads, over all ranks. Collective.
+    """Return the order of magnitude of the stress from loads, over all ranks. Collective.
 
     See :meth:`FacetLoads.largest`.
     """
@@ -307,11 +310,11 @@ def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
 
 
 def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
-    """Return the part of each cell's plastic work that rounding may add.
+    """Return the part of each cell's dissipation that rounding may add.
 
-    In a cell that moves without straining, differences of velocities are rounding errors. A body
-    with 1e15 times the strength of other bodies would dissipate as much because of these errors as
-    the bodies that flow.
+    In a cell that moves rigidly, computed strain rates are rounding errors. Because of these
+    errors, a body with 1e15 times the strength of other bodies would dissipate as much as the
+    bodies that flow.
 
     Args:
         problem: The bodies.
@@ -324,8 +327,8 @@ def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -
     values = mechanism.x.array.reshape(-1, tdim)[V.dofmap.list[: len(vertices)]]
     fastest = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     steepest = np.linalg.norm(slopes, axis=2).max(axis=1, initial=0.0)
-    # Rounding units in a strain rate: the number of products in the gradient of a quadratic
-    # velocity.
+    # Number of rounding units in a strain rate: the number of products in the gradient of a
+    # quadratic velocity.
     roundings = 32.0
     added: Floats = roundings * np.finfo(np.float64).eps * strengths * fastest * steepest
     return added
@@ -342,9 +345,9 @@ def gap_shares(
     Args:
         problem: The bodies and their loads, on straight cells.
         mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
-        stress: Mandel vectors at the vertices of these cells, linear in each cell, shape
-            (num_cells, d + 1, 4 or 6); in axisymmetry, coefficients of rσ (:mod:`stress_cells`),
-            shape (num_cells, 6, 4).
+        stress: Mandel vectors at the vertices of the owned cells, for a stress that is linear in
+            each cell, shape (num_cells, d + 1, 4 or 6). In axisymmetry, coefficients of rσ
+            (:mod:`stress_cells`), shape (num_cells, 6, 4).
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:
@@ -368,7 +371,7 @@ def gap_shares(
 def _of_rings(
     problem: Problem, rates: MechanismRates, mechanism: fem.Function, stress: Floats
 ) -> Floats:
-    """Return the shares in axisymmetry; a quadrature rule gives the work of the stress."""
+    """Return the shares of cells in axisymmetry; a quadrature rule gives the work of the stress."""
     points = points_of_cells(problem)
     vertices, places = corners(problem.tagged_mesh.mesh)
     x = places[vertices]
@@ -390,13 +393,15 @@ def _of_rings(
 
 
 def let_rest(problem: Problem, mechanism: fem.Function) -> None:
-    """Set velocities of bodies that are rounding to zero, unless that adds penetration. Collective.
+    """Set body velocities that are rounding errors to zero, unless this adds penetration.
 
-    Because of rounding in the velocities of other bodies, such a body may penetrate a body that it
-    touches. Compared with its own velocities, to which the check relates penetration, the
-    penetration is then large. If zero velocities add penetration and nothing penetrated before, the
-    bodies keep their velocities. If something penetrated before, the function moves the other
-    bodies apart from them; if penetration remains, it restores all velocities.
+    Collective.
+
+    Because of rounding in the velocities of other bodies, a body at rest may penetrate a body that
+    it touches. The check relates the penetration to the velocities of both bodies, and it is then
+    large. If zero velocities add penetration and no body penetrated another before, the bodies keep
+    their velocities. If there was penetration before, the function moves the other bodies away from
+    the bodies at rest. If penetration remains, it restores all velocities.
 
     Args:
         problem: The bodies.
@@ -406,7 +411,7 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     largest = np.zeros(bodies.count)
     np.maximum.at(largest, bodies.of_node, np.abs(v).max(axis=1, initial=0.0))
     problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    # Limit relative to the largest velocity: some hundred rounding units, and a tenth of the
+    # Limit relative to the largest velocity: some hundred rounding units, or about a tenth of the
     # allowed penetration.
     rounding = 1e-13
     rests = largest <= rounding * largest.max(initial=0.0)
@@ -426,19 +431,19 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
 
 
 def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
-    """Open contact by the penetration of slip on faces that are plane except for rounding.
+    """Separate contact pairs by the penetration of slip along faces that are plane up to rounding.
 
-    Points of a file with twelve digits make facets whose normals differ by 1e-11, which count as
-    one face. A body that slips along such a face penetrates some of its facets by as much, which a
-    checker does not accept. All pairs are separated by the largest penetration of a facet; the
-    resulting volume changes count like those of rounding. Nothing is changed where bodies would
-    still penetrate. Collective.
+    Coordinates with twelve digits in a file make facets whose normals differ by 1e-11; these facets
+    count as one face. A body that slips along such a face penetrates some of its facets by the same
+    relative amount, which a checker does not accept. The function separates all pairs by the
+    largest penetration of a facet; the resulting volume changes count as rounding. If bodies would
+    still penetrate each other, the function changes no velocity. Collective.
 
     Args:
         problem: The bodies.
         mechanism: A velocity with up-to-date ghosts; the function changes it.
     """
-    least = 1e-9  # share beyond which it is not rounding of points
+    least = 1e-9  # relative penetration above which rounding of points is not the cause
     if not UNSEEN < _entered(problem, mechanism) <= least:
         return
     before, basis = mechanism.x.array.copy(), problem.basis
@@ -456,12 +461,12 @@ def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
 
 
 def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> MechanismRates:
-    """Add a slow motion that dilates everywhere, if cells dilate too little by rounding.
+    """Add a slow motion that dilates everywhere, if cells dilate too little because of rounding.
 
-    Under pressures of 1e5 times the strength, even a missing dilatancy of 1e-11 costs more work
-    than the bodies dissipate; the added motion costs little. The motion is x − a along the axes
-    that supports allow, with a at the supports. It is added only where it is admissible.
-    Collective.
+    Under pressures of 1e5 times the strength, the work on a missing dilatancy of only 1e-11 exceeds
+    the dissipation of the bodies, and the work on the added motion is small. The motion is x − a
+    along the axes in which supports allow it, with a at the supports. The function adds the motion
+    only if it is admissible. Collective.
 
     Args:
         problem: The bodies.
@@ -483,7 +488,7 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
     entered, motion = _entered(problem, mechanism), _stretch(problem)
     mechanism.x.array[:] = motion
     flow = _Flow(problem, mechanism, mechanism_rates(problem, mechanism))
-    steps = 12  # doublings, until the motion is some thousand times what is missing
+    steps = 12  # doublings, up to some thousand times the missing dilatancy
     if max(flow.part, flow.lacking) > ADMISSIBLE**2 * flow.whole:
         steps = 0
     for step in range(steps):
@@ -499,10 +504,11 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
 
 
 def _stretch(problem: Problem) -> Floats:
-    """Return the motion x − a along the axes that supports allow, zero along the others.
+    """Return the motion x − a along the axes in which supports allow it, zero along other axes.
 
-    Along an axis whose supports all have one coordinate, a is that coordinate; without supports it
-    is the least coordinate. Plane obstacles count as supports. Collective.
+    If all supports along an axis have the same coordinate, a is this coordinate. Without supports
+    along an axis, a is the least coordinate of the bodies. Plane obstacles count as supports.
+    Collective.
 
     Returns:
         A value for each local degree of freedom.
@@ -527,7 +533,7 @@ def _stretch(problem: Problem) -> Floats:
 
 
 def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
-    """Remove contact penetration that is due to rounding. Collective.
+    """Remove contact penetration from rounding. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
@@ -538,7 +544,7 @@ def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
     constraints, gdim = problem.constraints, free.shape[1]
     v, owned = mechanism.x.array.reshape(free.shape), problem.V.dofmap.index_map.size_local
     on_nodes, on_rows = constraints.shares.createVecs()
-    room = np.zeros(len(constraints.host))  # |n|² of components that may change, both sides
+    room = np.zeros(len(constraints.host))  # |n|² of components that may change, on both sides
     for axis in range(gdim):
         on_nodes.array[:] = free[:owned, axis]
         constraints.shares.mult(on_nodes, on_rows)
@@ -558,7 +564,7 @@ def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
 
 
 def _entering(problem: Problem, velocity: fem.Function) -> Floats:
-    """Return the penetration of each pair, at midsides half of its Bernstein coefficient.
+    """Return the penetration of each pair; at midsides, half of the Bernstein coefficient.
 
     Collective.
     """
@@ -575,7 +581,7 @@ def _entering(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def _entered(problem: Problem, velocity: fem.Function) -> float:
-    """Return the largest relative penetration at a facet, 0 if unknown. Collective."""
+    """Return the largest relative penetration at a facet; 0 if it is unknown. Collective."""
     if problem.constraints.in_mean or problem.given.ties:
         return 0.0
     return entered_share(problem, velocity, rubbing=True) or 0.0
