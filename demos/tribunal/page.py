@@ -40,19 +40,19 @@ ABOVE_ALL = """# Published numbers and proven bounds
 <!-- written by demos/tribunal/tribunal.py; edit that -->
 
 Programs, papers and books give different factors of safety for the same slopes, and different limit
-loads for the same bodies. This page compares each number with two bounds, each proven by a file. If
-strengths are divided by the lower bound on a factor of safety, an admissible stress balances the
+loads for the same bodies. This page compares each number with two bounds, each with a proof file.
+If strengths are divided by the lower bound on a factor of safety, an admissible stress balances the
 weight. If strengths are divided by the upper bound, the weight does more work on a mechanism than
-the ground can dissipate. Bounds on a load factor multiply the loads instead.
+the ground can dissipate. In problems with a load factor, the bounds multiply the loads instead.
 
 ```bash
 make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case files
 ```
 
-- [Case files](../demos/tribunal) have coordinates and strengths, in at most 25 lines each.
-- [published.csv](../demos/tribunal/published.csv) has the numbers and their sources.
-- [bounds.csv](../demos/tribunal/bounds.csv) has the bounds and the checksums of their proofs.
-- [verdicts.csv](../demos/tribunal/verdicts.csv) has a verdict for each number.
+- [Case files](../demos/tribunal) contain coordinates and strengths, in at most 25 lines each.
+- [published.csv](../demos/tribunal/published.csv) lists the numbers and their sources.
+- [bounds.csv](../demos/tribunal/bounds.csv) lists the bounds and the checksums of their proofs.
+- [verdicts.csv](../demos/tribunal/verdicts.csv) gives a verdict for each number.
 
 """
 
@@ -60,7 +60,7 @@ PROBLEMS = """
 ## Problems
 
 Bounds are on the factor of safety, unless the title names k_c, γH/c or another load factor, which
-the case file defines. The column "s" has the processor time in seconds. The column "numbers" counts
+the case file defines. The column "s" gives the processor time in seconds. The column "numbers" counts
 published numbers: impossible/possible/below/not decided. The pictures show the mechanism that
 proves the upper bound: grey parts are at rest, and darker colours move faster. Black lines are
 boundaries of bodies and of regions with different strengths. `make tribunal` draws the pictures
@@ -85,13 +85,13 @@ EXPLAINED = """
 
 The bounds hold for plane strain, the law in the case file (Mohr–Coulomb without a tension limit, or
 von Mises), associated flow, and the geometry as written. For slopes this includes the fixed base,
-and the ends, which cannot move along x. A published number may belong to other ends or to another
-base. Cracks, progressive failure and the ground in the field are outside the proofs.
+and the ends, which cannot move along x. A published number may assume other ends or another base.
+Cracks, progressive failure and the ground in the field are outside the proofs.
 
-Most sources were read in a transcription, which `published.csv` names in each row. So a verdict may
-also mean a misprint in the source or in its transcription. The page omits problems whose geometry
-is only in a figure, such as that of Zolfaghari and others (2005), and factors of one given slip
-surface.
+We read most sources in a transcription, which `published.csv` names in each row. So a misprint in
+the source or in its transcription may also be the cause of a verdict. The page omits problems whose
+geometry is only in a figure, such as that of Zolfaghari and others (2005), and factors of one given
+slip surface.
 
 Bearing capacity factors in textbooks are empirical, or are meant for design. "Impossible" then
 means that no footing of this kind carries that much on such ground. The verdict does not apply to a
@@ -156,8 +156,8 @@ def page(
             "\n## Comparison with published bounds and numbers\n\n",
             beside(titles, published, solved),
             EXPLAINED,
-            "\n## All numbers\n\nPercentages are above the upper or below the lower bound. The"
-            " sources are in [published.csv](../demos/tribunal/published.csv).\n\n",
+            "\n## All numbers\n\nPercentages are distances above the upper or below the lower bound."
+            " The sources are in [published.csv](../demos/tribunal/published.csv).\n\n",
             filtered(of_numbers(titles, verdicts)),
         ]
     )
@@ -173,8 +173,8 @@ def with_spirals(kinds: Mapping[str, str], solved: Mapping[str, Solved]) -> str:
     rows = [row for name, row in solved.items() if kinds.get(name) == "slopes"]
     found = sum(bool(row.spiral) for row in rows)
     return (
-        f"{found} of {len(rows)} slopes have a log spiral, and no lower bound exceeds it; the other"
-        " slopes have layers, or water above the surface."
+        f"For {found} of {len(rows)} slopes a log spiral gives another upper bound, which no lower"
+        " bound exceeds; the other slopes have layers, or water above the surface."
     )
 
 
@@ -195,7 +195,7 @@ def in_short(
     both = Counter(kinds[name] for name in widths if name in kinds)
     said = [
         f"{len(widths)} of {len(kinds)} problems have both bounds: {both['slopes']}"
-        f" slopes, {both['ground']} other problems of ground, {both['metal']} of metal.",
+        f" slopes, {both['ground']} other problems with ground, {both['metal']} with metal.",
         f"Of {len(verdicts)} published numbers {counts[IMPOSSIBLE]} are impossible,"
         f" {counts[POSSIBLE]} possible, {counts[BELOW]} below what associated ground carries for"
         f" certain, and {counts[UNDECIDED]} not decided.",
@@ -205,8 +205,8 @@ def in_short(
         narrow = 100 * sum(width <= NARROW for width in widths.values()) // len(widths)
         said.insert(
             1,
-            f"The median distance of the bounds is {median(widths.values()):.2f} %, the largest"
-            f" {max(widths.values()):.2f} %; {narrow} % of the problems have at most {NARROW} %."
+            f"The median distance between the bounds is {median(widths.values()):.2f} %, the"
+            f" largest {max(widths.values()):.2f} %; for {narrow} % of the problems it is at most {NARROW} %."
             f" The median time for a problem is {median(seconds):.0f} s on one core, the total time"
             f" {sum(seconds) / 60:.0f} minutes.",
         )
@@ -320,9 +320,9 @@ def beside_numbers(
         "\nFor the other problems we know only published numbers."
         f" {len(spreads)} problems have numbers from at least three programs, methods or authors."
         f" In {len(finer)} of them our bounds are closer together than the smallest and the largest"
-        f" number, by a factor of {ratio:.0f} in the median. The difference of the numbers excludes"
+        f" number, by a factor of {ratio:.0f} in the median. The difference between the numbers excludes"
         f" their rounding. These {len(named)} problems have the largest factors;"
-        " `published.csv` has the sources:\n\n"
+        " `published.csv` lists the sources:\n\n"
     )
     cells = [
         [titles[name], f"{spread:.1f}", f"{width:.2f}", f"{spread / width:.0f}"]

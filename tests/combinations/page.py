@@ -17,11 +17,12 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "what_goes_with_what.md"
 
 HEAD = """# What goes with what
 
-A row is a variant of a case with two blocks that are pressed together, and a column is an analysis.
-"yes" means that the program gives a result. If only one bound is strict, the cell names this bound.
-A number means that the program refuses the case or proves nothing; the message is below the table.
-Unless stated otherwise, cases are small, in plane strain, with quadratic elements. For shakedown
-the blocks are tied and all loads vary. The cases are run to make this page (`tests/combinations`).
+Each row is a variant of a case in which two blocks are pressed together, and each column is an
+analysis. "yes" means that the program gives a result. If only one bound is strict, the cell names
+this bound. A number means that the program refuses the case, or proves no bound; the message is
+below the table. Unless stated otherwise, cases are small, in plane strain, with quadratic elements.
+For shakedown the blocks are tied and all loads vary. `tests/combinations` runs the cases and writes
+this page.
 
 """
 
