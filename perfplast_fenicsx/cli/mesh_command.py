@@ -35,7 +35,7 @@ from perfplast_fenicsx.models.outer_facets import OuterFacets, with_flat_ends
 from perfplast_fenicsx.models.unv_file import read_unv
 from perfplast_fenicsx.models.vtu_file import read_vtu
 from perfplast_fenicsx.pictures.drawing_process import draw_parts
-from perfplast_fenicsx.problem.contact_check import refused_contact
+from perfplast_fenicsx.problem.contact_check import RefusedContacts, refused_contacts
 from perfplast_fenicsx.report.setup_page import FaceRow, setup_page
 from perfplast_fenicsx.units import SYSTEMS, Name
 
@@ -275,9 +275,7 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
     if survey.joints:
         text += ["", *_aligned(_joints(survey, glued))]
     if survey.near:
-        rows = [("apart", "", "gap")]
-        rows += [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
-        text += ["", *_aligned(rows)]
+        text += ["", *_aligned(_near(survey))]
     rows = [("no.", "free face", area, "of CAD", "shape", "centre")]
     for face in survey.faces:
         measures = (f"{face.area:.5g}", _known(face.cad))
@@ -308,6 +306,12 @@ def _joints(survey: Survey, glued: Glued) -> list[tuple[str, ...]]:
         kind = "tie" if glued.glues(joint) else "contact"
         rows.append((*joint.surfaces, f"{joint.area:.5g}", shape, kind))
     return rows
+
+
+def _near(survey: Survey) -> list[tuple[str, ...]]:
+    """Return a table of bodies that nearly touch; the first row contains the headings."""
+    rows = [(*near.bodies, f"{near.gap:.3g}") for near in survey.near]
+    return [("apart", "", "gap"), *rows]
 
 
 def _sets(survey: Survey) -> list[tuple[str, ...]]:
@@ -341,23 +345,33 @@ def _mesh(
         skin = made / "skin.npz"
         survey = make_mesh(source, made / MESH, options, skin, trust)
         case = first_case(survey, source.stem, file, options, filled, glued)
-        (made / PAGE).write_text(_page(source.stem, skin, survey, case, glued), encoding="utf-8")
+        refused = refused_contacts(case, made / MESH)
+        page = _page(source.stem, skin, survey, case, glued, refused)
+        (made / PAGE).write_text(page, encoding="utf-8")
         try:
             draw_parts(skin, made / PICTURE)
         except InputError as error:  # without a graphics system the mesh is written nevertheless
             log.warning("%s", error)
         fill(output, made, case)
-        refused = refused_contact(case, output / MESH)
-    return replace(survey, remarks=[*survey.remarks, refused]) if refused else survey
+    return replace(survey, remarks=[*survey.remarks, refused.why]) if refused else survey
 
 
-def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> str:
+def _page(
+    title: str,
+    skin: Path,
+    survey: Survey,
+    case: str,
+    glued: Glued,
+    refused: RefusedContacts | None,
+) -> str:
     """Return the HTML page on which the user sets up the case."""
     tables = {"Bodies": _bodies(survey)}
     if survey.sets:
         tables["Names of several faces"] = _sets(survey)
     if survey.joints:
         tables["Faces that touch"] = _joints(survey, glued)
+    if survey.near:
+        tables["Bodies that nearly touch"] = _near(survey)
     setup = {
         "dim": survey.dim,
         "bodies": [body.name for body in survey.bodies],
@@ -367,6 +381,7 @@ def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> st
             {"bodies": one.bodies, "surfaces": one.surfaces, "glued": one.shared}
             for one in survey.joints
         ],
+        "refused": {"why": refused.why, "pairs": refused.pairs} if refused else None,
         "case": SCHEMA_LINE + case,
         "schema": case_schema(),
         "systems": {
@@ -377,7 +392,7 @@ def _page(title: str, skin: Path, survey: Survey, case: str, glued: Glued) -> st
     }
     rows = [_face_row(face, survey) for face in survey.faces]
     size = "Area" if survey.dim == 3 else "Length"
-    return setup_page(title, skin, rows, setup, tables, size)
+    return setup_page(title, skin, rows, setup, tables, size, survey.remarks)
 
 
 def library(system: Name) -> list[dict[str, object]]:

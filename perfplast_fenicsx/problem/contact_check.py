@@ -1,6 +1,7 @@
 """Check whether bodies can be in contact as declared, and find nodes that contact rows omit."""
 
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,8 +19,21 @@ from perfplast_fenicsx.mesh.tagged_mesh import read_gmsh
 from perfplast_fenicsx.problem.problem import Problem
 
 
-def refused_contact(case: str, mesh: Path) -> str | None:
-    """Return why ``perfplast run`` would refuse the contacts of a case; None if it accepts them.
+@dataclass(frozen=True)
+class RefusedContacts:
+    """Contacts that ``perfplast run`` would refuse.
+
+    Attributes:
+        why: The refusal in words, without a full stop.
+        pairs: Primary and secondary surface of each of these contacts.
+    """
+
+    why: str
+    pairs: list[tuple[str, str]]
+
+
+def refused_contacts(case: str, mesh: Path) -> RefusedContacts | None:
+    """Return the contacts of a case that ``perfplast run`` would refuse; None if it accepts all.
 
     Not collective.
 
@@ -38,7 +52,10 @@ def refused_contact(case: str, mesh: Path) -> str | None:
     try:
         Problem(bodies, dict.fromkeys(bodies.volumes, some), [], [], contacts, degree=2)
     except TooManyConditions as refusal:
-        return f"perfplast run would refuse these contacts: {str(refusal).rstrip('.')}"
+        sides = [(one.primary, one.secondary) for one in contacts]
+        named = [both for both in sides if f"contact {both[0]} {both[1]}" in refusal.contacts]
+        why = f"perfplast run would refuse these contacts: {str(refusal).rstrip('.')}"
+        return RefusedContacts(why, named)
     except InputError:  # the case has placeholders that the user must replace
         return None
     return None

@@ -61,6 +61,7 @@ def setup_page(
     setup: Mapping[str, Any],
     tables: Mapping[str, Sequence[Sequence[str]]] | None = None,
     size: str = "Area",
+    warnings: Sequence[str] = (),
 ) -> str:
     """Return the HTML of the setup page.
 
@@ -69,11 +70,13 @@ def setup_page(
         skin: The .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         faces: The free faces.
         setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; ``faces``, ``sets``
-            and ``joints`` with their names; the text of the initial ``case``; the JSON ``schema``
-            of case files; ``systems`` of units; the ``library`` of materials for each system.
+            and ``joints`` with their names; the contacts that a run has ``refused``, or None; the
+            text of the initial ``case``; the JSON ``schema`` of case files; ``systems`` of units;
+            the ``library`` of materials for each system.
         tables: Additional tables by heading. Their rows have equal length; the first row has the
             column heads.
         size: Heading of the column with the sizes of faces.
+        warnings: Warnings of the mesh, without full stops.
     """
     with np.load(skin) as file:
         arrays = {name: file[name] for name in file.files}
@@ -120,6 +123,7 @@ def setup_page(
     body = Template(asset("setup_page.html")).substitute(
         title=escape(title),
         view=asset("view.html"),
+        warnings=_warnings(warnings),
         faces=_face_table(faces, size),
         tables="\n".join(_section(head, table) for head, table in (tables or {}).items()),
         version=escape(__version__),
@@ -202,6 +206,13 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
             f"{cells}</tr>"
         )
     return scrolled([escape(title) for title in titles], "".join(rows))
+
+
+def _warnings(warnings: Sequence[str]) -> str:
+    """Return the list of the warnings of the mesh; an empty string without warnings."""
+    items = "".join(f"<li>{escape(one)}.</li>" for one in warnings)
+    head = '<h3 id="warnings-h">Warnings of the mesh</h3>'
+    return f'{head}\n<ul id="warnings" aria-labelledby="warnings-h">{items}</ul>' if items else ""
 
 
 def _section(heading: str, table: Sequence[Sequence[str]]) -> str:

@@ -18,6 +18,8 @@ from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.report.frame import asset
 from tests.functional.browser_page import Page, alone
+from tests.geometry.files import write
+from tests.geometry.test_geometry import pyramid_in_block
 
 pytestmark = alone
 
@@ -229,6 +231,36 @@ def test_clicks_make_the_case_of_the_tutorial(
     ]
     assert {url.split(":")[0] for url in sent} <= {"file", "data", "blob"}
     assert sum(url.startswith("file:") for url in sent) == 1
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_says_what_mesh_warns_of(
+    tmp_path: Path, browser: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Refused contacts are missing entries until they are ties; other warnings stay in a list."""
+    step, folder = write(tmp_path / "in.step", pyramid_in_block), tmp_path / "case"
+    arguments = ["mesh", str(step), "-o", str(folder), "--size", "6", "--material", "s235"]
+    assert main(arguments) == SOLVED
+    printed = re.findall(r"^warning: (.*)$", capsys.readouterr().out, re.M)
+    page = SetupPage(browser, folder / "setup.html")
+    listed = page("[...document.querySelectorAll('#warnings li')].map((a) => a.textContent)")
+    assert len(listed) >= 1
+    assert listed == printed[:-1]
+    refused = f"[contact]: {printed[-1].rstrip('.')}"
+    assert page(f"{LEFT}.at(-1)").startswith(refused)
+    outside = page("JSON.parse(document.getElementById('data').textContent).setup.faces[0].name")
+    page.press(outside)
+    page.add("support")
+    page.add("gravity", **{"acceleration-x": "0", "acceleration-y": "0", "acceleration-z": "-1"})
+    page.wait(f"{LEFT}.some((line) => line.includes('contact alone holds'))")
+    page.type("e-geometry--size", "5.5")
+    page.wait(f"!{LEFT}.at(-1).startsWith({json.dumps(refused)})")
+    assert page(f"{LEFT}.at(-1)").endswith("which has changed; perfplast check tests them again")
+    page.press("Undo", "Glue them instead")
+    page.wait(f"!{LEFT}.some((line) => line.startsWith('[contact]'))")
+    assert [row["primary"] for row in tomllib.loads(page.case)["tie"]] == ["part_1_joint_1"]
+    assert "to glue them" not in page.case
+    assert not any("alone holds" in line for line in page(LEFT))
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -33,7 +33,13 @@ from perfplast_fenicsx.errors import InputError
 
 
 class TooManyConditions(InputError):
-    """Raised if contact nodes have more independent conditions than degrees of freedom."""
+    """Raised if contact nodes have more independent conditions than degrees of freedom.
+
+    Attributes:
+        contacts: Names of the contacts of these nodes, as in their sources, sorted.
+    """
+
+    contacts: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -246,12 +252,14 @@ def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
     most = 4  # largest number of contacts that the message names
     named = ", ".join(found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
-    raise TooManyConditions(
+    error = TooManyConditions(
         f"{total} contact nodes{f' of {named}' if named else ''}{more} have more "
         "independent conditions than degrees of freedom; list each pair of faces once, "
         "remove nodes that supports hold from the contact surfaces, or tie bodies that "
         "meet at a coarsely meshed corner ([[tie]]; perfplast mesh --tied)."
     )
+    error.contacts = found
+    raise error
 
 
 def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:

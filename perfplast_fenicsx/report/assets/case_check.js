@@ -199,6 +199,8 @@ function formulaFault(text, unit) {
 class Drawn {
   constructor(setup) {
     Object.assign(this, setup);
+    const { face, ...geometry } = parseToml(this.case).value.geometry ?? {};
+    this.geometry = JSON.stringify(geometry);
     const faces = this.faces.map((face) => [face.name, { bodies: [face.body], faces: [face.number] }]);
     const ofNumber = Object.fromEntries(this.faces.map((face) => [face.number, face.body]));
     const sets = this.sets.map((one) =>
@@ -290,7 +292,24 @@ function faultsOfCase(value, schema, drawn) {
   bare.forEach((body) => add(["material", body], `the material of '${body}' is missing`));
   loadingFaults(value, rows, add);
   holdFaults(value, rows, surfaces, drawn, add);
+  refusedFaults(value, rows, drawn, add);
   return found;
+}
+
+/** The rows of contacts that `perfplast mesh` has found to be refused. */
+const refusedRows = (rows, { pairs }) => rows.filter(({ primary, secondary }) =>
+  pairs.some((sides) => sides.includes(primary) && sides.includes(secondary)));
+
+/** Contacts that a run refuses, as `perfplast mesh` has found on the mesh of the first case. */
+function refusedFaults(value, rows, { refused, geometry }, add) {
+  if (!refused) return;
+  const left = refusedRows(rows("contact"), refused).length;
+  const { face, ...now } = value.geometry ?? {};
+  if (left === refused.pairs.length && JSON.stringify(now) === geometry) {
+    add(["contact"], refused.why, false, "tie");
+  } else if (left) {
+    add(["contact"], "nodes had too many contact conditions in the first case, which has changed; perfplast check tests them again", true);
+  }
 }
 
 const countWords = (given, wanted) =>
@@ -383,15 +402,24 @@ function holdFaults(value, rows, surfaces, drawn, add) {
   }
   if (supports.some((row) => !surfaces[row.on]?.bodies.length) || rows("obstacle").length) return;
   const held = new Set(supports.flatMap((row) => surfaces[row.on].bodies));
-  const pairs = [...rows("contact"), ...rows("tie")]
-    .map((row) => [surfaces[row.primary]?.bodies ?? [], surfaces[row.secondary]?.bodies ?? []].flat());
-  pairs.push(...drawn.joints.filter((joint) => joint.glued).map((joint) => joint.bodies));
-  for (let before = -1; before !== held.size;) {
-    before = held.size;
-    pairs.filter((bodies) => bodies.some((body) => held.has(body))).flat().forEach((body) => held.add(body));
-  }
-  drawn.bodies.filter((body) => !held.has(body) && !value.geometry?.without?.includes(body))
+  const bodiesOf = (kind) => rows(kind).map((row) => [row.primary, row.secondary].flatMap((name) => surfaces[name]?.bodies ?? []));
+  const spread = (pairs) => {
+    for (let before = -1; before !== held.size;) {
+      before = held.size;
+      pairs.filter((bodies) => bodies.some((body) => held.has(body))).flat().forEach((body) => held.add(body));
+    }
+  };
+  const present = drawn.bodies.filter((body) => !value.geometry?.without?.includes(body));
+  const glued = drawn.joints.filter((joint) => joint.glued && !joint.surfaces.some((name) => said.includes(name))).map((joint) => joint.bodies);
+  spread([...bodiesOf("tie"), ...glued]);
+  const free = present.filter((body) => !held.has(body));
+  spread([...bodiesOf("contact"), ...bodiesOf("tie"), ...glued]);
+  present.filter((body) => !held.has(body))
     .forEach((body) => add(["support"], `nothing holds '${body}': no support, contact or tie`));
+  const pressed = free.filter((body) => held.has(body)).map((body) => `'${body}'`);
+  if (!pressed.length) return;
+  const some = pressed.length > 4 ? `${pressed.slice(0, 3).join(", ")} and ${pressed.length - 3} more bodies` : pressed.join(", ");
+  add(["support"], `contact alone holds ${some}, and it stops each motion in one direction only; perfplast check names the rigid motions that are left`, true);
 }
 
 /** A field's text as TOML, or the words of what is wrong: `{ toml }` or `{ words }`. */

@@ -667,17 +667,24 @@ function librarySelect(table, id) {
   return select;
 }
 
+/** The keys of a contact or tie that the other kind does not have. */
+const extraKeys = (table, other) => Object.keys(table.keys).filter((key) => !schemaOf([other]).properties[key]);
+
+/** The text with a tie instead of a contact, or with a contact instead of a tie. */
+function swapped(text, table, other) {
+  const head = text.slice(table.start, table.body);
+  return spliced(text, table.start, table.body, head.replace(/;[^;\n]*write \[\[\w+\]\][^\n]*/, "").replace(/\[\[.*?\]\]/, `[[${other}]]`));
+}
+
 /** A button that makes a tie of a contact, or a contact of a tie. */
 function swapButton(table, id) {
   const other = table.path[0] === "tie" ? "contact" : "tie";
-  const extra = Object.keys(table.keys).filter((key) => !schemaOf([other]).properties[key]);
+  const extra = extraKeys(table, other);
   const words = other === "tie" ? "Glue instead" : "Contact instead";
   const button = made("button", { type: "button", id: `${id}-swap`, disabled: extra.length > 0 }, words);
   button.title = extra.length ? `Remove ${extra.join(", ")} first` : "";
   button.addEventListener("click", () => {
-    const now = findTable(table.path, table.number);
-    const head = caseText.slice(now.start, now.body);
-    take(spliced(caseText, now.start, now.body, head.replace(/\[\[.*?\]\](\s*#[^\n]*instead[^\n]*)?/, `[[${other}]]`)));
+    take(swapped(caseText, findTable(table.path, table.number), other));
     done(`${words}: ${table.value.primary} and ${table.value.secondary}.`);
   });
   return button;
@@ -729,6 +736,19 @@ const REMEDIES = {
     }
     take(text);
     return `All loads are constant now: constant = true for ${growing.length} of them.`;
+  }],
+  tie: ["Glue them instead", () => {
+    const rows = refusedRows(parsed.value.contact, setup.refused);
+    const kept = [];
+    let text = caseText;
+    for (const row of rows) {
+      const table = parseToml(text).tables.find(({ path, value }) => path[0] === "contact" && value.primary === row.primary && value.secondary === row.secondary);
+      if (extraKeys(table, "tie").length) kept.push(row.primary);
+      else text = swapped(text, table, "tie");
+    }
+    take(text);
+    const others = kept.length ? ` These have keys that a tie does not have: ${kept.join(", ")}.` : "";
+    return `${rows.length - kept.length} contacts are ties now.${others}`;
   }],
 };
 
