@@ -60,9 +60,9 @@ PROBLEMS = """
 ## Problems
 
 Bounds are on the factor of safety, unless the title names k_c, γH/c or another load factor, which
-the case file defines. The column "s" gives the processor time in seconds. The column "numbers" counts
-published numbers: impossible/possible/below/not decided. The pictures show the mechanism that
-proves the upper bound: grey parts are at rest, and darker colours move faster. Black lines are
+the case file defines. The column "s" gives the processor time in seconds. The column "numbers"
+counts published numbers: impossible/possible/below/not decided. The pictures show the mechanism
+that proves the upper bound: grey parts are at rest, and darker colours move faster. Black lines are
 boundaries of bodies and of regions with different strengths. `make tribunal` draws the pictures
 from the proof files (`demos/tribunal/picture.py`). """
 
@@ -156,8 +156,8 @@ def page(
             "\n## Comparison with published bounds and numbers\n\n",
             beside(titles, published, solved),
             EXPLAINED,
-            "\n## All numbers\n\nPercentages are distances above the upper or below the lower bound."
-            " The sources are in [published.csv](../demos/tribunal/published.csv).\n\n",
+            "\n## All numbers\n\nPercentages are distances above the upper or below the lower"
+            " bound. The sources are in [published.csv](../demos/tribunal/published.csv).\n\n",
             filtered(of_numbers(titles, verdicts)),
         ]
     )
@@ -206,7 +206,8 @@ def in_short(
         said.insert(
             1,
             f"The median distance between the bounds is {median(widths.values()):.2f} %, the"
-            f" largest {max(widths.values()):.2f} %; for {narrow} % of the problems it is at most {NARROW} %."
+            f" largest {max(widths.values()):.2f} %; for {narrow} % of the problems it is at most"
+            f" {NARROW} %."
             f" The median time for a problem is {median(seconds):.0f} s on one core, the total time"
             f" {sum(seconds) / 60:.0f} minutes.",
         )
@@ -320,8 +321,8 @@ def beside_numbers(
         "\nFor the other problems we know only published numbers."
         f" {len(spreads)} problems have numbers from at least three programs, methods or authors."
         f" In {len(finer)} of them our bounds are closer together than the smallest and the largest"
-        f" number, by a factor of {ratio:.0f} in the median. The difference between the numbers excludes"
-        f" their rounding. These {len(named)} problems have the largest factors;"
+        f" number, by a factor of {ratio:.0f} in the median. The difference between the numbers"
+        f" excludes their rounding. These {len(named)} problems have the largest factors;"
         " `published.csv` lists the sources:\n\n"
     )
     cells = [
