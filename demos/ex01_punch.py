@@ -1,8 +1,8 @@
 """The limit load of a square punch, and how it collapses.
 
 A square punch rests without friction on a base of the same metal; the mesh is a quarter of both
-bodies. The interior point method computes the limit load of the mesh and the collapse mechanism
-together, without load steps.
+bodies. The interior point method computes the limit load of the mesh together with the collapse
+mechanism, without load steps.
 
 Exact: the punch yields first, in uniform compression, at its yield stress 400 √(3/2).
 """
@@ -46,7 +46,7 @@ problem = Problem(
 
 limit = limit_load(problem, rtol=1e-5)
 
-# Both sides are those of the mesh. They meet at the exact load, because the stress is uniform.
+# Both bounds hold for the mesh. They agree at the exact load, because the stress is uniform.
 assert limit.levelled_off, limit.reason
 assert limit.estimate is not None
 assert math.isclose(limit.estimate, EXACT, rel_tol=1e-5)

@@ -51,7 +51,7 @@ assert lower < HINGES
 assert lower < upper < 1.05 * lower
 
 # The proof file contains the stress and the velocity as numbers. The checker shares no code with
-# the program that found them: it imports only NumPy and h5py.
+# the program that computed these numbers: it imports only NumPy and h5py.
 scene = Scene("Plate with a hole: collapse mechanism", loads)
 writer = ResultWriter(folder, problem, scene, "interior-point", prescribed=Prescribed.WORK)
 writer.write_limit(found.best.mesh, found.body, found)

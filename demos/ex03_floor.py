@@ -4,8 +4,8 @@ The floor carries the lower block, and the lower block carries the upper block, 
 The load increases in steps. Newton's method computes displacements, stresses and contact forces at
 each load factor, and a duality gap certifies each level.
 
-Exact: the stress is uniform, so the weaker block yields at its yield stress, 200. The
-displacement of the top is that of two springs in series.
+Exact: the stress is uniform, so the weaker block yields at its yield stress, 200. The top moves
+like the end of two springs in series.
 """
 
 import math
@@ -48,7 +48,7 @@ problem = Problem(
 newton = Newton(problem)
 levels = list(load_path(newton, [50.0, 100.0, 150.0, 199.0]))
 
-shortening = HEIGHTS[0] / steel.young + HEIGHTS[1] / aluminium.young  # of a unit pressure
+shortening = HEIGHTS[0] / steel.young + HEIGHTS[1] / aluminium.young  # under a unit pressure
 for level in levels:
     report = level.report
     assert report.converged, report.reason
@@ -57,7 +57,7 @@ for level in levels:
     # The work of the unit pressure on the unit top is the displacement of the top.
     assert math.isclose(report.alpha, shortening * report.zeta, rel_tol=1e-8)
 
-# Above the limit load there is no equilibrium, and the program says so.
+# Above the limit load there is no equilibrium, and the solver reports this.
 assert not newton.solve(201.0, levels[-1].state).report.converged
 
 if __name__ == "__main__":

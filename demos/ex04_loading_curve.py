@@ -43,9 +43,9 @@ assert limit.levelled_off, limit.reason
 assert limit.estimate is not None
 assert math.isclose(limit.estimate, EXACT, rel_tol=1e-3)
 
-# The bend of the curve, at works of our own choice.
+# Levels at prescribed works resolve the bend of the curve.
 first = limit.levels[0].report
-stiffness = first.zeta / first.alpha  # of the elastic tube
+stiffness = first.zeta / first.alpha  # stiffness of the elastic tube
 works = [factor * EXACT / stiffness for factor in (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0)]
 reports = [level.report for level in load_path(solver, works)]
 assert all(report.converged for report in reports)

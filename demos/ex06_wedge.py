@@ -48,7 +48,7 @@ newton, fields = Newton(problem), OutputFields(problem)
 scene = Scene("A block pressed down an incline", loads, contacts)
 writer = ResultWriter(folder, problem, scene, newton.method, prescribed=newton.prescribes)
 
-# The force of the lower block on the upper one is −∫ p n over the incline.
+# The force of the lower block on the upper block is −∫ p n over the incline.
 ds = ufl.Measure("ds", domain=tagged.mesh, subdomain_data=tagged.facet_tags)
 seam = ds(tagged.surfaces["upper_seam"])
 n = ufl.FacetNormal(tagged.mesh)

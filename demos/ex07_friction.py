@@ -5,7 +5,8 @@ upper block sideways. The coefficient of friction is 0.3, so the block slides at
 long before it yields.
 
 With Coulomb friction no limit theorem holds, because slip is not normal to the friction cone. The
-load at which this path loses equilibrium is therefore the result, and not a bound of other paths.
+result is therefore the load at which this path loses equilibrium. It does not bound the limit loads
+of other paths.
 """
 
 import math

@@ -4,7 +4,7 @@ The program divides all strengths of the soil by a factor F, and computes two va
 smaller value the slope is certainly stable; at the larger value it certainly collapses.
 
 This is the first slope of Griffiths and Lane (Géotechnique 49 (1999), 387): 2:1, friction angle
-20°, c/γH = 0.05. There finite elements gave 1.4, and log spirals give at most 1.3978.
+20°, c/γH = 0.05. Their finite elements gave 1.4, and log spirals prove that F is at most 1.3978.
 """
 
 from mpi4py import MPI
@@ -33,7 +33,7 @@ folder.on_root(lambda: write_slope(file, size=0.2))
 soil = DruckerPrager(
     young=1e4, poisson=0.3, cohesion=0.05, friction_angle=20.0, match="plane-strain"
 )
-loads = [BodyForce("soil", (0.0, -1.0), constant=True)]  # unit weight and height are 1
+loads = [BodyForce("soil", (0.0, -1.0), constant=True)]  # unit weight and height of the slope are 1
 supports = [Support("bottom"), Support("left", "x")]
 problem = Problem(read_gmsh(comm, file), {"soil": soil}, supports, loads, degree=2)
 

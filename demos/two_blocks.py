@@ -3,7 +3,7 @@
 #
 # Two steel cantilevers lie on top of each other. A traction on the outer half of the upper block
 # bends it down. The upper block slides on the lower block and deflects it too. At what load do the
-# blocks yield, where do they yield, and how does their load level off?
+# blocks yield, where do they yield, and how does the curve of load over work level off?
 #
 #                              ζ (0, 0, -1)
 #                             ↓ ↓ ↓ ↓ ↓ ↓ ↓
@@ -18,14 +18,14 @@
 #
 #     J_ζ(v) = Ψ(ε(v)) − ζ L(v)   over   K_h = {v : (v_a − v_b)·n ≤ g at every pair of nodes},
 #
-# where Ψ is the elastic–perfectly plastic potential (Hencky, von Mises) and L the work of the
-# loads at ζ = 1. The answer is the curve of ζ over α = L(u).
+# where Ψ is the elastic–perfectly plastic potential (Hencky, von Mises), and L is the work of the
+# loads at ζ = 1. The result is the curve of ζ over α = L(u).
 #
 # **Limits.** Strains are small; there is no friction and no unloading. The elements are quadratic,
-# since linear tetrahedra lock: plastic flow preserves volume, and linear elements have few motions
-# that do. With one plastic hinge in each block, they would carry ζ = 67 (beam theory, plane stress)
-# to 77 (plane strain). The values of α in the assertions at the end hold for this mesh; the bracket
-# of the limit load holds for the bodies.
+# because linear tetrahedra lock: plastic flow preserves volume, and linear elements have few
+# motions that preserve it. With one plastic hinge in each block, the blocks would carry ζ = 67
+# (beam theory, plane stress) to 77 (plane strain). The values of α in the assertions at the end
+# hold for this mesh. The bounds on the limit load hold for the bodies.
 #
 # Run it with `make demo`, or
 #
@@ -64,7 +64,7 @@ TITLE = "Two blocks in frictionless contact"
 # %% [markdown]
 # ## The problem
 #
-# Lengths are in mm and stresses in MPa. The steel is that of the square plate with a hole in E.
+# Lengths are in mm and stresses in MPa. The steel is the one of the square plate with a hole in E.
 # Stein (ed.), *Error-Controlled Adaptive Finite Elements in Solid Mechanics*, 2003. The mesh
 # defines the names of volumes and surfaces. It has `n` cubes per unit length, with six tetrahedra
 # each.
@@ -87,15 +87,14 @@ def blocks(comm: MPI.Intracomm, n: int) -> Problem:
 # %% [markdown]
 # ## How the Newton iteration converges
 #
-# In each step ALG1 minimises a quadratic model of J_ζ over K_h, and moves by the share β ≤ 1 of the
-# step to the minimum. The regularisation ρ adds a small part of the elastic stiffness to the
-# tangent, and decreases to zero. So the increment is finally squared from step to step: the order
-# tends to 2.
+# In each step ALG1 minimises a quadratic model of J_ζ over K_h, and moves by a fraction β ≤ 1 of
+# the step to the minimum. The regularisation adds a part ρ of the elastic stiffness to the tangent,
+# and ρ decreases to zero. The order of convergence therefore tends to 2.
 
 
 # %%
 def orders(level: Level) -> list[float]:
-    """Return the order of convergence in each step from the third one on."""
+    """Return the order of convergence in each step from the third step on."""
     d = [step.increment for step in level.iterations]
     steps = zip(d, d[1:], d[2:], strict=False)
     return [math.log(c / b) / math.log(b / a) for a, b, c in steps]
@@ -115,10 +114,10 @@ def convergence_table(level: Level) -> str:
 # %% [markdown]
 # ## At what load do the blocks collapse?
 #
-# The bounds are for the bodies, not only for the mesh. A stress in equilibrium everywhere bounds
-# the limit load from below. A velocity that preserves volume everywhere bounds it from above. The
-# mesh is refined where the two bounds differ, starting from a mesh that is half as fine, until the
-# bounds are 6 % apart.
+# The bounds hold for the bodies, not only for the mesh. A stress field that is in equilibrium
+# everywhere and does not violate the yield condition bounds the limit load from below. A velocity
+# field that preserves volume everywhere bounds it from above. The program refines the mesh where
+# the two bounds differ until the bounds are 6 % apart. It starts from a mesh that is half as fine.
 
 
 # %%
@@ -144,7 +143,7 @@ def bracket(comm: MPI.Intracomm, n: int, terminal: Terminal) -> AdaptiveBounds:
 # %% [markdown]
 # ## Solve
 #
-# Each level starts from the previous one, and is written as soon as it is solved.
+# Each level starts from the previous level, and is written as soon as it is solved.
 #
 # The known values of α hold for this mesh; runs with ρ = 0, 1e-5 and 1e-3 agree with them to eleven
 # digits.
@@ -183,7 +182,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     terminal.say(convergence_table(level))
 
     found = bracket(comm, n, terminal)
-    writer.write_limit(found.best.mesh, found.body, found, fields=False)  # on another mesh
+    writer.write_limit(found.best.mesh, found.body, found, fields=False)  # on the adapted mesh
     with writer.results.timed("pictures"):
         draw(folder)
     writer.results.write()
@@ -192,7 +191,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     # ## Is it right?
     #
     # J_ζ(u) + S(σ), which is zero only for the solution, is zero apart from rounding. No node
-    # penetrates the other body. And α has its known value.
+    # penetrates the other body, and α has its known value.
 
     # %%
     for report in writer.results.reports:

@@ -1,11 +1,12 @@
 # %% [markdown]
-# # Assemblies drawn at random
+# # Randomly generated assemblies
 #
-# One to three blocks stand in a row against a wall, most of them with a round pin, and a lid lies
-# on top. So there are two to six bodies without friction, of randomly chosen steels. The last block
-# and the lid are pressed, and pins are pulled in either direction, so that they lift off their
-# bores. The limit loads are not known. Loading by work and the interior point method are
-# independent: each brackets the limit load of the mesh, and the brackets must overlap.
+# One to three blocks stand in a row against a wall, and a lid lies on top. Most blocks contain a
+# round pin. So there are two to six bodies of randomly chosen steels, which touch without friction.
+# Pressures act on the last block and on the lid. Forces in either direction pull the pins, which
+# then lift off from their bores on one side. The limit loads are not known. A loading path with
+# prescribed work and the interior point method are independent: each brackets the limit load of the
+# mesh, and the brackets must overlap.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/assemblies.py
 
@@ -30,7 +31,7 @@ SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
 
 
 def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
-    """Return randomly drawn loads of an assembly."""
+    """Return random loads on an assembly."""
     drawn = random.Random(number)
     loads: list[Load] = [Pressure("end", 1.0)]
     if "top" in tagged_mesh.surfaces:
@@ -40,7 +41,7 @@ def loads_of(tagged_mesh: TaggedMesh, number: int) -> list[Load]:
 
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
-    """Return an assembly of randomly drawn steels; ζ is the pressure on the last block."""
+    """Return the problem of an assembly of random steels; ζ is the pressure on the last block."""
     materials = drawn_steels(sorted(tagged_mesh.volumes), number)
     loads = loads_of(tagged_mesh, number)
     contacts = [Contact(*pair) for pair in sides(tagged_mesh.surfaces)]
@@ -49,7 +50,7 @@ def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return the limit loads from both methods. Collective."""
+    """Return rows for the limit loads by both methods. Collective."""
     rows = []
     for number in FEW if coarse else ASSEMBLIES:
         problem = problem_of(mesh(folder, write_assembly, number=number), number)

@@ -12,20 +12,21 @@
 #
 # if p is at most twice the pressure at first yield (R. Hill, The Mathematical Theory of Plasticity,
 # Oxford 1950, chapter V). A second cycle is then elastic, and ends where the first one ended. Two
-# conditions give the plastic radius. Outside it, σ_eq is linear in 1/r³ and reaches σ_y there.
-# Inside it, the accumulated plastic strain is linear in 1/r³ and vanishes there. The demo fits
-# lines through points near the radius and takes the mean of both results.
+# conditions give the plastic radius. Outside this radius, σ_eq is linear in 1/r³, and σ_eq = σ_y at
+# the radius. Inside this radius, the accumulated plastic strain is linear in 1/r³, and vanishes at
+# the radius. The demo fits a line to points on each side of the radius, and takes the mean of both
+# results.
 #
 # A tube in plane strain with b = 3a has no closed form for the von Mises condition. Its reference
 # numbers come from 800 quadratic elements along the radius and 16 steps.
 #
-# The step size matters where the direction of stress rotates. A hardening block, H = E/10, is
+# The step size matters where the direction of the stress changes. A hardening block, H = E/10, is
 # compressed from above until it yields. Then it is pulled from the side while the first load is
 # constant:
 #
 #     dε^p_z = (2σ_z − σ_x)/(2σ_e) dσ_e/H,    σ_e² = σ_z² − σ_z σ_x + σ_x².
 #
-# The error of the implicit Euler method is proportional to the size of the steps.
+# The error of the implicit Euler method is proportional to the step size.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/autofrettage.py
 
@@ -85,7 +86,7 @@ Floats = npt.NDArray[np.float64]
 
 # %%
 def sphere() -> dict[str, float]:
-    """Return the exact values that are compared, and the pressure."""
+    """Return the exact values for the comparison, and the pressure."""
     a, b, Y = 1.0, OUTER_SPHERE, MATERIAL.yield_stress
     E, nu, k = MATERIAL.young, MATERIAL.poisson, (C / OUTER_SPHERE) ** 3
     p = 2 * Y * math.log(C / a) + 2 / 3 * Y * (1 - k)
@@ -102,7 +103,7 @@ def sphere() -> dict[str, float]:
 
 # %%
 def hoop_at_bore(problem: Problem, stress: fem.Function) -> float:
-    """Return the hoop stress at r = a: (tr σ − n·σn)/2 in space, t·σt in the plane. Collective."""
+    """Return the hoop stress at r = a: (tr σ − n·σn)/2 in 3D, t·σt in 2D. Collective."""
     gdim = problem.tagged_mesh.mesh.geometry.dim
     x = ufl.SpatialCoordinate(problem.tagged_mesh.mesh)
     r = ufl.sqrt(ufl.dot(x, x))
@@ -150,7 +151,7 @@ def plastic_radius(problem: Problem, level: Level, near: float) -> float:
 
 
 def cycles(problem: Problem, pressure: float, steps: int) -> list[Level]:
-    """Return the last levels of loading, unloading, loading and unloading; raise if one fails."""
+    """Return the last levels of loading, unloading, reloading and unloading; raise if one fails."""
     on, off = {"bore": pressure, "outside": 0.0}, {"bore": 0.0}
     stages = [Stage(on, steps), Stage(off, 2), Stage(on, 2), Stage(off, 2)]
     levels = list(stage_path(Newton(problem), LoadingHistory(problem, stages)))
@@ -164,7 +165,7 @@ def vessel(problem: Problem, ends: Sequence[Level], outer: float) -> dict[str, f
     first, again = (
         {name: abs(work) for name, work in ends[i].report.works.items()} for i in (0, 2)
     )
-    area = math.pi / 2  # area of the bore: an eighth of a sphere, a quarter of a circle
+    area = math.pi / 2  # area of the bore: an eighth of a sphere, or a quarter of a circle
     around = (1 + ends[0].report.plastic_fraction * (outer**gdim - 1)) ** (1 / gdim)
     residual = [hoop_at_bore(problem, ends[i].stress) for i in (1, 3)]
     return {
@@ -209,7 +210,7 @@ def block_strain(comm: MPI.Intracomm, steps: int) -> tuple[float, int, int]:
 
 
 def exact_strain() -> float:
-    """Return the final plastic strain along z for infinitely many steps, by Gauss' rule."""
+    """Return the final plastic strain along z in the limit of small steps, by Gauss quadrature."""
     points, weights = np.polynomial.legendre.leggauss(40)
     x, z = SIDEWAYS * (points + 1) / 2, -HARD.yield_stress
     equivalent2 = z**2 - z * x + x**2

@@ -2,24 +2,25 @@
 # # Bodies of revolution: a thick sphere, a thick tube, a circular footing
 #
 # Half of a section represents the whole body. The [thick sphere](thick_sphere.py) must have the
-# same curve ζ(α) and the same limit load as its octant in space. This holds for the whole sphere,
-# and for the sphere divided at a radius of 1.4a into two shells in contact. The tube between smooth
-# planes has p = 2/√3 σ_y ln(b/a).
+# same curve ζ(α) and the same limit load as its octant in 3D, both as one body and divided at a
+# radius of 1.4a into two shells in contact. The tube between smooth planes has p = 2/√3 σ_y
+# ln(b/a).
 #
-# A smooth circular footing on the half space has the limit load 5.69 c with Tresca's condition (R.
-# T. Shield, Proc. R. Soc. A 233, 1955). With von Mises' condition no exact value is known. The von
-# Mises yield set lies between those of two Tresca materials: it contains the set with c = σ_y/2,
-# and lies within the set with c = σ_y/√3. So
+# A smooth circular footing on a half space has the limit pressure 5.69 c with Tresca's condition
+# (R. T. Shield, Proc. R. Soc. A 233, 1955). With von Mises' condition no exact value is known. The
+# von Mises yield set lies between those of two Tresca materials: it contains the set with c =
+# σ_y/2, and lies within the set with c = σ_y/√3. So
 #
 #     5.69/2 = 2.845 ≤ p/σ_y ≤ 3.285 = 5.69/√3.
 #
-# A rough footing has 6.05 c (G. Eason, R. T. Shield, ZAMP 11, 1960), and so 3.025 to 3.493 σ_y.
+# For a rough footing the limit pressure is 6.05 c (G. Eason, R. T. Shield, ZAMP 11, 1960), and so
+# 3.025 to 3.493 σ_y.
 #
 # The table shows the middle of the range as the exact value, and half of its width as the allowed
-# error. The smooth footing is modelled as a pressure on the ground, and as a punch that is a
-# thousand times stiffer and stands on the ground without friction. The rough footing is a support
-# that moves down. The results hold for the mesh: u_r/r is no polynomial, and this demo computes no
-# strict bounds.
+# error. The smooth footing is modelled in two ways: as a pressure on the ground, and as a punch
+# that is a thousand times stiffer than the ground and touches it without friction. The rough
+# footing is a support that moves down. The results hold for the mesh: u_r/r is not a polynomial,
+# and this demo computes no strict bounds.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/axisymmetry.py
 
@@ -56,13 +57,13 @@ OUTER = 2.0
 LOADS = [Pressure("inner", 1.0)]
 TUBE = 2 / math.sqrt(3) * MATERIAL.yield_stress * math.log(OUTER)
 SMOOTH, ROUGH = 5.69, 6.05
-"""Limit loads of smooth and rough circular footings over the cohesion c (Tresca)."""
+"""Limit pressures of smooth and rough circular footings, divided by the cohesion c (Tresca)."""
 MIDDLE = (1 / 2 + 1 / math.sqrt(3)) / 2
-"""Mean of c over von Mises' yield stress for the two Tresca materials."""
+"""Mean of c/σ_y for the two Tresca materials, where σ_y is von Mises' yield stress."""
 WIDTH = (1 / math.sqrt(3) - 1 / 2) / 2 / MIDDLE
 """Relative distance of the two Tresca materials from the mean."""
 WAY = (0.005, 0.02, 0.1, 1.0)
-"""Displacements of the rough footing; its load has levelled off at the last one."""
+"""Displacements of the rough footing; at the last displacement, the load has levelled off."""
 
 
 # %% [markdown]
@@ -84,10 +85,10 @@ def shell(tagged_mesh: TaggedMesh, degree: int) -> Problem:
 
 
 def curve_error(problem: Problem) -> tuple[float, int]:
-    """Return the largest relative error of ζ(α) of half a shell, and linear solves. Collective."""
+    """Return the largest relative error of ζ(α) for half a shell, and linear solves. Collective."""
     exact = exact_points(RADII)
     solver = WorkNewton(problem)
-    levels = list(load_path(solver, [4 * alpha for alpha, _ in exact]))  # of four octants
+    levels = list(load_path(solver, [4 * alpha for alpha, _ in exact]))  # four octants
     if not all(level.report.converged for level in levels):
         return math.nan, solver.linear.solves
     zetas = [zeta for _, zeta in exact]
@@ -145,7 +146,7 @@ def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads for uniform pressure and punch, over the yield stress. Collective."""
+    """Return limit pressures, over σ_y, for uniform pressure and for a punch. Collective."""
     rows = []
     soil, stiff = strip_footing.SOIL, strip_footing.STIFF
     contacts = [Contact("ground_footing", "punch_footing")]
@@ -173,7 +174,7 @@ def footings(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def rough(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return the reactions of a footing that is tied to the ground and moved far. Collective."""
+    """Return the reactions of a footing that is tied to the ground and moves down. Collective."""
     rows, soil = [], strip_footing.SOIL
     for size in (0.4,) if coarse else (0.4, 0.2, 0.1):
         ground = mesh(folder, write_strip_footing, size=size).turned()

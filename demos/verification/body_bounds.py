@@ -1,20 +1,21 @@
 # %% [markdown]
-# # Bounds for the body, on meshes that follow them
+# # Bounds for the body, on adapted meshes
 #
-# Both bounds on the limit load hold for the body that the mesh fills, whatever the mesh is. So an
-# exact limit load must lie between them, and the mesh decides only their distance. Coarse meshes
-# with cells of similar size are refined where the bounds require it, until the gap is small enough;
-# the number of cells is limited. The cases are footings, rough platens, and strips with a slit and
-# with notches, whose limit loads are known; a block on a weaker block; and the tutorial's beam on
-# its prop.
+# Both bounds on the limit load hold for the body that the mesh fills, for any mesh. So an exact
+# limit load must lie between the bounds, and the mesh determines only the gap between them. The
+# program refines coarse, almost uniform meshes where the bounds require smaller cells, until the
+# gap is small enough or the number of cells reaches its limit. The cases are footings, rough
+# platens, and strips with a slit and with notches, whose limit loads are known; a block on a weaker
+# block; and the tutorial's beam on its prop.
 #
-# If the body is round, a mesh of straight-sided cells is another body. A tube under inner pressure
-# has a lower and an upper polygon mesh. The tube carries whatever a polygon inside it carries: the
-# pressure itself is an admissible stress in the rest of the tube. A mechanism of a polygon that
-# contains the tube is also a mechanism of the tube.
+# If the body is round, a mesh of straight-sided cells fills a different body. A tube under inner
+# pressure therefore has one polygonal mesh for each bound. The tube carries every pressure that a
+# polygonal body inside it carries: hydrostatic compression by the pressure is an admissible stress
+# in the rest of the tube. A mechanism of a polygonal body that contains the tube is also a
+# mechanism of the tube.
 #
-# The beam shows how accurate a limit load of a mesh is. With edges of 12 it is 5 % too large. On
-# the last adapted mesh it lies between the bounds.
+# The beam shows how accurate the limit load of a mesh is. With an edge length of 12, this limit
+# load is 5 % too large. On the last adapted mesh it lies between the bounds.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/body_bounds.py
 
@@ -44,7 +45,7 @@ from perfplast_fenicsx.problem import Prescribed
 
 TITLE = "Bounds of the body, plane strain"
 POLYGONS = ((8, (0.043, 96)), (29, TUBE.asked))
-"""Number of polygon sides in a quarter of the tube, and the gap and number of cells for each."""
+"""Number of polygon sides in a quarter of the tube, with the required gap and limit on cells."""
 COARSE = 12.0
 """Edge length of a mesh that is not adapted."""
 
@@ -52,8 +53,8 @@ COARSE = 12.0
 # %% [markdown]
 # ## Rows of the table
 #
-# For each case the table has the number of cells of the last mesh and the gap in percent, both
-# against their limits. If the limit load is known, it also has the two inequalities.
+# For each case, the table compares the number of cells of the last mesh, and the gap in percent,
+# with their limits. If the limit load is known, the table also contains both inequalities.
 
 
 # %%
@@ -87,7 +88,7 @@ def rows_of(case: Case, low: BodyBounds, high: BodyBounds, cells: int, seconds: 
 
 
 def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
-    """Return bounds of a case on adapted meshes. Collective."""
+    """Return bounds for a case on adapted meshes. Collective."""
     began = time.perf_counter()
     found = adaptive_bounds(problem, Adaptation(*case.asked))
     seconds = time.perf_counter() - began
@@ -95,7 +96,7 @@ def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
 
 
 def tube(folder: ResultFolder, sides: int, asked: tuple[float, int]) -> list[Row]:
-    """Return bounds of the round tube from an inner and an outer polygon. Collective."""
+    """Return bounds for the round tube from an inner and an outer polygon. Collective."""
     began, size = time.perf_counter(), math.pi / 2 / sides
     low, high = (
         limit_bounds(TUBE.problem(folder, lesser=lesser, size=size)) for lesser in (True, False)
@@ -131,13 +132,13 @@ def show(folder: ResultFolder, case: Case, found: AdaptiveBounds) -> None:
 
 
 # %% [markdown]
-# The limit load of the beam on a mesh that is not adapted is compared with the middle of the
-# bracket. There, plastic hinges and the edge of the supporting block are as wide as the cells.
+# The limit load of the beam on a mesh without adaptation is compared with the middle of the
+# bracket. On this mesh, one cell is as wide as a plastic hinge or the edge of the supporting block.
 
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds on adapted meshes, and bounds of the tube on polygons. Collective."""
+    """Return bounds on adapted meshes, and bounds for the tube from polygons. Collective."""
     rows = []
     for case in ADAPTED:
         if coarse:

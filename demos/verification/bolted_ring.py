@@ -1,18 +1,18 @@
 # %% [markdown]
 # # The diagram of a bolted joint
 #
-# A bolt of radius 10 mm is tightened in a ring of radii 11 and 20 mm. Both are 60 mm long and of
-# steel, under a head that is 1000 times stiffer; then the head is pulled. With the stiffnesses k =
-# EA/L of bolt and ring, the bolt takes the share Φ = k_b/(k_b + k_r) of a load F while the joint is
-# closed, and all of F after it opens:
+# A bolt of radius 10 mm is tightened in a ring of radii 11 and 20 mm. Both are of steel and 60 mm
+# long. A head that is 1000 times stiffer covers both. Then a force pulls the head. With the
+# stiffnesses k = EA/L of bolt and ring, the bolt carries the fraction Φ = k_b/(k_b + k_r) of a load
+# F while the joint is closed, and all of F after the joint has opened:
 #
 #     N = F_V + ΦF  for  F < F_V/(1 − Φ),    N = F  beyond
 #
 # (VDI 2230, part 1, and textbooks on machine elements). Ring and bolt stand on smooth ground, so
-# only the connection of head and bolt makes them differ from bars. At the limit load the shank
-# yields, with any preload. The interior point method, which ignores preloads, must find the same
-# limit load with and without preload. A test checks that a path from the preload also ends there
-# (`tests/solvers/test_bolts.py`).
+# they behave like bars, except where head and bolt are connected. At the limit load the shank
+# yields, for any preload. The interior point method, which ignores preloads, must find the same
+# limit load with and without preload. A test checks that a loading path from the preload also ends
+# at this load (`tests/solvers/test_bolts.py`).
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/bolted_ring.py
 
@@ -48,7 +48,7 @@ STEEL, STIFF = VonMises(210e3, 0.3, 640.0), VonMises(210e6, 0.3, 64e3)
 SHARE = SHANK**2 / (SHANK**2 + OUTER**2 - INNER**2)
 APART = PRELOAD / (1 - SHARE)
 LOADS = (0.0, 0.5, 0.9, 1.1, 1.5)
-"""Loads over the load at which the joint opens."""
+"""Loads, divided by the load at which the joint opens."""
 
 
 # %%

@@ -1,9 +1,10 @@
 # %% [markdown]
 # # Cost of bounds for the body
 #
-# The case is the block between rough platens in plane strain, half of which is rigid at collapse.
-# The demo counts the cells that bounds with a gap of 1 % need, on adapted meshes and on uniformly
-# refined meshes. It also counts the iterations of the interior point method as meshes grow.
+# The case is the block between rough platens in plane strain. Half of this block is rigid at
+# collapse. The demo counts the cells that are necessary for a gap of 1 %, on adapted and on
+# uniformly refined meshes. It also counts the iterations of the interior point method on meshes of
+# increasing size.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/bound_costs.py
 
@@ -27,7 +28,7 @@ TITLE = "Cost of bounds"
 GAP, ROUGHLY = 0.01, 0.05
 """The gap for which cells are counted, and the gap of a quick run."""
 FEWER, LESS = 1 / 5, 1 / 2
-"""Largest ratio of the cells of adapted meshes to those of uniform meshes, for these gaps."""
+"""Largest ratio of the number of cells of adapted to uniform meshes, for these gaps."""
 STEPS = 30
 """Largest number of interior point iterations for one bound."""
 LARGE = 0.0125
@@ -38,7 +39,7 @@ Reached = list[tuple[int, float]]
 
 
 def cells_for(reached: Reached, gap: float) -> float:
-    """Return the number of cells for a gap, interpolated between two meshes by a power law."""
+    """Return the number of cells for a gap, interpolated between meshes by a power law."""
     for (few, wide), (many, narrow) in pairwise(reached):
         if narrow <= gap:
             share = np.log(wide / gap) / np.log(wide / narrow)

@@ -1,9 +1,9 @@
-"""Define plane bodies, and the gaps that bounds of their limit loads should reach.
+"""Define plane bodies, and the gaps that the bounds on their limit loads should reach.
 
 Lengths are relative to half the width of the loaded surface, and shear yield stresses are 1, except
-for the beam. A uniform pressure, unlike a rigid punch, does not restrict the mechanisms. At the end
-of the pressure the lower bound needs a fan of cells. The platen of the two blocks is rough: it
-holds their top.
+for the beam. A uniform pressure, unlike a rigid punch, does not restrict the mechanisms. Where the
+pressure ends, the lower bound needs a fan of cells. The platen on the two blocks is rough: it holds
+the top surface.
 """
 
 import math
@@ -37,19 +37,13 @@ WIDE = {"width": 5.0, "depth": 4.0, "grading": 1.0, "size": 0.5}
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, and the gap that its bounds should reach.
+    """A problem, and the gap that the bounds should reach.
 
     Attributes:
-        name: Name in the table.
-        write: Function that makes the first mesh.
-        arguments: Arguments of ``write``.
-        materials: Materials of the volumes.
-        supports: Its supports.
-        loads: Its loads.
-        asked: Relative gap to reach, and largest number of cells.
-        exact: Limit load; None if it is not known.
-        contacts: Contacts between its bodies.
-        coarse: Gap and number of cells of a quick run; None if a quick run omits the case.
+        name: Name in the table. arguments: Arguments of ``write``. materials: Materials of the
+        volumes. supports: The supports. loads: The loads. asked: Required relative gap, and largest
+        number of cells. exact: Limit load; None if it is not known. contacts: Contacts between the
+        bodies. coarse: Gap and number of cells of a quick run; None if a quick run omits the case.
     """
 
     name: str

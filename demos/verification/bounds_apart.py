@@ -1,20 +1,21 @@
 # %% [markdown]
-# # Bounds of tubes and shells whose parts have different meshes
+# # Bounds for tubes and shells whose parts are meshed separately
 #
 # The bodies are a tube in a tube (plane strain), and half of the section of a shell in a shell
-# (axisymmetric). They are under inner pressure, in contact without friction or tied, with von
-# Mises' law and k = 1. The outer body has 1.5 times as many edges at the seam.
+# (axisymmetric). Both parts obey von Mises' law with the shear yield stress k = 1. They are tied,
+# or in contact without friction, and an inner pressure acts. The outer body has 1.5 times as many
+# edges at the seam as the inner body.
 #
-# The inner and outer surfaces are polygons with 16 sides in a quarter.
+# The inner and outer surfaces are polygons with 16 sides in a quarter circle.
 #
-# - If the seam is such a polygon too, both bodies end at it, and cells are divided until facets
-#   match. The bodies are then those with matching nodes.
-# - If the seam is a circle, its chords are the edges of either body. The chords differ, so the
-#   bodies overlap and separate. Then the bounds hold for a projected model: both bodies end at the
-#   polygon through the nodes of both.
+# - If the seam is also such a polygon, both bodies end at this polygon, and the program divides
+#   cells until the facets match. The bodies are then the same as with matching nodes.
+# - If the seam is a circle, the edges of each body are chords of this circle. The chords of the two
+#   bodies differ, so the bodies overlap in some places and are apart in others. The bounds then
+#   hold for a projected model: both bodies end at the polygon through the nodes of both.
 #
-# The brackets must overlap those with matching nodes and as many cells, and be at most 1.5 times as
-# wide. Tied bodies are in one piece, whatever the polygon of the seam is.
+# The brackets must overlap the brackets for matching nodes and an equal number of cells, and must
+# be at most 1.5 times as wide. Tied bodies form one piece for any polygon at the seam.
 #
 #     ./fenicsx python3 demos/verification/bounds_apart.py
 
@@ -45,9 +46,11 @@ from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
 TITLE = "Bounds of bodies meshed apart"
 SEAM, OUTER, SIZE, FINER, SIDES = 1.4, 2.0, 0.1, 1.5, 16
-"""Radii over the inner radius, edge length at the seam, ratio of edges, sides in a quarter."""
+"""Radii of seam and outer surface over the inner radius, edge length at the seam, ratio of the
+numbers of edges, and sides in a quarter circle."""
 WIDER, QUICK = 1.5, 4.0
-"""Largest width of a bracket over the width for matching nodes; and the same for a quick run."""
+"""Largest ratio of the widths of brackets without and with matching nodes, normally and in a quick
+run."""
 CELLS, FEW = 4000, 400
 PAIR = ("inner_tube_seam", "outer_tube_seam")
 

@@ -1,21 +1,22 @@
 # %% [markdown]
-# # Bounds for the body, in space
+# # Bounds for the body, in 3D
 #
-# The demo brackets the limit loads of three bodies whose shear yield stress is 1. Their cells are
-# split at the centres; the numbers of cells below count cells before the split.
+# The demo brackets the limit loads of three bodies whose shear yield stress is 1. Each cell is
+# split at its centre; the numbers of cells below count cells before the split.
 #
-# - An octant of a **thick sphere** with radii 1 and 2 under pressure, exactly 2√3 ln 2 (R. Hill,
-#   The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Facets are flat, so each bound
-#   has its own mesh, like the tube in the plane. For the lower bound, facets touch the inner sphere
-#   from outside and have their vertices on the outer sphere. The pressure itself is the stress in
-#   the remaining inner part. For the upper bound the roles are reversed: the flowing body is larger
-#   than the shell.
+# - An octant of a **thick sphere** with radii 1 and 2 under pressure, whose exact limit load is 2√3
+#   ln 2 (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Facets are flat,
+#   so each bound has a separate mesh, as for the tube in plane strain. For the lower bound, the
+#   inner facets touch the inner sphere from outside, and the outer facets have their vertices on
+#   the outer sphere. In the remaining inner part of the shell, the stress is hydrostatic and equal
+#   to the pressure. For the upper bound the roles of the two spheres are reversed: the body that
+#   flows is larger than the shell.
 # - An octant of a **cube between rough platens**; the platen is elastic and glued to the cube.
 # - A quarter of a smooth **square punch** on a block of ground whose bottom and outer sides are
 #   held. The punch is an elastic body in frictionless contact.
 #
-# The limit loads of the last two bodies are not known. For them only the first mesh is given; both
-# bounds decide which of its cells are divided.
+# The limit loads of the last two bodies are not known. For these bodies the demo prescribes only
+# the first mesh, and both bounds determine which cells are divided.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/bounds_in_space.py
 
@@ -87,14 +88,14 @@ PUNCH = Case(
     asked=(0.065, 8000),
 )
 FEWER = (0.12, 2300)
-"""Gap for the punch, and largest number of cells for this gap."""
+"""Required gap for the punch, and largest number of cells for this gap."""
 COARSE_SPHERE = 0.4
 """Edge length of a quick run."""
 
 
 # %%
 def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
-    """Return bounds of a case on adapted meshes. Collective."""
+    """Return bounds for a case on adapted meshes. Collective."""
     began = time.perf_counter()
     found = adaptive_bounds(problem, Adaptation(*case.asked), RTOL)
     seconds = time.perf_counter() - began
@@ -102,7 +103,7 @@ def adapted(case: Case, problem: Problem) -> tuple[AdaptiveBounds, list[Row]]:
 
 
 def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
-    """Return bounds of the sphere from an inner and an outer polyhedron. Collective."""
+    """Return bounds for the sphere from an inner and an outer polyhedron. Collective."""
     began = time.perf_counter()
     low, high = (
         limit_bounds(case.problem(folder, circumscribed=surface, **changes), RTOL)
@@ -113,7 +114,7 @@ def sphere(folder: ResultFolder, case: Case, **changes: object) -> list[Row]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of the three bodies; those of the punch are on adapted meshes. Collective."""
+    """Return bounds for the three bodies; the meshes of the punch are adapted. Collective."""
     if coarse:
         assert SPHERE.coarse is not None
         assert CUBE.coarse is not None

@@ -14,13 +14,15 @@
 # | ALG4, `BorderedNewton` | work α | load ζ | the same without damping |
 #
 # Here α = L(u) is the work of the loads at ζ = 1 on the displacement. ζ(α) levels off at the limit
-# load. Above it ALG1 and ALG2 have no solution; ALG3 and ALG4 have a solution for every α.
+# load. Above the limit load ALG1 and ALG2 have no solution, whereas ALG3 and ALG4 have a solution
+# for every α.
 #
 # **Limits.** The comparison has one mesh, one pair of bodies and one machine. The numbers of
-# iterations and solves characterise the methods. The times hold only for this size, where a
-# factorisation is cheap. On large meshes it is expensive, and ALG2 needs only one set-up per active
-# set. The limit load is that of this mesh. Linear tetrahedra lock in bending, so it is several
-# times the limit load of the continuum (about 75).
+# iterations and solves characterise the methods. The times hold only for this size, at which a
+# factorisation is cheap. On large meshes a factorisation is expensive, and ALG2 then has the
+# advantage that it needs only one set-up per active set. The limit load holds for this mesh. Linear
+# tetrahedra lock in bending, so this load is several times the limit load of the continuum (about
+# 75).
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/compare_algorithms.py
 
@@ -83,14 +85,15 @@ def blocks(comm: MPI.Intracomm, n: int) -> Problem:
 # %% [markdown]
 # ## Along the loading path
 #
-# The levels are shares of the limit load ζ_lim of the mesh, which loading by work finds first. ALG1
-# and ALG2 are given ζ. ALG3 and ALG4 are given the α that ALG1 found at this level, and must return
-# the same ζ. ALG1 and ALG2 start each level from the previous one. ALG3 and ALG4 start from the
-# line through the two previous levels, which has the right α at once. If a level fails, the step is
-# halved, repeatedly if necessary; the cost of failures is counted.
+# The levels are fractions of the limit load ζ_lim of the mesh, which the demo first computes with
+# prescribed work. ALG1 and ALG2 are given ζ. ALG3 and ALG4 are given the α that ALG1 found at this
+# level, and must return the same ζ. ALG1 and ALG2 start each level from the previous one. ALG3 and
+# ALG4 start from a linear extrapolation of the two previous levels, which already has the
+# prescribed α. If a level fails, the step is halved, repeatedly if necessary; the cost of failures
+# is counted.
 #
-# The Newton methods stop if ‖δu‖ is below 1e-8 ‖u‖; a quadratic last step is far more accurate.
-# ALG2 converges linearly, and stops if its residuals are below 1e-6.
+# The Newton methods stop if ‖δu‖ is below 1e-8 ‖u‖; because convergence is quadratic, the error is
+# then much smaller. ALG2 converges linearly, and stops if its residuals are below 1e-6.
 
 # %%
 SHARES = (0.15, 0.30, 0.45, 0.60, 0.75, 0.90, 0.98)
@@ -189,9 +192,9 @@ def path_table(rows: Sequence[Row]) -> str:
 # ## The penalty of ALG2
 #
 # r is the only parameter of ALG2. Relative to the elastic moduli, the best r is below 1, and
-# decreases as the plastic zone grows. The adaptive choice balances primal and dual residuals and
-# finds such an r. Anderson acceleration extrapolates from the last iterations. The mesh of the same
-# blocks is coarser here, and each load starts from zero.
+# decreases as the plastic zone grows. The adaptive rule balances primal and dual residuals, and
+# finds such an r. Anderson acceleration extrapolates from the last iterations. Here the mesh of the
+# same blocks is coarser, and each solution starts from zero displacement.
 
 # %%
 PENALTIES: tuple[float | str, ...] = (0.1, 1.0, 10.0, "adaptive")
@@ -332,7 +335,8 @@ def draw(
 # ## Run it, and is it right?
 #
 # All methods agree in ζ and α at every level. J_ζ(u) + S(σ), which is zero only for the solution,
-# is as small as their tolerances require. The limit loads are known numbers for these meshes.
+# is as small as the tolerances of the methods require. The limit loads are known numbers for these
+# meshes.
 
 # %%
 LIMITS = {2: 328.7764, 4: 325.722, 8: 324.58}
@@ -393,8 +397,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         report = row.level.report
         i = path_shares.index(row.share)
         # ALG2 converges linearly at a rate q near 1: a last step ε leaves an error of ε/(1 − q). α
-        # grows faster and faster as ζ approaches its limit, and so does its error from errors in
-        # forces.
+        # grows ever faster as ζ approaches the limit load, so errors in the forces cause growing
+        # errors in α.
         j = max(i, 1)
         steepness = math.log(alphas[j] / alphas[j - 1]) / math.log(zetas[j] / zetas[j - 1])
         forces = 30 * UZAWA_TOLERANCE if row.method == "ALG2" else 1e-8

@@ -1,14 +1,14 @@
 # %% [markdown]
 # # The contact patch test
 #
-# Two blocks lie on each other without friction, under a uniform pressure on top. Only contact holds
-# the upper block; rollers hold the symmetry planes and the base. The elastic constants of the
-# blocks differ, and so does their lateral expansion. So the blocks slide on each other, and the
-# stress is uniform. On unstructured meshes with matching nodes in the seam, the results are exact
-# apart from rounding:
+# One block lies on another without friction, under a uniform pressure on top. Only contact supports
+# the upper block in the vertical direction; rollers support the symmetry planes and the base. The
+# elastic constants of the blocks differ, and so does their lateral expansion. So the blocks slide
+# on each other, and the stress is uniform. On unstructured meshes with matching nodes in the seam,
+# the results are exact apart from rounding:
 #
-# - In space the vertical stress is −ζ, the work is α = ζA (H₁/E₁ + H₂/E₂), and the limit load is
-#   σ_y (A: section, H: heights, all 1 here).
+# - In 3D the vertical stress is −ζ, the work is α = ζA (H₁/E₁ + H₂/E₂), and the limit load is σ_y
+#   (A: section, H: heights, all 1 here).
 # - In plane strain E becomes E/(1 − ν²), and the out-of-plane stress −νζ is added. The block with
 #   the smaller ν yields first, at σ_y/√(1 − ν + ν²); then ζ increases to its limit 2k = 2σ_y/√3.
 #
@@ -62,7 +62,7 @@ ELASTIC = 100.0
 # %%
 @dataclass(frozen=True)
 class Exact:
-    """The exact solution for the blocks in space (dim 3) or in plane strain (dim 2)."""
+    """The exact solution for the blocks in 3D (dim 3) or in plane strain (dim 2)."""
 
     dim: int
 
@@ -95,7 +95,7 @@ class Exact:
 
     @property
     def limit_allowed(self) -> float:
-        """Return the allowed error of the limit load; in the plane ζ ends within 1e-4 of it."""
+        """Return the allowed error of the limit load; in 2D ζ ends within 1e-4 of it."""
         return 1e-9 if self.dim == 3 else 1e-4
 
     def stress(self, poisson: float) -> list[float]:
@@ -131,10 +131,7 @@ def contact_forces(problem: Problem, level: Level) -> tuple[float, float]:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of elastic solution, first yield and limit load, in space and in the plane.
-
-    Collective.
-    """
+    """Return rows for elastic solution, first yield and limit load, in 3D and 2D. Collective."""
     size = 0.4 if coarse else 0.25
     rows: list[Row] = []
     for exact, degree in ((Exact(dim), degree) for dim in (2, 3) for degree in (1, 2)):

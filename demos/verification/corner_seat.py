@@ -1,17 +1,18 @@
 # %% [markdown]
 # # A block in an L-shaped seat
 #
-# A unit block lies in a corner, on one face and against another. The pressure p on its top and q on
-# its side push it towards both faces. Nothing else holds it. Contact is without friction, so each
-# face of the seat must carry its own load exactly, whatever the mesh and the pressure distribution
-# are. Nodes in the corner belong to both faces and have two normals.
+# A unit block lies in a corner, on one face of the seat and against another face. The pressure p on
+# its top and q on its side push it towards both faces. Nothing else holds the block. Contact is
+# without friction, so each face of the seat must carry exactly the load that acts normal to it, for
+# any mesh and any pressure distribution. Nodes in the corner belong to both faces and have two
+# normals.
 #
 # The seat is elastic, or consists of two rigid planes. In the rigid seat the stress of the block is
 # uniform, σ_x = −q, σ_y = −p, and the work of the loads is known. In plane strain it is
 #
 #     α = (1 + ν)/E [(1 − ν)(p² + q²) − 2ν pq],
 #
-# and in space, where the block is free to expand along z, it is α = (p² + q² − 2ν pq)/E.
+# and in 3D, where the block is free to expand along z, it is α = (p² + q² − 2ν pq)/E.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/corner_seat.py
 
@@ -52,9 +53,9 @@ ALLOWED = 1e-9
 # %% [markdown]
 # ## The two seats
 #
-# If the planes hold the block, the seat in the mesh is clamped and has no function. Each plane is
-# defined for the whole surface with both faces. The nodes of one face are at a distance from the
-# plane of the other face, which they could reach.
+# If rigid planes hold the block, the seat in the mesh is clamped and has no function. The obstacle
+# for each plane is declared on the whole surface with both faces, so nodes on one face are
+# candidates for contact with the other plane, at a distance.
 
 
 # %%
@@ -113,7 +114,7 @@ def reaction(problem: Problem, level: Level, surface: str, axis: int) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return forces, reactions and work for both seats, in the plane and in space. Collective."""
+    """Return forces, reactions and work for both seats, in 2D and in 3D. Collective."""
     rows = []
     for dim, size in ((2, 0.2 if coarse else 0.05), (3, 0.4 if coarse else 0.25)):
         tagged_mesh = mesh(folder, write_corner_seat, dim=dim, size=size)

@@ -1,31 +1,32 @@
 # %% [markdown]
 # # Cracked strips in tension, in plane strain
 #
-# A strip of width 2W is pulled at its ends; by symmetry a quarter of the strip suffices. With k =
-# σ_y/√3, and with the load ζ per area of the whole section:
+# A strip of width 2W is pulled at its ends; by symmetry the mesh is a quarter of the strip. In the
+# following formulas k = σ_y/√3, and ζ is the load per area of the whole section.
 #
-# **A slit of width 2a in the middle.** Each ligament slips along one line at 45° from the crack tip
-# to the side, without constraint:
+# **A slit of width 2a in the middle.** Each ligament slips freely along one line at 45° from the
+# crack tip to the side:
 #
 #     ζ = 2k (1 − a/W).
 #
 # **Two notches from the sides**, with a ligament of width 2a between their tips. If the notches are
-# deep, the ligament corresponds to a footing with the opposite sign, with Prandtl's slip lines, and
-# carries
+# deep, the ligament behaves like a footing with the opposite sign of load: it has Prandtl's slip
+# lines, and the limit load is given by
 #
 #     ζ W/a = (2 + π) k.
 #
 # This solution requires a wide and long strip. The notches must be deeper than 0.884 W (D. J. F.
-# Ewing, R. Hill, J. Mech. Phys. Solids 15 (1967) 115); here they are 0.9 W deep, or W = 10 a. The
-# length of the strip is 40 a. A strip of half this length fails in another way: tension at the ends
-# and the ligament in the middle bend its halves, which fail at x = 0 at 4.8 k.
+# Ewing, R. Hill, J. Mech. Phys. Solids 15 (1967) 115); here they are 0.9 W deep, so W = 10 a. The
+# length of the strip is 40 a. A strip of half this length fails in a different way: the tension at
+# the ends and the force in the ligament bend both halves of the strip, which fail at x = 0 at 4.8
+# k.
 #
-# Near the tips elements are sixteen times smaller than elsewhere.
+# Near the crack tips, elements are sixteen times smaller than elsewhere.
 #
-# The slip line of the first strip is difficult to represent. Its velocity jumps across a single
-# line that crosses elements irregularly, while Prandtl's fans are spread out. With ten elements on
-# the ligament the error is still 1.7 %, and decreases slowly. The demo shows a mesh with five
-# elements there, but does not check its error.
+# The mechanism of the first strip is difficult to represent. Its velocity jumps across a single
+# slip line, which crosses elements irregularly, whereas Prandtl's fans extend over many elements.
+# With ten elements on the ligament the error is still 1.7 %, and it decreases slowly. The demo uses
+# a mesh with five elements on the ligament, and does not check the error on this mesh.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/cracked_strips.py
 
@@ -59,7 +60,7 @@ class Strip:
         name: Name in the table and the pictures.
         width, length: Half width and half length of the strip.
         tip: x of the crack tip.
-        held: The surface of the ligament, on y = 0.
+        held: The surface of the ligament, at y = 0.
         exact: ζ of an infinitely long strip.
         lines: Slip lines of the exact solution.
     """
@@ -88,13 +89,13 @@ SHORT = Strip("two notches, short", 10.0, 10.0, 1.0, "inner", NOTCHED.exact, NOT
 
 
 # %% [markdown]
-# For each mesh the bounds are certain: the largest ζ with equilibrium, and the dissipation of a
-# mechanism. The first number must not exceed the second.
+# Each mesh has two bounds that are certain: the largest ζ with equilibrium, and the dissipation of
+# a mechanism. The first bound must not exceed the second.
 
 
 # %%
 def bounds(strip: Strip, problem: Problem, size: float, found: Collapse) -> list[Row]:
-    """Return rows that compare the lower bound of the mesh with an upper bound, if any."""
+    """Return rows that compare the lower bound for the mesh with an upper bound, if any."""
     lower, upper = found.limit.lower, found.limit.upper
     if upper is None:
         return []
@@ -117,7 +118,7 @@ def bounds(strip: Strip, problem: Problem, size: float, found: Collapse) -> list
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads of a strip with a slit and of strips with two notches. Collective."""
+    """Return limit loads for a strip with a slit and for strips with two notches. Collective."""
     rows = []
     for strip, sizes in ((SLIT, (0.1, 0.05, 0.025)), (NOTCHED, (0.4, 0.2, 0.1))):
         certain = []

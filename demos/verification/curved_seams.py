@@ -1,24 +1,28 @@
 # %% [markdown]
-# # Curved seams in space: mortar contact compared with matching nodes
+# # Curved seams in 3D: mortar contact compared with matching nodes
 #
-# On quadratic elements, a row of mortar contact is a Bernstein coefficient and no value at a node.
-# So curved surfaces need care. When each row took only the normal of its own node, five quadratic
-# facets along a quarter of a circle lost 1 % of the pressure. Three bodies with closed forms show
-# whether mortar contact is as accurate as matching nodes on the same meshes. They also show its
-# accuracy when the outer body has a separate mesh with 1.5 times as many edges:
+# On quadratic elements, a row of mortar contact is a Bernstein coefficient, not a value at a node.
+# Curved surfaces therefore need care: when each row used only the normal at its node, the pressure
+# was 1 % too small with five quadratic facets along a quarter of a circle. Three problems with
+# closed forms show whether mortar contact is as accurate as contact of matching nodes on the same
+# meshes. They also show the accuracy of mortar contact if the outer body has a separate mesh with
+# 1.5 times as many edges:
 #
-# - A shrink fit: a sphere is larger by δ than the hole of the shell around it (Lamé's solution).
-# - A ball in a socket, and a pin in a hole. They fill the hole and slip without friction, under a
-#   pressure on the outer surface of p₀ + p₂ P₂(cos θ), or of p₀ + p₂ cos 2θ in plane strain.
+# - A shrink fit: the radius of a sphere is larger by δ than the hole of the shell around the sphere
+# (Lamé's solution).
+# - A ball in a socket, and a pin in a hole. Ball and pin fill their holes and slip without
+#   friction. The pressure on the outer surface is p₀ + p₂ P₂(cos θ) for the ball, and p₀ + p₂ cos
+#   2θ in plane strain for the pin.
 #
-# Displacements are sums of solutions U(r) P(θ), V(r) P'(θ) of Navier's equations with powers of r
-# (A. I. Lurie, Three-dimensional Problems of the Theory of Elasticity, 1964; J. H. Michell 1899).
-# Their coefficients follow from zero shear on the seam and on the outer surface, the given pressure
-# on the outer surface, and equal normal displacements and pressures on both sides of the seam.
+# Displacements are sums of solutions U(r) P(θ), V(r) P'(θ) of Navier's equations, where U and V are
+# powers of r (A. I. Lurie, Three-dimensional Problems of the Theory of Elasticity, 1964; J. H.
+# Michell 1899). Their coefficients follow from zero shear on the seam and on the outer surface, the
+# given pressure on the outer surface, and equal normal displacements and pressures on both sides of
+# the seam.
 #
 # The error is the root mean square error of the pressure over the seam, divided by the root mean
-# square of the pressure. The pressure field is linear between vertices. The table also has the
-# error of the force that crosses an eighth of the seam along z, or a quarter along x.
+# square of the pressure. The pressure field is linear between vertices. The table also contains the
+# error of the force along z through an eighth of the seam, or along x through a quarter.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/curved_seams.py
 
@@ -50,17 +54,18 @@ Floats = npt.NDArray[np.float64]
 TITLE = "Curved seams in space"
 STEEL = Elastic(young=2e5, poisson=0.3)
 EVEN, UNEVEN = 100.0, 40.0
-"""p₀ and p₂, for which the seam stays closed."""
+"""p₀ and p₂; with these values the seam stays closed."""
 OVERLAP, SEAM, HOLE, SHELL = 1e-3, 1.4, 1.0, 2.0
 """δ, and the radii of the shrink fit: seam, inner hole and outer surface."""
 FINER = 1.5
-"""Ratio of edges of outer and inner body at the seam of separate meshes."""
+"""Ratio of the numbers of edges of outer and inner body at the seam of separate meshes."""
 LENGTH = 0.5
 """Length of the pin."""
 WORSE = 1.5
-"""Largest ratio of the errors of mortar and of matching nodes."""
+"""Largest ratio of the errors with mortar contact and with matching nodes."""
 SLOWER = 0.3
-"""Largest loss of order of mortar against matching nodes, over all meshes of a case."""
+"""Largest loss of order with mortar contact compared with matching nodes, over all meshes of a
+case."""
 
 # %% [markdown]
 # ## Closed forms
@@ -77,7 +82,7 @@ def second_mode(sphere: bool) -> float:
     whole = lame + 2 * shear
     rows = []
     for k in (3, 1, -2, -4) if sphere else (3, 1, -1, -3):
-        if sphere:  # volume change E and rotation W: factors of a and b
+        if sphere:  # volume change E and rotation W: coefficients of a and b
             growth, turn = np.array([k + 2.0, -6.0]), np.array([-1.0, k + 1.0]) / 2
             radial = whole * (k - 1) * growth + 12 * shear * turn
             along = whole * growth + 2 * shear * k * turn
@@ -91,7 +96,7 @@ def second_mode(sphere: bool) -> float:
         stress = lame * growth + 2 * shear * np.array([k, 0.0])
         rows.append((k, mode[0], stress @ mode, shears @ mode))
     k, U, stress, sheared = np.array(rows).T
-    inside = k > 0  # powers that are finite in the middle
+    inside = k > 0  # powers that are finite at the centre
 
     def at(r: float, values: Floats, less: int, inner: float, outer: float) -> Floats:
         terms = values * r ** (k - less)
@@ -110,7 +115,7 @@ def second_mode(sphere: bool) -> float:
 
 
 def shrink_fit_pressure() -> float:
-    """Return the pressure of the shrink fit: δ over the gap that unit pressure opens."""
+    """Return the pressure of the shrink fit: δ divided by the gap that unit pressure opens."""
     nu = STEEL.poisson
 
     def give(radius: float) -> float:
@@ -127,21 +132,21 @@ def shrink_fit_pressure() -> float:
 # %%
 @dataclass(frozen=True)
 class Case:
-    """A case and its closed form: the pressure is p₀ + p₂ · mode at the seam.
+    """A case with its closed form: the pressure at the seam is p₀ + p₂ · mode.
 
     Attributes:
         name: Name in the table.
-        bodies: Inner and outer body; the seam of each is ``BODY_seam``.
-        write: Generator of the mesh.
-        shape: Its arguments, except the edge length and the ratio of edges.
+        bodies: Inner and outer body; the surface of each body at the seam is ``BODY_seam``.
+        write: Function that writes the mesh.
+        shape: Arguments of ``write``, except the edge length and the ratio of edges.
         load: Load on the bodies.
         fit: Arguments of the contact between the bodies.
         planes: Planes of symmetry, or surfaces held along their normal.
         sizes: Edge lengths of the meshes.
         pressures: p₀ and p₂.
         mode: Formula in x, y, z.
-        forces: Resultants of the pressure 1 and of the mode on the seam.
-        axis: Axis of these resultants.
+        forces: Resultants of unit pressure, and of the mode as a pressure, on the seam.
+        axis: Axis along which ``forces`` are given.
     """
 
     name: str
@@ -242,7 +247,7 @@ def press(folder: ResultFolder, case: Case, size: float, kind: str) -> list[Row]
         degree=2,
     )
     level = Newton(problem).solve(0.0 if "interference" in case.fit else 1.0)
-    if kind == "mortar":  # the last one is drawn
+    if kind == "mortar":  # the last mesh is drawn
         scene = Scene(TITLE, [case.load], [contact])
         by = Prescribed.LOAD_FACTOR
         ResultWriter(folder, problem, scene, "newton", prescribed=by).write(level)
@@ -287,13 +292,14 @@ def force_of(case: Case) -> float:
 # %% [markdown]
 # ## Comparison
 #
-# The demo bounds the ratio of the errors on each mesh. Over all meshes of a case, it bounds the
-# difference between the order of convergence with matching nodes and with mortar contact.
+# On each mesh, the ratio of the errors must not exceed a limit. Over all meshes of a case, the
+# order of convergence with mortar contact must not be much lower than the order with matching
+# nodes.
 
 
 # %%
 def judged(nodes: Sequence[Row], mortar: Sequence[Row]) -> list[Row]:
-    """Return ratios of errors of each quantity on each mesh, and the differences of orders."""
+    """Return ratios of errors of each quantity on each mesh, and differences between orders."""
     rows = [
         replace(
             row,
@@ -316,7 +322,7 @@ def judged(nodes: Sequence[Row], mortar: Sequence[Row]) -> list[Row]:
 
 
 def order(rows: Sequence[Row]) -> float:
-    """Return the order of the errors in h, fitted to all meshes."""
+    """Return the order of convergence in h, fitted to the errors on all meshes."""
     sizes, errors = np.log([(row.size, abs(row.error)) for row in rows]).T
     return float(np.polyfit(sizes, errors, 1)[0])
 

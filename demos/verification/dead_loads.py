@@ -1,17 +1,19 @@
 # %% [markdown]
 # # Bounds with constant loads
 #
-# - A strip of width B on weightless ground with the shear strength k carries, with a shear force H,
-#   V = kB (1 + π − arcsin h + √(1 − h²)) with h = H/(kB) (A. P. Green, J. Mech. Phys. Solids 2,
-#   1954). With a constant H = kB/2, a live V may be 4.484019 kB. Conversely, with a constant V of
-#   this size, a live H may be from −kB/2 to kB/2. The curve is steep there: one percent of H is a
-#   fifth of a percent of V. Meshes start with fans of long thin cells at the footing's ends, where
-#   stresses depend only on the direction. Without fans, 4 000 cells leave a gap of 1.7 % of H.
-# - A vertical cut of height 1 has the weight γ = 2k, and a live pressure on its crest.
-# - The same cut has γ = 4k. Under its own weight alone it bears 3.7752 ... 3.7776 k (F. Kammoun and
-#   others, see published.py). So it collapses, and its strength is too small by the factor 4/3.7776
-#   ... 4/3.7752. Tension on the crest would prevent the collapse: all factors of a live pressure on
-#   the crest that are carried are negative. The upper bound of the largest factor proves this.
+# - A strip footing of width B on weightless ground with shear strength k, under a shear force H,
+#   carries the vertical force V = kB (1 + π − arcsin h + √(1 − h²)) with h = H/(kB) (A. P. Green,
+#   J. Mech. Phys. Solids 2, 1954). With a constant H = kB/2, the limit of a growing V is 4.484019
+#   kB. Conversely, with a constant V of this size, a growing H may reach −kB/2 and kB/2. V depends
+#   little on H at this point: a change of H by one percent changes V by a fifth of a percent. The
+#   first meshes have fans of long thin cells at the ends of the footing, where the stress depends
+#   only on the direction. Without fans, 4 000 cells leave a gap of 1.7 % of H.
+# - A vertical cut of height 1 has the unit weight γ = 2k, and a growing pressure on its crest.
+# - The same cut has the unit weight γ = 4k. Without a pressure, the limit of γ is between 3.7752 k
+#   and 3.7776 k (F. Kammoun and others, see published.py). So the cut collapses: its strength is
+#   too small by a factor between 4/3.7776 and 4/3.7752. Tension on the crest would prevent the
+#   collapse, so the cut can carry a pressure on the crest only with a negative factor. A negative
+#   upper bound on the largest factor proves this.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/dead_loads.py
 
@@ -40,12 +42,12 @@ from perfplast_fenicsx.io import ResultFolder
 
 TITLE = "Bounds beside loads that stay"
 GREEN, SHEAR = 4.484019, 0.5
-"""V/kB and H/kB that are carried together."""
+"""V/kB and H/kB at the limit."""
 CUT = (3.7752, 3.7776)
-"""Published bracket of the weight that a vertical cut bears, γH/k."""
+"""Published bracket for the limit of γH/k of a vertical cut of height H under its weight."""
 CELLS = 4000
 STRIP, STEEP, CREST, FALLS, QUICK = 0.003, 0.01, 0.005, 0.01, 0.15
-"""Widths of strict brackets; the last one is for a quick run."""
+"""Widths of strict brackets; the last value is for a quick run."""
 
 
 # %% [markdown]
@@ -54,9 +56,9 @@ STRIP, STEEP, CREST, FALLS, QUICK = 0.003, 0.01, 0.005, 0.01, 0.15
 
 # %%
 def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of V with a constant H, and of ±H with a constant V. Collective."""
+    """Return bounds on V with a constant H, and on ±H with a constant V. Collective."""
     rows = []
-    least = 1e-3  # gap that ends the search before the limit on cells
+    least = 1e-3  # gap at which the search ends before the limit on cells
     cases = {
         "dead H, live V": ((0.0, -1.0), (SHEAR, 0.0), GREEN, STRIP),
         "dead V, live H": ((1.0, 0.0), (0.0, -GREEN), SHEAR, STEEP),
@@ -91,7 +93,7 @@ def strip(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of a pressure on the crest, and the missing strength of a collapsing cut.
+    """Return bounds on a pressure on the crest, and the missing strength of a collapsing cut.
 
     Collective.
     """

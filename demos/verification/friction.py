@@ -1,24 +1,26 @@
 # %% [markdown]
-# # Friction: a sliding block, rough platens, a slope, and stick within slip
+# # Friction: a sliding block, rough platens, a slope, and partial slip
 #
-# Tresca's friction is a shear stress τ̄ that slip must overcome; Coulomb's friction is μ times the
-# pressure.
+# With Tresca friction, slip occurs at a given shear stress τ̄; with Coulomb friction, slip occurs
+# at μ times the pressure.
 #
-# - A block is pushed sideways on another block until it slides. It slides at the force τ̄A in any
-#   direction, since its friction law is not approximated by a polygon.
-# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If its width equals its height,
-#   its stress is uniform at collapse for any m, since slip lines at 45° end on its sides: 2k. If it
-#   is twice as wide, the limit load increases with m from 2k to the 2.4277 k of glued platens.
-# - A horizontal force F pushes a block of weight G up a slope with tan α = 0.1. It slides at F/G =
-#   (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
-# - Half of a block of 80 mm by 40 mm is pressed on a floor, by 50 N/mm² from above and by 150 N/mm²
-#   from its sides; E = 130 GPa, ν = 0.2, μ = 1. It lifts off near the corner, slips next to this
-#   part, and sticks in the middle. According to Code_Aster's test SSNV128, other programs find that
-#   the corner moves by 0.0286 mm along the floor.
-# - Two long cylinders of one material are pressed on each other by P and sideways by Q < μP. They
-#   stick within |x| ≤ c = b √(1 − Q/(μP)) and slip outside (C. Cattaneo, 1938; K. L. Johnson,
-#   Contact Mechanics, chapter 7). Half planes with the gap x²/(2R) represent the cylinders. 2c is
-#   the length of the part that is pressed and does not slip.
+# - A force pushes a block sideways on another block until the upper block slides. It slides at the
+#   force τ̄A in any direction, because the friction law is not approximated by a polygon.
+# - A block is pressed between platens with τ̄ = m k, k = σ_y/√3. If the width of the block equals
+#   its height, slip lines at 45° end on the sides of the block. The stress at collapse is then
+#   uniform for any m, and the limit load is 2k. If the block is twice as wide, the limit load
+#   increases with m from 2k to 2.4277 k, the limit load with glued platens.
+# - A horizontal force F pushes a block of weight G up a slope with tan α = 0.1. The block slides at
+#   F/G = (tan α + μ)/(1 − μ tan α) (NAFEMS, benchmark CGS-4, with μ = 0.3).
+# - A block of 80 mm by 40 mm is pressed on a floor, by 50 N/mm² from above and by 150 N/mm² from
+#   its sides; E = 130 GPa, ν = 0.2, μ = 1. The mesh is one half of the block. The block lifts off
+#   near the corner, slips next to this part, and sticks in the middle. According to Code_Aster's
+#   test SSNV128, other programs find that the corner moves by 0.0286 mm along the floor.
+# - A force P presses two long cylinders of one material on each other, and Q < μP pushes them
+#   sideways. The surfaces stick where |x| ≤ c = b √(1 − Q/(μP)), and slip elsewhere in the contact
+#   zone |x| ≤ b (C. Cattaneo, 1938; K. L. Johnson, Contact Mechanics, chapter 7). Half planes with
+#   the gap x²/(2R) represent the cylinders. 2c is the length of the part that is in contact and
+#   does not slip.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/friction.py
 
@@ -60,12 +62,12 @@ SEAM = ("lower_seam", "upper_seam")
 
 
 # %% [markdown]
-# ## A block that slides, in space
+# ## A block that slides, in 3D
 
 
 # %%
 def slides(comm: MPI.Intracomm, coarse: bool) -> list[Row]:
-    """Return ζ at which a block slides, in three directions. Collective."""
+    """Return the ζ at which a block slides, for three directions. Collective."""
     rows = []
     for degrees in (0.0, 37.0, 45.0):
         angle, n = math.radians(degrees), 2 if coarse else 4
@@ -225,19 +227,19 @@ def floor(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 # %% [markdown]
-# ## Stick within slip
+# ## Partial slip
 
 
 # %%
 def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return the half-width of the sticking part. Collective."""
+    """Return the half-width of the part that sticks. Collective."""
     body, width, share, mu, radius = Elastic(210e3, 0.3), 0.1, 0.5, 0.3, 10.0
     modulus = contact_modulus(body, body)
     push = math.pi * modulus * width**2 / (4 * radius)
     aside = share * mu * push
     parts = 6 if coarse else 16
     tagged_mesh = mesh(folder, write_facing_blocks, fine=width / parts)
-    # on top, a couple makes the moment in the contact zero
+    # a couple on the top makes the moment in the contact zero
     down = f"{-push / 2!r} + {1.5 * aside!r}*x"
     problem = Problem(
         tagged_mesh,

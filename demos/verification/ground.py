@@ -1,28 +1,30 @@
 # %% [markdown]
 # # Ground with friction: tubes and spheres of Drucker–Prager material
 #
-# In plane strain, limit loads of the Drucker–Prager cone with `match = "plane-strain"` are those of
-# associated Mohr–Coulomb ground with the cohesion c and the angle φ. A thick tube under inner
+# In plane strain, the Drucker–Prager cone with `match = "plane-strain"` has the same limit loads as
+# associated Mohr–Coulomb ground with cohesion c and friction angle φ. A thick tube under inner
 # pressure p, with a constant outer pressure q, is plastic everywhere at
 #
 #     p = (q + c cot φ)(b/a)^m − c cot φ,    m = 2 sin φ/(1 + sin φ)
 #
-# If q compresses the tube while p decreases, it is plastic everywhere at (q + c cot φ)(a/b)^n − c
-# cot φ with n = 2 sin φ/(1 − sin φ). This value may be negative, a tension.
+# If q compresses the tube while p decreases, the whole tube is plastic at p = (q + c cot φ)(a/b)^n
+# − c cot φ with n = 2 sin φ/(1 − sin φ). This p may be negative, which is a tension.
 #
-# A thick sphere yields where σ_θ = σ_φ > σ_r, on the meridian of triaxial compression, so that
+# In a thick sphere σ_θ = σ_φ > σ_r, so the material yields on the meridian of triaxial compression,
+# and
 #
 #     p = (c/η)((b/a)^k − 1),    k = 6η/(√3 + 2η)
 #
-# with the slope η and the strength c of the cone, for any match; with `"compression"` this is the
-# Mohr–Coulomb value (c cot φ)((b/a)^m' − 1), m' = 4 sin φ/(1 + sin φ). Elastic constants have no
-# effect. Plastic flow dilates, so elements do not lock: linear elements converge too.
+# with the slope η and the strength c of the cone, for any `match`; with `match = "compression"`
+# this is the Mohr–Coulomb value (c cot φ)((b/a)^m' − 1), m' = 4 sin φ/(1 + sin φ). Elastic
+# constants have no effect on limit loads. Plastic flow increases the volume, so elements do not
+# lock: linear elements converge too.
 #
-# A smooth strip footing on ground without weight carries N_c c, N_c = (e^(π tan φ) N − 1) cot φ
-# with N = (1 + sin φ)/(1 − sin φ) (L. Prandtl, Nachr. Ges. Wiss. Göttingen (1920), 74).
+# A smooth strip footing on weightless ground carries the pressure N_c c, where N_c = (e^(π tan φ) N
+# − 1) cot φ with N = (1 + sin φ)/(1 − sin φ) (L. Prandtl, Nachr. Ges. Wiss. Göttingen (1920), 74).
 #
-# A block in space between smooth plates carries 2c √N, N = (1 + sin φ)/(1 − sin φ), on any mesh, if
-# the cone matches triaxial compression.
+# A block in 3D between smooth plates carries the pressure 2c √N, on any mesh, if the cone matches
+# triaxial compression.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/ground.py
 
@@ -56,7 +58,7 @@ CONTACTS = [Contact("inner_tube_seam", "outer_tube_seam")]
 
 
 def ground(angle: float, match: str = "plane-strain") -> DruckerPrager:
-    """Return ground with an angle of friction (degrees)."""
+    """Return ground with a friction angle (degrees)."""
     return DruckerPrager(1e5, 0.3, COHESION, angle, match)  # type: ignore[arg-type]
 
 
@@ -115,7 +117,7 @@ def shell(
 
 
 def tubes(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Return limit loads of whole and divided tubes, without and with outer pressure.
+    """Return limit loads for undivided and divided tubes, without and with outer pressure.
 
     Collective.
     """
@@ -133,7 +135,7 @@ def tubes(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
                 found = collapse(problem, method="path")
                 rows.append(found.row(case, size, tube_limit(angle), allowed))
         tagged_mesh = mesh(folder, write_thick_tube, outer=OUTER, size=sizes[-1], order=2)
-        signs = (1.0, -1.0) if angle > 10 else ()  # at 10° it collapses without inner pressure
+        signs = (1.0, -1.0) if angle > 10 else ()  # at 10° it fails without inner pressure
         for sign in signs:
             problem = shell(tagged_mesh, angle, [Pressure("inner", sign), outside])
             found = collapse(problem, method="path")
@@ -144,7 +146,7 @@ def tubes(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 
 # %% [markdown]
-# ## Spheres as half a section, and blocks
+# ## Spheres, as half of a section, and blocks
 
 
 # %%
@@ -164,7 +166,7 @@ def spheres(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
 
 
 FOOTINGS = {10.0: (6.0, 3.0), 20.0: (9.0, 4.0), 30.0: (16.0, 7.0)}
-"""Width and depth of the ground by angle, large enough that its sides have no effect."""
+"""Width and depth of the ground by friction angle, large enough that its sides have no effect."""
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:

@@ -1,17 +1,20 @@
 # %% [markdown]
 # # Bounds for ground in plane strain
 #
-# The bounds are strict, for associated Mohr–Coulomb ground in plane strain, on adapted meshes.
+# The demo computes strict bounds for associated Mohr–Coulomb ground in plane strain, on adapted
+# meshes.
 #
-# - Weightless ground with cohesion 1 bears N_c under a smooth strip footing. Ground without
-#   cohesion bears N_q with a surcharge of 1 next to the footing. N_q = e^(π tan φ) N with N =
-#   tan²(45° + φ/2), and N_c = (N_q − 1) cot φ (L. Prandtl 1920, H. Reissner 1924).
-# - Ground with only its weight of 1 bears N_γ = 7.6532 under a smooth stiff footing of half-width
-#   1, and 14.7543 under a rough one, with φ = 30° (C. M. Martin 2005, by characteristics).
+# - Weightless ground with cohesion 1 carries the pressure N_c under a smooth strip footing.
+#   Weightless ground without cohesion carries N_q, with a surcharge of 1 next to the footing. Here
+#   N_q = e^(π tan φ) N with N = tan²(45° + φ/2), and N_c = (N_q − 1) cot φ (L. Prandtl 1920, H.
+#   Reissner 1924).
+# - Ground without cohesion, with unit weight 1 and φ = 30°, carries N_γ = 7.6532 under a smooth
+#   stiff footing of half-width 1, and 14.7543 under a rough footing (C. M. Martin 2005, by the
+#   method of characteristics).
 # - Log spirals through the toe give values of γH/c at which a vertical cut and a slope of 60°
-#   collapse. They are mechanisms, so the proven lower bound must not exceed these values.
-# - A vertical cut in ground without tensile strength stands up to γH/c = 2 tan(45° + φ/2) (D. C.
-#   Drucker, W. Prager 1952). With a small tensile strength it stands up to a larger value.
+#   collapse. Log spirals are mechanisms, so the proven lower bound must not exceed these values.
+# - A vertical cut in ground without tensile strength is stable up to γH/c = 2 tan(45° + φ/2) (D. C.
+#   Drucker, W. Prager 1952). With a small tensile strength it is stable up to a larger value.
 #
 #     ./fenicsx python3 demos/verification/ground_bounds.py
 
@@ -50,7 +53,7 @@ from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
 TITLE = "Ground from both sides"
 FOOTING = {"width": 12.0, "depth": 8.0, "size": 3.0, "grading": 1.0}
-"""A coarse mesh of uniform size; the first fans of cells are as large as its cells."""
+"""A coarse uniform mesh; the first fans have the size of its cells."""
 CELLS, FEW = 4000, 300
 SUPPORTS = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
 
@@ -70,7 +73,7 @@ def cohesion_factor(degrees: float) -> float:
 def footing(
     ground: TaggedMesh, degrees: float, cohesion: float, cells: int, until: float
 ) -> AdaptiveBounds:
-    """Return bounds of a smooth footing on weightless ground; surcharge 1 if c = 0. Collective."""
+    """Return bounds for a smooth footing on weightless ground; surcharge 1 if c = 0. Collective."""
     loads = [Pressure("footing", 1.0)]
     if not cohesion:
         loads.append(Pressure("free", 1.0, constant=True))
@@ -81,7 +84,7 @@ def footing(
 
 
 def on_sand(ground: TaggedMesh, rough: bool, cells: int, until: float) -> AdaptiveBounds:
-    """Return bounds of a stiff footing on ground of 30°, weight 1 and no cohesion. Collective."""
+    """Return bounds for a stiff footing on ground with φ = 30°, weight 1 and c = 0. Collective."""
     touches = ("ground_footing", "punch_footing")
     problem = Problem(
         ground,
@@ -98,7 +101,7 @@ def on_sand(ground: TaggedMesh, rough: bool, cells: int, until: float) -> Adapti
 def falling(
     ground: TaggedMesh, supports: list[Support], degrees: float, cells: int, tension: float | None
 ) -> AdaptiveBounds:
-    """Return bounds of the weight that ground of cohesion 1 and height 1 carries. Collective."""
+    """Return bounds on the unit weight for ground of cohesion 1 and height 1. Collective."""
     material = MohrCoulomb(1e4, 0.3, 1.0, degrees, tensile_strength=tension)
     name = next(iter(ground.volumes))
     loads = [BodyForce(name, (0.0, -1.0))]
@@ -107,7 +110,7 @@ def falling(
 
 
 def draw_factors(folder: ResultFolder, found: dict[str, dict[float, tuple[float, float]]]) -> None:
-    """Draw curves of N_c and N_q with the brackets. Not collective."""
+    """Draw the curves of N_c and N_q, and the brackets. Not collective."""
     figure = Figure(figsize=(6, 4.5), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
@@ -178,7 +181,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     told = [("below, log spiral", ends(found)[0], 10.3909)]
     rows += at_most("slope of 60°, φ 20°", found, time.perf_counter() - began, told)
     began = time.perf_counter()
-    few = 1000  # three matrices a point
+    few = 1000  # three matrices at each point
     found = falling(mesh(folder, write_vertical_cut, **cut), sides, 20.0, few, 1e-3)
     exact = 2 * math.tan(math.radians(55.0))
     told = [("without tension, above", exact, ends(found)[1])]

@@ -1,18 +1,18 @@
 # %% [markdown]
-# # Bounds for ground in space
+# # Bounds for ground in 3D
 #
-# The bounds are strict, for associated Mohr–Coulomb ground and Tresca ground in space.
+# The demo computes strict bounds for associated Mohr–Coulomb ground and for Tresca ground in 3D.
 #
-# - An octant of a **thick sphere** of radii 1 and 2 under pressure, with c = 10 and φ = 10°:
-#   exactly c cot φ (2^m − 1) with m = 4 sin φ/(1 + sin φ). Facets are flat, so each bound has its
-#   own mesh, like the sphere of `bounds_in_space.py`: ground carries a pressure that acts on all
-#   its sides, and plastic flow never decreases its volume.
-# - An octant of a **cube between rough platens** with φ = 20° and c = 1: its mean pressure. A
-#   prototype with other elements gave 2.941 … 3.349.
+# - An octant of a **thick sphere** of radii 1 and 2 under pressure, with c = 10 and φ = 10°. The
+#   exact limit load is c cot φ (2^m − 1) with m = 4 sin φ/(1 + sin φ). Facets are flat, so each
+#   bound has a separate mesh, as for the sphere in `bounds_in_space.py`. This is valid because
+#   ground carries an equal pressure on all its sides, and plastic flow never decreases its volume.
+# - An octant of a **cube between rough platens** with φ = 20° and c = 1. The result is the mean
+#   pressure. A prototype with different elements gave 2.941 … 3.349.
 # - A quarter of a **square rough footing** 2×2 on Tresca ground with c = 1. Published bounds are
 #   5.523 and 6.221 (R. Salgado, A. V. Lyamin, S. W. Sloan, H. S. Yu, Géotechnique 54 (2004), 297).
-#   The bracket must overlap the published one, and must not be wider. The ground is 6 by 6 by 2,
-#   held at its bottom and sides.
+#   The bracket must overlap the published bracket, and must not be wider. The ground measures 6 by
+#   6 by 2, and its bottom and sides are held.
 #
 # Platens and footings are rigid surfaces, glued to the ground.
 #
@@ -60,7 +60,7 @@ ONE_MESH = 1
 
 # %%
 def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of the sphere from an inner and an outer polyhedron. Collective."""
+    """Return bounds for the sphere from an inner and an outer polyhedron. Collective."""
     began, found = time.perf_counter(), list[AdaptiveBounds]()
     for surface, size in SIZES.items():
         shell = mesh(
@@ -85,7 +85,7 @@ def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def cube(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of the mean pressure of the rough cube. Collective."""
+    """Return bounds on the mean pressure on the cube between rough platens. Collective."""
     began, percent = time.perf_counter(), 30.0 if coarse else 6.0
     octant = mesh(folder, write_rough_cube, size=0.25 if coarse else 0.125, platen=False)
     problem = Problem(
@@ -107,7 +107,7 @@ def cube(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def footing(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds of the mean pressure under the square footing. Collective."""
+    """Return bounds on the mean pressure under the square footing. Collective."""
     began = time.perf_counter()
     lowest, highest = PUBLISHED
     percent = 60.0 if coarse else 200 * (highest - lowest) / (highest + lowest)

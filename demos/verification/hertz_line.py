@@ -1,20 +1,21 @@
 # %% [markdown]
 # # Hertz: a cylinder pressed on a plane, and on another cylinder
 #
-# Long elastic cylinders that touch along a line share the load P′ (per unit length) over a strip of
-# half-width b, in which the pressure is half an ellipse (H. Hertz, 1881; K. L. Johnson, Contact
-# Mechanics, Cambridge 1985, chapter 4):
+# Long elastic cylinders that touch along a line transfer the load P′ (per unit length) through a
+# strip of half-width b, in which the pressure distribution is half an ellipse (H. Hertz, 1881; K.
+# L. Johnson, Contact Mechanics, Cambridge 1985, chapter 4):
 #
 #     b² = 4P′R/(πE*),   p(x) = p₀ √(1 − x²/b²),   p₀² = P′E*/(πR),
 #
-# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies; a rigid body
-# contributes zero. At first, only the node on the axis is in contact; the contact area is the
-# unknown of this problem. Gaps are measured from the meshes. Cylinders with separate meshes, whose
-# lower elements are 2/3 as large, have no matching nodes and use mortar contact.
+# where 1/R is the sum of the curvatures, and 1/E* the sum of (1 − ν²)/E, of both bodies; a rigid
+# body contributes zero. Initially only the node on the axis is in contact; the contact area is an
+# unknown of the problem. The program computes the gaps from the meshes. In the case with separate
+# meshes, the elements of the lower cylinder are 2/3 as large. The nodes do not match, so this case
+# uses mortar contact.
 #
 # The second moment of the pressure field gives the half-width: ∫p x² / ∫p = b²/4. Hertz's theory
-# assumes half spaces. Here b is 0.06 of the cylinders' radius, so the error of this assumption is
-# far below 1 %.
+# assumes half spaces. Here b is 0.06 times the radius of the cylinders, so the error of this
+# assumption is far below 1 %.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/hertz_line.py
 
@@ -41,7 +42,7 @@ STEEL, ALUMINIUM = Elastic(young=210e3, poisson=0.3), Elastic(young=70e3, poisso
 HALF_WIDTH = 0.06
 ALLOWED = 0.03
 FINER = 1.5
-"""Ratio of edges of the lower and the upper body on separate meshes."""
+"""Ratio of the numbers of edges of the lower and the upper body on separate meshes."""
 
 
 def contact_modulus(*bodies: Elastic) -> float:
@@ -50,7 +51,7 @@ def contact_modulus(*bodies: Elastic) -> float:
 
 
 # %% [markdown]
-# ## What is measured
+# ## Measured quantities
 #
 # The pressure field is linear between the vertices of the contact surface. Its integral is exactly
 # the contact force.
@@ -63,7 +64,7 @@ class Pressures:
 
     Attributes:
         force: ∫p.
-        spread: ∫p r² / ∫p, with r the distance from the z axis (in the plane, from x = 0).
+        spread: ∫p r² / ∫p, with r the distance from the z axis (in 2D, from x = 0).
         peak: Largest nodal value.
         r: Distance of the vertices, on rank 0.
         p: Pressure at the vertices, on rank 0.
@@ -77,7 +78,7 @@ class Pressures:
 
 
 def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures:
-    """Return integrals and vertex values of the pressure on a surface. Collective."""
+    """Return the integrals and vertex values of the pressure on a surface. Collective."""
     tagged_mesh, comm, V = problem.tagged_mesh, problem.comm, pressure.function_space
     tag, sides = tagged_mesh.surfaces[surface], tagged_mesh.mesh.geometry.dim - 1
     ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)(tag)
@@ -100,14 +101,16 @@ def measure(problem: Problem, pressure: fem.Function, surface: str) -> Pressures
 # %% [markdown]
 # ## The picture
 #
-# The picture shows all vertices of the finest meshes on Hertz's half ellipse.
+# The picture shows the pressures at all vertices of the finest meshes, with Hertz's half ellipse.
 
 
 # %%
 def draw_pressures(
     folder: ResultFolder, found: dict[str, tuple[Pressures, float]], radius: float, title: str
 ) -> None:
-    """Draw pressures over Hertz's largest pressure against the distance. Collective.
+    """Draw pressures, divided by Hertz's largest pressure, over the distance from the middle.
+
+    Collective.
 
     Args:
         folder: Folder of the picture.
@@ -146,15 +149,15 @@ def draw_pressures(
 # %% [markdown]
 # ## The cases
 #
-# A pressure on the middle plane y = R pushes a quarter of the cylinder down. The load is chosen
-# such that Hertz's half-width is 0.06 R.
+# A pressure on the middle plane y = R pushes a quarter of the cylinder down. The load is chosen to
+# make Hertz's half-width 0.06 R.
 
 
 # %%
 def press(
     folder: ResultFolder, bodies: int, degree: int, size: float, finer: float | None = None
 ) -> tuple[list[Row], Pressures, float]:
-    """Return rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
+    """Return rows for one mesh, its pressures, and Hertz's largest pressure. Collective."""
     materials = {"upper": STEEL, "lower": ALUMINIUM} if bodies == 2 else {"upper": STEEL}
     curvature, modulus = bodies / RADIUS, contact_modulus(*materials.values())
     load = math.pi * modulus * HALF_WIDTH**2 * curvature / 4
@@ -201,7 +204,7 @@ def press(
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return half-width, peak pressure and force of all cases. Collective."""
+    """Return rows for half-width, peak pressure and force of all cases. Collective."""
     table: list[Row] = []
     finest = {}
     cases: list[tuple[int, float | None]] = [(1, None), (2, None)]

@@ -1,23 +1,23 @@
 # %% [markdown]
 # # Hertz: a ball pressed on a plane, on another ball, and into a block
 #
-# Elastic bodies that touch at a point share the load P over a disc of radius a, in which the
-# pressure is half an ellipsoid (H. Hertz, 1881; K. L. Johnson, Contact Mechanics, Cambridge 1985,
-# chapter 4):
+# Elastic bodies that touch at a point transfer the load P through a disc of radius a, in which the
+# pressure distribution is half an ellipsoid (H. Hertz, 1881; K. L. Johnson, Contact Mechanics,
+# Cambridge 1985, chapter 4):
 #
 #     a³ = 3PR/(4E*),   p(r) = p₀ √(1 − r²/a²),   p₀ = 3P/(2πa²),
 #
-# with 1/R the sum of the curvatures and 1/E* the sum of (1 − ν²)/E of both bodies; a rigid body
-# contributes zero. In one case the ball is rigid: an obstacle against which a flat block is
+# where 1/R is the sum of the curvatures, and 1/E* the sum of (1 − ν²)/E, of both bodies; a rigid
+# body contributes zero. In one case the ball is a rigid obstacle, against which a flat block is
 # pressed.
 #
 # The second moment of the pressure field gives the radius: ∫p r² / ∫p = 2a²/5. Quadratic elements
-# blur the field by about half an element, so this radius is too large, by 1 % with seven elements
-# over a. With linear elements the pressures at single vertices scatter by ±5 %, and the largest
-# pressure is 2 to 3 % too large on every mesh.
+# smear the pressure field over about half an element, so this radius is too large, by 1 % with
+# seven elements over a. With linear elements the pressures at single vertices scatter by ±5 %, and
+# the largest pressure is 2 to 3 % too large on every mesh.
 #
-# The demo does not compare Hertz's approach a²/R of distant points, since the choice of distant
-# points in a ball is arbitrary.
+# The demo does not check the approach a²/R of distant points in Hertz's theory, because the choice
+# of distant points in a ball is arbitrary.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/hertz_sphere.py
 
@@ -68,7 +68,8 @@ CONTACT_RADIUS = 0.12
 # %% [markdown]
 # ## The block
 #
-# A quarter of a block of half-width and height R, with fine elements where the ball touches it.
+# The mesh is a quarter of a block of half-width R and height R, with small elements where the ball
+# touches the block.
 
 
 # %%
@@ -77,7 +78,7 @@ def write_block(path: str | Path, contact_size: float, order: int = 1) -> None:
 
     Args:
         path: The file to write.
-        contact_size: Edge length about the origin.
+        contact_size: Edge length near the origin.
         order: Degree of the geometry, 1 or 2.
     """
     with gmsh_session() as gmsh:
@@ -93,7 +94,7 @@ def write_block(path: str | Path, contact_size: float, order: int = 1) -> None:
 # %% [markdown]
 # ## The cases
 #
-# The load is chosen such that Hertz's contact radius is 0.12 R. It acts as a pressure on the plane
+# The load is chosen to make Hertz's contact radius 0.12 R. The load is a pressure on the plane
 # through the middle of the ball, or on the bottom of the block. The model is a quarter of the
 # bodies.
 
@@ -113,14 +114,14 @@ def ball_on_plane(folder: ResultFolder, degree: int, size: float) -> Problem:
 
 
 def balls_apart(folder: ResultFolder, degree: int, size: float) -> Problem:
-    """Return a ball of steel on one of aluminium with a finer mesh. Collective."""
+    """Return a ball of steel on a ball of aluminium with a finer mesh. Collective."""
     return ball_on_ball(folder, degree, size, FINER)
 
 
 def ball_on_ball(
     folder: ResultFolder, degree: int, size: float, finer: float | None = None
 ) -> Problem:
-    """Return a ball of steel on one of aluminium. Collective."""
+    """Return a ball of steel on a ball of aluminium. Collective."""
     shape = {"contact_size": size, "order": degree, "bodies": 2, "finer": finer}
     tagged_mesh = mesh(folder, write_hertz_sphere, **shape)
     return Problem(
@@ -152,7 +153,7 @@ def hertz_load(*bodies: Elastic) -> float:
 
 
 def area(tagged_mesh: TaggedMesh, surface: str) -> float:
-    """Return the area of a surface of the mesh, smaller than that of the sphere. Collective."""
+    """Return the area of a surface of the mesh; it is smaller than on the sphere. Collective."""
     ds = ufl.Measure("ds", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.facet_tags)
     one = fem.Constant(tagged_mesh.mesh, default_scalar_type(1)) * ds(tagged_mesh.surfaces[surface])
     return float(tagged_mesh.mesh.comm.allreduce(fem.assemble_scalar(fem.form(one))))
@@ -160,7 +161,7 @@ def area(tagged_mesh: TaggedMesh, surface: str) -> float:
 
 @dataclass(frozen=True)
 class Case:
-    """A case and its meshes.
+    """A case with its meshes.
 
     Attributes:
         name: Name in the table.
@@ -168,7 +169,7 @@ class Case:
         surface: Surface on which the pressure is measured.
         bodies: The elastic materials.
         parts: Numbers of elements over the contact radius, by degree.
-        coarse: The same for a quick run.
+        coarse: Numbers of elements over the contact radius in a quick run, by degree.
     """
 
     name: str
@@ -211,7 +212,7 @@ CASES = (
 def press(
     case: Case, folder: ResultFolder, degree: int, parts: int
 ) -> tuple[list[Row], Pressures, float]:
-    """Return rows of one mesh, its pressures, and Hertz's largest pressure. Collective."""
+    """Return rows for one mesh, its pressures, and Hertz's largest pressure. Collective."""
     load = hertz_load(*case.bodies)
     peak = 3 * load / (2 * math.pi * CONTACT_RADIUS**2)
     size = CONTACT_RADIUS / parts
@@ -244,7 +245,7 @@ def press(
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return contact radius, peak pressure and force of all cases. Collective."""
+    """Return rows for contact radius, peak pressure and force of all cases. Collective."""
     table: list[Row] = []
     finest = {}
     for case in CASES:

@@ -1,15 +1,17 @@
 # %% [markdown]
 # # A hollow shaft under tension and torsion
 #
-# The walls of a thin hollow shaft of any section carry a tension N and a torque T with
+# At the limit load, the walls of a thin hollow shaft of any section carry a tension N and a torque
+# T with
 #
 #     (N/N₀)² + (T/T₀)² = 1,  N₀ = σ_y A,  T₀ = 2 A_m t σ_y/√3,
 #
-# where A is the area of the walls, t their thickness and A_m the area within their centre lines. In
-# each of the eight flat walls of an octagon, the stress is uniform, with σ² + 3τ² = σ_y². The shear
-# stress is equal on both sides of each corner, so it is in equilibrium. For thin walls this is the
-# largest load. All pairs of N and T that are carried lie between two polygons of strict bounds. The
-# circle must lie between the polygons, whose distance is two percent.
+# where A is the sectional area of the walls, t their thickness, and A_m the area within their
+# centre lines. In each of the eight flat walls of an octagon, the stress is uniform, with σ² + 3τ²
+# = σ_y². The shear stress is equal on both sides of each corner, so the stress is in equilibrium.
+# For thin walls this load is exact. Two polygons from strict bounds enclose the boundary of the
+# pairs of N and T that the shaft carries. The circle must lie between the polygons, whose distance
+# is two percent.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/hollow_shaft.py
 
@@ -33,12 +35,12 @@ APART = 0.02
 
 
 def tension() -> list[Traction]:
-    """Return tractions of the resultant N₀ at the upper end."""
+    """Return tractions with the resultant N₀ at the upper end."""
     return [Traction(f"top{i}", (0.0, 0.0, 1.0)) for i in range(SIDES)]
 
 
 def torsion() -> list[Traction]:
-    """Return tractions of the torque T₀ at both ends: σ_y/√3 along each wall."""
+    """Return tractions with the torque T₀ at both ends: σ_y/√3 along each wall."""
     shear, loads = STEEL.yield_stress / math.sqrt(3), []
     for i in range(SIDES):
         angle = 2 * math.pi * i / SIDES

@@ -1,18 +1,20 @@
 # %% [markdown]
 # # Bounds for bodies with joints
 #
-# A block that is twice as wide as high is pressed between platens in plane strain. By symmetry the
-# model is a quarter of the block.
+# A block whose width is twice its height is pressed between platens in plane strain. By symmetry
+# the model is a quarter of the block.
 #
-# - With Tresca's friction τ̄ = m k, k = σ_y/√3, the mean pressure increases with m from 2k for
-#   smooth platens to 2.4277 k for rough platens. Strict brackets on adapted meshes are half a
-#   percent wide. They increase with m and do not overlap up to m = 3/4. Those for 3/4 and 1
-#   overlap, since the limit load at 3/4 is nearly that of rough platens.
-# - With Coulomb's friction the load at collapse depends on the slip. It lies between the limit
-#   loads without friction and with associated slip (Drucker's two theorems). The program bounds
-#   this pair, and a path with nonassociated slip ends between them.
-# - If slip is declared to be associated, both bounds hold for this joint. Closer bounds on finer
-#   meshes lie between them.
+# - With Tresca friction τ̄ = m k, k = σ_y/√3, the mean pressure at the limit load increases with m,
+#   from 2k for smooth platens to 2.4277 k for rough platens. Strict brackets on adapted meshes are
+#   half a percent wide. Up to m = 3/4 the brackets increase with m and do not overlap. The brackets
+#   for m = 3/4 and m = 1 overlap, because the limit load for 3/4 is almost the limit load for rough
+#   platens.
+# - With Coulomb friction the collapse load depends on the history of slip. It lies between the
+#   limit loads without friction and with associated slip (Drucker's two theorems). The program
+#   computes bounds on these two limit loads, and a path with nonassociated slip ends between the
+#   bounds.
+# - If the case declares slip as associated, both bounds hold for this joint. Closer bounds on finer
+#   meshes lie between these bounds.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/joints.py
 
@@ -45,11 +47,11 @@ STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 STRONGER = VonMises(young=206900.0, poisson=0.29, yield_stress=4500.0)
 K = STEEL.yield_stress / math.sqrt(3)
 ROUGH = 2.42768
-"""Mean pressure over k between rough platens."""
+"""Mean pressure between rough platens, divided by k."""
 CELLS = 4000
 MONOTONE, JOINT, FINER, QUICK = 0.005, 0.015, 0.003, 0.1
-"""Widths of strict brackets: with Tresca's friction, for an associated joint, on finer meshes, and
-for a quick run."""
+"""Widths of strict brackets: with Tresca friction, for an associated joint, on finer meshes, and in
+a quick run."""
 COULOMB = 0.1
 
 
@@ -72,7 +74,7 @@ def between_platens(folder: ResultFolder, size: float, **friction: float | bool)
 
 # %%
 def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict brackets for several values of m. Collective."""
+    """Return rows for strict brackets for several values of m. Collective."""
     gap, rows = QUICK if coarse else MONOTONE, list[Row]()
     found = []
     for m in (0.0, 1.0) if coarse else (0.0, 0.25, 0.5, 0.75, 1.0):
@@ -99,7 +101,7 @@ def adhesive(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def joint(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return an associated joint, Drucker's two bounds, and a Coulomb path between. Collective."""
+    """Return rows for an associated joint, Drucker's two bounds, and a Coulomb path. Collective."""
     gap, finer = (QUICK, QUICK / 2) if coarse else (JOINT, FINER)
     began, rubs = time.perf_counter(), {"coulomb": COULOMB}
     associated = between_platens(folder, 0.25, **rubs, associated=True)

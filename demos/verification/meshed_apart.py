@@ -1,16 +1,18 @@
 # %% [markdown]
-# # Tubes and spheres in each other, with separate meshes
+# # Nested tubes and spheres with separate meshes
 #
-# The nodes of the two bodies do not match at the seam, so contact uses mortar rows. Without
-# friction the shear there is zero by symmetry, and the closed forms for the undivided bodies hold
-# (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V):
+# The nodes of the two bodies do not match at the seam, so contact uses mortar rows. The shear
+# stress at the seam is zero by symmetry, so the closed forms for undivided bodies also hold for
+# frictionless contact (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V):
 #
 # - A tube in a tube under inner pressure, in plane strain, collapses at p = 2k ln(b/a), k = σ_y/√3.
-# - A shell in a shell collapses at p = 2[σ₁ ln(c/a) + σ₂ ln(b/c)] with the seam at radius c; here
-#   for equal yield stresses, and for an outer shell whose yield stress is a quarter larger.
-# - A tube that is larger by δ than the hole of the tube around it exerts the pressure p = Eδ(c² −
-#   a²)(b² − c²) / (2(1 − ν²) c³ (b² − a²)) (S. Timoshenko, J. N. Goodier, Theory of Elasticity,
-#   1970, § 28) without any load. This press fit is a negative gap.
+# - A shell in a shell collapses at p = 2[σ₁ ln(c/a) + σ₂ ln(b/c)], where c is the radius of the
+#   seam. The yield stresses are equal in one case; in another case the yield stress of the outer
+#   shell is a quarter larger.
+# - A tube whose outer radius is larger by δ than the hole of the surrounding tube exerts the
+#   pressure p = Eδ(c² − a²)(b² − c²) / (2(1 − ν²) c³ (b² − a²)) (S. Timoshenko, J. N. Goodier,
+#   Theory of Elasticity, 1970, § 28) without any load. The model of this press fit is a negative
+#   gap.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/meshed_apart.py
 
@@ -35,7 +37,7 @@ from perfplast_fenicsx.pictures import draw
 
 TITLE = "Meshed apart"
 FINER = 1.5
-"""Ratio of edges of the outer and the inner body at the seam."""
+"""Ratio of the numbers of edges of the outer and the inner body at the seam."""
 TUBE = VonMises(young=70e3, poisson=0.3, yield_stress=250.0)
 STEEL = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
 SUPPORTS = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
@@ -66,7 +68,7 @@ def nested(tagged_mesh: TaggedMesh, inner: VonMises, outer: VonMises) -> Problem
 
 
 def limits(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads of tubes, shells, and shells of two yield stresses. Collective."""
+    """Return limit loads for tubes, shells, and shells with two yield stresses. Collective."""
     rows = []
     exact = 2 / math.sqrt(3) * TUBE.yield_stress * math.log(OUTER)
     for size in (0.1,) if coarse else (0.1, 0.05):
@@ -91,12 +93,12 @@ def limits(folder: ResultFolder, coarse: bool) -> list[Row]:
 # %% [markdown]
 # ## The press fit
 #
-# The mean pressure follows from the contact force, whose components along x and y are p c.
+# The mean pressure p follows from the contact force, whose components along x and y are p c.
 
 
 # %%
 def press_fit(folder: ResultFolder, size: float) -> Row:
-    """Return the pressure of a press fit of two tubes without loads. Collective."""
+    """Return the pressure in a press fit of two tubes without loads. Collective."""
     began = time.perf_counter()
     tagged_mesh = mesh(folder, write_thick_tube, size=size, order=2, finer=FINER, **FIT)
     problem = Problem(
@@ -128,7 +130,7 @@ def press_fit(folder: ResultFolder, size: float) -> Row:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads and the press fit. Collective."""
+    """Return rows for the limit loads and the press fit. Collective."""
     return limits(folder, coarse) + [
         press_fit(folder, size) for size in ((0.2,) if coarse else (0.2, 0.1))
     ]

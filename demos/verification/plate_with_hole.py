@@ -6,21 +6,24 @@
 #
 #     2k (1 − D/L) = k,
 #
-# because its narrowest section carries at most 2k. The plate collapses at a smaller load, as the
-# frame around the hole bends: each quarter rotates about a hinge in either arm. A hinge is a pair
-# of triangles with uniform strain on the axis of symmetry, which meet at the centre of rotation.
-# The triangles fill the parts s and a − s of the arm, a = (L − D)/2. They dissipate 2k times their
-# areas if the quarter rotates at unit speed. Let s be the part of the arm beside the hole, and t
-# the part of the arm above the hole, both on the outside. Then the mechanism gives the upper bound
+# because the narrowest section carries at most the stress 2k. The plate collapses at a smaller
+# load, because the frame around the hole bends: each quarter of the frame rotates about a plastic
+# hinge in each of its two arms. A hinge is a pair of triangles with uniform strain at the axis of
+# symmetry. The triangles meet at the centre of rotation, and fill the lengths s and a − s of the
+# arm, where a = (L − D)/2. If the quarter rotates at unit speed, the triangles dissipate 2k times
+# their areas. Let s belong to the arm beside the hole, and t to the arm above the hole, both
+# measured from the outside. Then the mechanism gives the upper bound
 #
 #     2k [s² + (a − s)² + t² + (a − t)²] / [L²/4 − L s − t²],
 #
-# which is least for s = 0.28 and t = 1.05: 0.7785 k. We know no better one; the values for
-# quadratic elements converge to it from above. Linear triangles lock.
+# which is least for s = 0.28 and t = 1.05, where it is 0.7785 k. No better mechanism is known to
+# us; the limit loads for quadratic elements converge to this bound from above. Linear triangles
+# lock.
 #
-# The plate has also been published as a slice in space, of thickness 1 and held in z, with linear
-# tetrahedra in cubes (a quarter of a plate twice as large, `l_plate` here). These tetrahedra cannot
-# rotate at constant volume: with or without refinement, the slice carries k.
+# The plate has also been published as a 3D slice of thickness 1 that is held in z, with linear
+# tetrahedra in cubes (a quarter of a plate that is twice as large, `l_plate` here). These
+# tetrahedra cannot represent the rotation at constant volume: for any refinement, the limit load of
+# the slice is k.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/plate_with_hole.py
 
@@ -49,13 +52,13 @@ LOADS = [Traction("top", (0.0, 1.0))]
 ROUNDING = 1e-4
 """Relative tolerance of the limit loads."""
 NEAR = 0.005
-"""Largest relative distance of limit loads by quadratic elements from the bound of the hinges."""
+"""Largest relative distance of limit loads with quadratic elements from the bound of the hinges."""
 FALLS = 0.8
-"""Largest ratio of this distance on the finest mesh to that on the coarsest mesh."""
+"""Largest ratio of the distance on the finest mesh to the distance on the coarsest mesh."""
 
 
 def hinges() -> float:
-    """Return the upper bound from two hinges."""
+    """Return the upper bound by the mechanism with two hinges."""
     arm, square = WIDTH - HOLE, WIDTH**2
 
     def bound(parts: Sequence[float]) -> float:
@@ -82,7 +85,7 @@ def slice_in_space(comm: MPI.Intracomm, cubes: int) -> Problem:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads of plate and slice. Collective."""
+    """Return rows for the limit loads of plate and slice. Collective."""
     rows = []
     for degree, sizes in ((1, (1.0, 0.5, 0.25)), (2, (1.0, 0.5, 0.25, 0.125))):
         for size in sizes[:2] if coarse else sizes:
@@ -101,13 +104,13 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 # %% [markdown]
-# The same values, compared with the bound of the hinges, and the remaining share of the first
-# distance.
+# The next function compares the same limit loads with the bound of the hinges, and the distance on
+# the finest mesh with the distance on the coarsest mesh.
 
 
 # %%
 def against_hinges(rows: Sequence[Row]) -> list[Row]:
-    """Return rows that compare a sequence of meshes with the bound of two hinges."""
+    """Return rows that compare limit loads on a sequence of meshes with the bound of the hinges."""
     exact = hinges()
     near = [
         replace(

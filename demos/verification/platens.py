@@ -1,20 +1,22 @@
 # %% [markdown]
 # # A block between platens, in plane strain
 #
-# A block is pressed in y and free to expand in x. Between smooth platens its stress is uniform. It
-# collapses at the pressure 2k, k = σ_y/√3, for any width and height. Uniform stress and strain are
-# exact on any mesh, so the only error is the tolerance of the loading.
+# A block is compressed along y and free to expand along x. Between smooth platens the stress in the
+# block is uniform. The block collapses at the pressure 2k, k = σ_y/√3, for any width and height.
+# Any mesh represents uniform stress and strain exactly, so the only error is the tolerance of the
+# limit search.
 #
-# Here the lower platen is a rigid plane, an obstacle on which the block stands. Nothing else holds
-# the block in y. The upper platen is first a uniform pressure, and then a second, elastic body. It
-# is ten times as stiff, and the pressure acts on it. So in the second case only two contacts hold
-# the block.
+# Here the lower platen is a rigid plane, an obstacle on which the block stands. Nothing else
+# supports the block along y. In the first case, a uniform pressure on the block replaces the upper
+# platen. In the second case, the upper platen is an elastic body that is ten times as stiff as the
+# block, and the pressure acts on the platen. So in the second case only two contacts support the
+# block.
 #
-# Rough platens hold the block's faces. Then the pressure depends on the ratio of width to height;
-# for 2 it is 2.4277 k. The rough platen is a body that is a thousand times as stiff and glued to
-# the block; the mesh has a quarter of both. A slip line runs from the middle of the block to its
-# corner, where elements are ten times smaller. Linear triangles lock completely here: their loading
-# curve has no plateau, so the demo omits them.
+# Rough platens hold the faces of the block. The limit pressure then depends on the ratio of width
+# to height; for a ratio of 2 it is 2.4277 k. The rough platen is a body that is a thousand times as
+# stiff as the block and glued to it; the mesh is a quarter of both. A slip line runs from the
+# middle of the block to its corner, where elements are ten times smaller. Linear triangles lock
+# completely in this case: the loading curve has no plateau, so the demo omits linear triangles.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/platens.py
 
@@ -53,15 +55,15 @@ def elastic(stiffness: float) -> Elastic:
 # %%
 @dataclass(frozen=True)
 class Case:
-    """One of the problems, without its mesh.
+    """One of the three problems, without its mesh.
 
     Attributes:
         name: Name in the table.
-        write: Generator of the mesh.
+        write: Function that writes the mesh.
         arguments: Arguments of ``write``.
-        materials: Materials of its volumes.
+        materials: Materials of the volumes.
         exact: Limit load.
-        supports, contacts, obstacles: Its supports, contacts and obstacles.
+        supports, contacts, obstacles: Supports, contacts and obstacles of the problem.
     """
 
     name: str

@@ -1,16 +1,16 @@
 # %% [markdown]
 # # Press fits in plane strain
 #
-# A shaft or a tube is larger than the hole of the hub around it by δ in radius. The bodies press on
-# each other without friction and remain elastic. By Lamé's solution the pressure is
+# The radius of a shaft or tube is larger by δ than the hole of the surrounding hub. The bodies
+# press on each other without friction and remain elastic. By Lamé's solution the pressure is
 #
 #     p = δ / (c (f + g)),   f = ((c² + a²)/(c² − a²) − ν/(1 − ν)) / E',
 #                            g = ((b² + c²)/(b² − c²) + ν/(1 − ν)) / E',   E' = E/(1 − ν²)
 #
-# with a ≤ r ≤ c inside (a = 0 for a shaft) and c ≤ r ≤ b outside (S. P. Timoshenko, J. N. Goodier,
-# Theory of Elasticity, 3rd ed., 1970, section 28). It equals the contact force along an axis on a
-# quarter of the seam, divided by c. Displacements are quadratic on second-order geometry; the gap
-# is −ζδ.
+# where the inner body occupies a ≤ r ≤ c (a = 0 for a shaft) and the outer body c ≤ r ≤ b (S. P.
+# Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., 1970, section 28). The pressure equals
+# the contact force along an axis on a quarter of the seam, divided by c. Displacements are
+# quadratic on second-order geometry; the gap is −ζδ.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/press_fit.py
 
@@ -49,7 +49,7 @@ def row_of(
     radii: Sequence[float],
     share: float = 1.0,
 ) -> Row:
-    """Return a row of the pressure, measured by the contact force. Collective.
+    """Return a row for the pressure, measured by the contact force. Collective.
 
     Args:
         folder: Folder for pictures; None to draw no pictures.
@@ -58,7 +58,7 @@ def row_of(
         steel: Material of both bodies.
         size: Edge length.
         radii: a, c, b and the interference δ.
-        share: Share of the full circle that is meshed.
+        share: Load factor ζ, the fraction of δ that is applied.
     """
     began = time.perf_counter()
     inner, outer = sorted(
@@ -94,7 +94,10 @@ def row_of(
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return the pressures of two fits, 84.7118 and 46.514332 by the formula. Collective."""
+    """Return rows for two fits with the pressures 84.7118 and 46.514332 by the formula.
+
+    Collective.
+    """
     sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
     rows, steel = [], Elastic(young=206900.0, poisson=0.29)
     for size in sizes:

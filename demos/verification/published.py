@@ -1,24 +1,24 @@
 # %% [markdown]
 # # Published numbers
 #
-# These limit loads were computed or bounded by others, and their data are known completely or
-# almost completely. [The page](../../docs/published.md) has the sources, a verdict on each number,
-# and the omitted numbers with the reasons.
+# This demo repeats published limit loads and bounds whose data are known completely or almost
+# completely. [The page](../../docs/published.md) lists the sources, a verdict on each number, and
+# the published numbers that are omitted, with the reasons.
 #
-# - **Vertical cut** of height H in ground with cohesion c and without friction, in plane strain:
-#   3.7752 ≤ γH/c ≤ 3.7776 (F. Kammoun, J. Pastor, H. Smaoui, J. Pastor, Int. J. Numer. Anal. Meth.
-#   Geomech. 2010, doi:10.1002/nag.887). Tresca's and von Mises' conditions are equivalent in plane
-#   strain. The ground extends two heights to either side and one height below the toe, where it is
-#   held.
+# - **Vertical cut** of height H in ground with cohesion c and without friction, in plane strain. At
+#   the limit 3.7752 ≤ γH/c ≤ 3.7776 (F. Kammoun, J. Pastor, H. Smaoui, J. Pastor, Int. J. Numer.
+#   Anal. Meth. Geomech. 2010, doi:10.1002/nag.887). Tresca's and von Mises' conditions are
+#   equivalent in plane strain. The ground extends by 2H to either side, and by H below the toe. It
+#   is held at its sides and its bottom.
 # - **Vessel with a torispherical head**, SSNV146 of Code_Aster, from the benchmark of the project
-#   LISA: σ_y = 100, internal pressure. The published table (U2.05.04, section 4) has 3.8673 (lower
-#   estimate) and 3.9396 (upper value) by EDF, 3.931 (upper value) by Liège, and 3.997 (lower value)
-#   by Jülich. Jülich's lower value exceeds both upper values. The text gives the inner radius 49 of
-#   the cylinder, the thickness 2, and the radii 98 and 20 of crown and knuckle. It does not say
-#   whether these radii belong to the inside, the middle or the outside. All readings are computed
-#   here.
-# - **Thick sphere** of radii 0.1 and 0.2 with σ_y = 240 under pressure, the validation case of
-#   OnScale Solve: 2σ_y ln 2.
+#   LISA, under internal pressure, with σ_y = 100. The published table (U2.05.04, section 4) has
+#   3.8673 (lower estimate) and 3.9396 (upper value) by EDF, 3.931 (upper value) by Liège, and 3.997
+#   (lower value) by Jülich. Jülich's lower value exceeds both upper values. The text gives the
+#   inner radius 49 of the cylinder, the thickness 2, and the radii 98 and 20 of crown and knuckle.
+#   It does not say whether the radii are those of the inner, middle or outer surface. The demo
+#   computes all readings.
+# - **Thick sphere** of radii 0.1 and 0.2 with σ_y = 240 under internal pressure, the validation
+#   case of OnScale Solve. The limit load is 2σ_y ln 2.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published.py
 
@@ -53,10 +53,10 @@ TITLE = "Published numbers"
 CUT = (3.7752, 3.7776)
 """Published bounds of γH/c, for cohesion 1 and height 1."""
 ASKED, QUICK = (2e-4, 40000), (0.15, 400)
-"""Gap of the bounds for the cut and number of cells; the same for a quick run."""
+"""Required gap and largest number of cells for the cut; the same for a quick run."""
 VESSEL = VonMises(young=200e3, poisson=0.3, yield_stress=100.0)
 VESSEL_ASKED = (0.002, 4000)
-"""Gap of the bounds for the vessel, and number of cells."""
+"""Required gap and largest number of cells for the vessel."""
 ESTIMATE, ABOVE, BELOW = 3.8673, 3.9396, 3.997
 """Limit loads of the vessel: a lower estimate and an upper value by EDF, and a lower value by
 Jülich."""
@@ -76,7 +76,7 @@ SPHERE = VonMises(young=210e3, poisson=0.3, yield_stress=240.0)
 def at_most(
     case: str, found: AdaptiveBounds, seconds: float, rows: Sequence[tuple[str, float, float]]
 ) -> list[Row]:
-    """Return rows for a strict bracket: a quantity, a number and its upper limit."""
+    """Return rows for a strict bracket, each with a quantity, a number and its upper limit."""
     dofs = found.problem.num_dofs
     bracket = f"{found.lower.shown} ... {found.upper.shown}"
     return [
@@ -120,13 +120,13 @@ def show_bounds(folder: ResultFolder, title: str, found: AdaptiveBounds) -> None
 # %% [markdown]
 # ## The cut
 #
-# The published bracket and the computed bracket hold for the same number. So neither lower bound
-# may exceed the other's upper bound.
+# The published bracket and the computed bracket contain the same number, so neither lower bound may
+# exceed the other upper bound.
 
 
 # %%
 def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict bounds of the cut. Collective."""
+    """Return rows for the strict bounds on the limit of the cut. Collective."""
     ground = mesh(folder, write_vertical_cut)
     held = [Support("sides"), Support("bottom")]
     loads = [BodyForce("ground", (0.0, -1.0))]
@@ -150,14 +150,14 @@ def cut(folder: ResultFolder, coarse: bool) -> list[Row]:
 # ## The vessel and the sphere
 #
 # Both are bodies of revolution. The verdict on the published numbers for the vessel depends on the
-# meaning of its radii. But for each reading, the strict bounds show that one published number is no
-# bound. In one case EDF's upper value is below our lower bound, and Jülich's lower value is a valid
-# bound. In the other case Jülich's value is above our upper bound.
+# reading of its radii. For each reading, however, the strict bounds show that one published number
+# is not a bound. Either EDF's upper value is below our lower bound, and Jülich's lower value is a
+# valid bound, or Jülich's lower value is above our upper bound.
 
 
 # %%
 def vessel(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict bounds of the vessel, for each reading of its radii. Collective."""
+    """Return rows for strict bounds for the vessel, for each reading of its radii. Collective."""
     rows = []
     gap, cells = QUICK if coarse else VESSEL_ASKED
     for reading, (crown, knuckle) in READINGS.items():
@@ -190,7 +190,7 @@ def vessel(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def sphere(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return the limit load of the sphere's section, with lengths over its inner radius.
+    """Return rows for the limit load of the sphere, with lengths divided by the inner radius.
 
     Collective.
     """

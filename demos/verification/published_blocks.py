@@ -1,14 +1,15 @@
 # %% [markdown]
 # # Published limit loads of blocks: SSNV124
 #
-# Code_Aster's test of limit analysis by Norton–Hoff regularisation (V6.04.124; its data are in
-# `astest/ssnv124a.comm` to `c`) has σ_y = 10, and uniform states except in the tube.
+# This is Code_Aster's test of limit analysis by Norton–Hoff regularisation (V6.04.124; the data are
+# in `astest/ssnv124a.comm` to `c`). The yield stress is σ_y = 10, and the stress is uniform except
+# in the tube.
 #
-# - A: a rectangle in plane strain, under the pressure 0.8ζ along x and a constant pressure 0.2
-#   along y: 14.6837; under ζ along x alone: 11.547.
-# - B: a cube under the pressures 0.2ζ along x and 0.8ζ along y: 13.8675.
-# - C: a tube whose ends cannot move along its axis, under the inner pressure ζ: 12.6857. Its radii
-#   are 1 and 3, which follows from the published value 2σ_y/√3 ln 3.
+# - A: a rectangle in plane strain. The limit load is 14.6837 under the pressure 0.8ζ along x and a
+#   constant pressure of 0.2 along y, and 11.547 under the pressure ζ along x only.
+# - B: a cube under the pressures 0.2ζ along x and 0.8ζ along y. The limit load is 13.8675.
+# - C: a tube whose ends cannot move along its axis, under the inner pressure ζ. The limit load is
+#   12.6857. The radii 1 and 3 follow from the published value 2σ_y/√3 ln 3.
 #
 # The published lower values (9.6225, 11.556, 8.5545) are estimates.
 #
@@ -57,7 +58,10 @@ def tube(folder: ResultFolder) -> Problem:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads of all problems, with strict bounds of the bodies. Collective."""
+    """Return rows for limit loads of all problems, with strict bounds for the bodies.
+
+    Collective.
+    """
     found = [
         collapse(rectangle(folder, 0.8, 0.2)).row("SSNV124 A, dead load", 1.0, 14.6837, DIGITS),
         collapse(rectangle(folder, 1.0, 0.0)).row("SSNV124 A", 1.0, 11.547, DIGITS),

@@ -2,19 +2,19 @@
 # # Published contact: a roller and a rounded punch
 #
 # These are the first two of five contact benchmarks of NAFEMS (A. W. A. Konter, FENET-UNOTT-DLE-09,
-# 2005), elastic, with small motions. [The page](../../docs/published.md) has the sources and a
-# verdict.
+# 2005), for elastic bodies and small displacements. [The page](../../docs/published.md) lists the
+# sources and a verdict.
 #
 # - **Roller** of steel (210 GPa, diameter 100) on a block of aluminium (70 GPa, 200×200) in plane
-#   strain, pressed by 35 kN on each mm of length; SSNP154 of Code_Aster. Without friction its
-#   reference is Hertz's: p₀ = 3585.37 MPa, half-width 6.21 mm.
+#   strain, under a load of 35 kN per mm of length; SSNP154 of Code_Aster. Without friction the
+#   reference values are those of Hertz: p₀ = 3585.37 MPa, half-width 6.21 mm.
 # - **Punch** of steel, diameter and height 100, edge radius 10, on a foundation of aluminium,
-#   diameter and height 200, under 100 MPa; SSNA122 of Code_Aster (V6.01.122). There the middle of
-#   the foundation's top moves down by 0.13073 mm (linear elements) to 0.13290 mm (quadratic
-#   elements). The stresses σ_yy are −91.10 and −93.63 MPa, extrapolated from the elements. Our
-#   displacement must be as close to the quadratic value as the two values are to each other; the
-#   pressure is only shown. The bottom of the foundation is held here; if its sides are held too,
-#   the displacement is smaller.
+#   diameter and height 200, under 100 MPa; SSNA122 of Code_Aster (V6.01.122). In Code_Aster, the
+#   middle of the foundation's top moves down by 0.13073 mm (linear elements) or 0.13290 mm
+#   (quadratic elements). The stresses σ_yy there are −91.10 and −93.63 MPa, extrapolated from the
+#   elements. The difference between our displacement and the quadratic value must not exceed the
+#   difference between these two values. The demo shows the pressure but does not check it. The
+#   bottom of the foundation is held; if the sides were held too, the displacement would be smaller.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published_contact.py
 
@@ -66,7 +66,7 @@ def rows(
     began: float,
     found: Mapping[str, Numbers],
 ) -> list[Row]:
-    """Return a row for each quantity with its computed, published and allowed numbers."""
+    """Return a row for each quantity, with its computed, published and allowed numbers."""
     return [
         Row(
             case=case,
@@ -87,13 +87,13 @@ def rows(
 # %% [markdown]
 # ## The roller
 #
-# Half of the force acts on a small arc at the top, since the displacement under a line force is
-# infinite.
+# The model is half of the bodies. The force acts on a small arc at the top, because the
+# displacement under a line force would be infinite.
 
 
 # %%
 def roller(folder: ResultFolder, size: float) -> list[Row]:
-    """Return pressure and width of the contact. Collective."""
+    """Return rows for pressure and width of the contact. Collective."""
     section = mesh(folder, write_roller_on_block, contact_size=size)
     held = [Support("x0", "x"), Support("bottom")]
     loads = [Traction("crown", (0.0, -LINE_LOAD / 2), total=True)]
@@ -122,7 +122,7 @@ def roller(folder: ResultFolder, size: float) -> list[Row]:
 
 # %%
 def punch(folder: ResultFolder, size: float, sides: bool = False) -> list[Row]:
-    """Return displacement and pressure in the middle of the contact. Collective."""
+    """Return rows for displacement and pressure in the middle of the contact. Collective."""
     section = mesh(folder, write_rounded_punch, contact_size=size).turned()
     held = [Support("bottom"), *([Support("side")] if sides else [])]
     loads, contacts = [Pressure("top", 100.0)], [Contact("punch_seam", "foundation_seam")]
@@ -158,7 +158,7 @@ def _value_at_the_middle(problem: Problem, level: Level) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of both problems on two meshes; a quick run has the coarser one. Collective."""
+    """Return rows for both problems on two meshes, or on one mesh in a quick run. Collective."""
     sizes = (0.5,) if coarse else (0.5, 0.25)
     table = [row for size in sizes for row in roller(folder, size)]
     table += [row for size in sizes for row in punch(folder, 2 * size)]

@@ -2,13 +2,13 @@
 # # Published limit loads of plates: NAFEMS' NL7
 #
 # A square plate of von Mises metal under a uniform load q is simply supported (NL7A) or clamped
-# (NL7B). A. Ramsay (NAFEMS Benchmarks for Plastic Collapse of Square Metal Plates) finds that the
+# (NL7B). A. Ramsay (NAFEMS Benchmarks for Plastic Collapse of Square Metal Plates) found that the
 # reference values of the benchmark are wrong. The limit load q L²/m_p of a thin plate (Kirchhoff
 # plate with the moment m_p = σ_y t²/4) has no closed form.
 #
-# Here the plate is a body in space, with shear deformation, of thickness L/20. Half of the load
-# acts on each face, so an eighth of the plate suffices. "Supported" holds the outer sides only
-# along z, "clamped" along all axes.
+# Here the plate is a 3D body of thickness L/20, with shear deformation. Half of the load acts on
+# each face, so by symmetry the model is an eighth of the plate. The outer sides are held only along
+# z in the case "supported", and along all axes in the case "clamped".
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/published_plates.py
 
@@ -31,11 +31,11 @@ SIDE, THICKNESS = 2.0, 0.1
 UNIT = METAL.yield_stress * (THICKNESS / SIDE) ** 2 / 4
 """m_p / L², the unit of limit loads."""
 PLATES = {"supported": ("z", 0.1, (0.025, 6000)), "clamped": ("xyz", 0.025, (0.04, 14000))}
-"""Held components of the sides, width of the outermost elements of the first mesh, and the gap with
-its largest number of cells."""
+"""Held components of the sides, width of the outermost elements of the first mesh, and the required
+gap with the largest number of cells."""
 THIN = {"supported": 25.02, "clamped": 42.86}
-"""Quoted values for thin plates: upper bound of the supported plate, lower bound of the clamped
-one.
+"""Published values for thin plates: an upper bound for the supported plate, and a lower bound for
+the clamped plate.
 """
 RTOL = 2e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""
@@ -59,7 +59,7 @@ def plate(folder: ResultFolder, held: str, column: float, coarse: bool) -> Probl
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict bounds of both plates. Collective."""
+    """Return rows for strict bounds on the limit loads of both plates. Collective."""
     rows = []
     for name, (held, column, asked) in PLATES.items():
         problem = plate(folder, held, column, coarse)

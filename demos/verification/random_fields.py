@@ -1,15 +1,16 @@
 # %% [markdown]
-# # 200 random fields of one slope
+# # 200 random fields of strength in one slope
 #
-# Clay without friction, 2:1, 5 m high, on 5 m of the same clay (`cases/random_slope.toml`). Its
-# cohesion is log-normal, with a mean of 25 kPa and a coefficient of variation of 0.5, and the
-# correlation of its logarithm falls with the distance d as exp(−2d/θ), θ = 10 m (D. V. Griffiths,
-# G. A. Fenton, J. Geotech. Geoenviron. Eng. 130 (2004), 507). Field k has the seed k. Values are
-# drawn at the vertices of the first mesh and are linear between them, so that both bounds take the
-# field as it is. As the ground has no friction, the factor of the weight is the factor of safety.
+# The slope consists of clay without friction, is 5 m high with an inclination of 2:1, and lies on 5
+# m of the same clay (`cases/random_slope.toml`). The cohesion is log-normal, with a mean of 25 kPa
+# and a coefficient of variation of 0.5. The correlation of its logarithm decreases with the
+# distance d as exp(−2d/θ), θ = 10 m (D. V. Griffiths, G. A. Fenton, J. Geotech. Geoenviron. Eng.
+# 130 (2004), 507). Field k has the seed k. The random values are generated at the vertices of the
+# first mesh and are linear between the vertices, so both bounds use the exact field. Because the
+# ground has no friction, the limit factor of the weight is the factor of safety.
 #
-# Field k is in `field_k.vtu`, and its proof, which the checker reads, is in `field_k/bounds.h5`.
-# `fields.csv` has a row for each field; a field that has a row is not solved again.
+# Field k is in `field_k.vtu`, and the proof of its bounds is in `field_k/bounds.h5`. `fields.csv`
+# has a row for each field; the demo does not solve a field again that has a row.
 #
 #     ./fenicsx python3 demos/verification/random_fields.py
 
@@ -56,7 +57,7 @@ def square_root(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def field(root: npt.NDArray[np.float64], seed: int) -> npt.NDArray[np.float64]:
-    """Return log-normal values at the points."""
+    """Return the log-normal values of a field at the points."""
     normal = np.random.default_rng(seed).standard_normal(len(root))
     return np.asarray(MEAN / np.sqrt(1 + VARIATION**2) * np.exp(root @ normal))
 
@@ -89,12 +90,12 @@ def write_field(
 
 
 # %% [markdown]
-# ## Bounds of a field
+# ## Bounds for a field
 
 
 # %%
 def solve(folder: Path, seed: int, coarse: bool) -> dict[str, str]:
-    """Bound the factor of a field, check the proof, and return its row."""
+    """Bound the factor of safety of a field, check the proof, and return the row of the field."""
     began = time.process_time()
     name = f"field_{seed:03d}"
     points, cells = first_mesh(read_case(write_case(folder, COHESION)))
@@ -134,7 +135,7 @@ def of_file(seed: int) -> str:
 
 
 def write_case(folder: Path, cohesion: str) -> Path:
-    """Write the case with a cohesion, and return its file; the mesh is stored beside it."""
+    """Write the case with a cohesion, and return its path; the folder also stores the mesh."""
     text = CASE.read_text(encoding="utf-8")
     assert COHESION in text
     (folder / CASE.name).write_text(text.replace(COHESION, cohesion), encoding="utf-8")
@@ -155,7 +156,7 @@ def known(path: Path) -> dict[int, dict[str, str]]:
 
 # %%
 def draw(rows: Sequence[dict[str, str]], picture: Path) -> None:
-    """Draw the distribution of both bounds."""
+    """Draw the cumulative distributions of both bounds."""
     low, high = (np.sort([float(row[side]) for row in rows]) for side in ("lower", "upper"))
     figure = Figure(figsize=(9, 4), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)

@@ -1,26 +1,26 @@
 # %% [markdown]
 # # A rough rigid footing under inclined and eccentric loads
 #
-# The footing is a surface of the ground that moves as a rigid body: a rough plate. A central load V
-# reaches Prandtl's pressure (2 + π) k on the width 2, as for the strip footing; the values here are
-# above it. With a horizontal load H, a footing of width B carries
+# The footing is a rough plate: a surface of the ground that moves as a rigid body. Under a central
+# load V, the exact limit is Prandtl's pressure (2 + π) k on the width 2, as for the strip footing;
+# the computed values are larger. With a horizontal load H, a footing of width B carries
 #
 #     V = kB (1 + π − arcsin(H/kB) + √(1 − (H/kB)²))
 #
 # (A. P. Green, The plastic yielding of metal junctions due to combined shear and pressure, J. Mech.
-# Phys. Solids 2, 1954). Each finer mesh reduces the error of the values by almost a half. With a
-# moment M, the central load is an upper bound of V. The sign of H and M has no effect, since the
-# mesh is symmetric. The table has a row for each sign, and compares the second row with the first.
-# Each value is accurate to the tolerance of the search; if both searches take equally many steps,
-# they agree apart from rounding.
+# Phys. Solids 2, 1954). Each finer mesh almost halves the error of the values. With a moment M, the
+# central limit load is an upper bound on V. The signs of H and M have no effect, because the mesh
+# is symmetric. The table has a row for each sign, and compares the second row with the first row.
+# Each value is accurate to the tolerance of the search; if both searches take the same number of
+# steps, the two values agree apart from rounding.
 #
-# Strict bounds on adapted meshes of 4 000 cells bracket the limit load of the body: half of the
-# footing under the central load, and the whole footing under inclined and eccentric loads. Known
-# values must lie between the bounds. All pairs of V and H that are carried lie between two
-# polygons. After at most twelve directions the polygons are 1 % apart along any ray, and Green's
-# curve lies between them. The same holds for pairs of V and M, for which no exact curve is known. A
-# mirror image changes the signs of H and M, and all signs may change together. So positive pairs
-# represent all pairs.
+# Strict bounds on adapted meshes of 4 000 cells bracket the limit load of the body. The model is
+# half of the footing under the central load, and the whole footing under inclined and eccentric
+# loads. Known values must lie between the bounds. Two polygons enclose the boundary of the pairs of
+# V and H that the ground carries. After at most twelve directions the polygons are at most 1 %
+# apart along any ray, and Green's curve lies between them. The same holds for pairs of V and M, for
+# which no exact curve is known. Reflection changes the signs of H and M, and the limit loads do not
+# change if all signs change. So positive pairs represent all pairs.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/rigid_footing.py
 
@@ -63,16 +63,17 @@ LOADS = {
 """H and M of loads with V = 1."""
 PRANDTL = (2 + math.pi) * SHEAR
 ALLOWED = {"central": (0.2, 0.015), "half": (0.1, 0.015), "inclined": (0.1, 0.025)}
-"""Largest relative error against known values, and the edge length for which it holds."""
+"""Largest relative error against known values, and the edge length for which this limit holds."""
 BOUNDED, TOLERANCE = 0.015, 1e-4
 
 WIDTHS, QUICK = {"central": 0.006, "inclined": 0.015, "eccentric": 0.015}, 0.2
 """Widths of strict brackets by load, and the width for a quick run."""
 CELLS = 4000
 APART, FOR_POLYGONS = 0.01, Adaptation(until=0.004, cells=25000)
-"""Largest distance of the polygons of V and H, and the adaptation of each direction's mesh."""
+"""Largest distance of the polygons for V and H, and the adaptation of the mesh in each
+direction."""
 UNIT = 5 * SHEAR
-"""Unit of V/B, close to the limit load, which spaces the directions evenly."""
+"""Unit of V/B. It is close to the limit load, so the directions are evenly spaced."""
 
 
 def green(lean: float) -> float:
@@ -88,7 +89,7 @@ def green(lean: float) -> float:
 
 # %%
 def half(folder: ResultFolder, size: float) -> Row:
-    """Return the central load on half of the footing, held on its plane of symmetry. Collective."""
+    """Return a row for the central load, from half of the footing. Collective."""
     began = time.perf_counter()
     problem = Problem(
         mesh(folder, write_strip_footing, size=size, punch=False),
@@ -117,7 +118,7 @@ def half(folder: ResultFolder, size: float) -> Row:
 
 # %%
 def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
-    """Return strict bounds of the bodies, compared with the known values. Collective."""
+    """Return rows for strict bounds for the bodies, compared with the known values. Collective."""
     began = time.perf_counter()
     across, moment = LOADS[case]
     central = case == "central"
@@ -166,7 +167,7 @@ def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
 
 
 def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return polygons around and inside Green's curve, and polygons of V and M. Collective."""
+    """Return rows for polygons around and inside Green's curve, and for V and M. Collective."""
     began = time.perf_counter()
     push, shove = Force("footing", (0.0, -2 * UNIT)), Force("footing", (2 * SHEAR, 0.0))
     turn = Force("footing", (), 6 * SHEAR)
@@ -225,7 +226,7 @@ def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads over the width, for central and other loads. Collective."""
+    """Return rows for limit loads over the width, for central and other loads. Collective."""
     rows = [row for case in WIDTHS for row in bracket(folder, case, coarse)]
     rows += interaction(folder, coarse)
     for size in (0.8, 0.2) if coarse else (0.8, 0.4, 0.2, 0.1):

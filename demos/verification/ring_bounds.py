@@ -1,19 +1,20 @@
 # %% [markdown]
 # # Bounds for bodies of revolution
 #
-# The model is half of a section. The bodies have von Mises' law with yield stress 1: a tube between
-# smooth planes, p = (2/√3) ln(b/a), a sphere, p = 2 ln(b/a), whose section is a polygon, and
-# circular footings. No exact load of these footings is known. Their limit loads lie between those
-# of two Tresca materials: 2.845 and 3.285 for a smooth footing, 3.025 and 3.493 for a rough one (R.
-# T. Shield, Proc. R. Soc. A 233, 1955; G. Eason, R. T. Shield, ZAMP 11, 1960).
+# The model is half of a section. The first bodies obey von Mises' law with yield stress 1: a tube
+# between smooth planes with the limit load p = (2/√3) ln(b/a), a sphere with p = 2 ln(b/a), whose
+# section is a polygon, and circular footings. The exact limit loads of these footings are not
+# known. They lie between the limit loads for two Tresca materials: 2.845 and 3.285 for a smooth
+# footing, 3.025 and 3.493 for a rough footing (R. T. Shield, Proc. R. Soc. A 233, 1955; G. Eason,
+# R. T. Shield, ZAMP 11, 1960).
 #
-# - The smooth footing is a uniform pressure, under which the ground moves freely.
-# - The rough footing is a rigid surface. Its tractions are arbitrary with a given resultant force,
-#   and it moves only along the axis.
+# - The smooth footing is a uniform pressure on ground whose surface moves freely.
+# - The rough footing is a rigid surface that moves only along the axis. The tractions on it are
+#   arbitrary, with a given resultant force.
 #
-# The last two cases are smooth footings on Mohr–Coulomb ground with cohesion 1: a strong punch in
-# contact. Their N_c comes from the method of characteristics (A. D. Cox, G. Eason, H. G. Hopkins,
-# Phil. Trans. R. Soc. A 254, 1961).
+# The last two cases are smooth footings on Mohr–Coulomb ground with cohesion 1, modelled as a
+# strong punch in contact with the ground. The values of N_c come from the method of characteristics
+# (A. D. Cox, G. Eason, H. G. Hopkins, Phil. Trans. R. Soc. A 254, 1961).
 #
 #     ./fenicsx python3 demos/verification/ring_bounds.py
 
@@ -49,13 +50,14 @@ TITLE = "Bounds of bodies of revolution"
 GROUND = of_shear(1 / math.sqrt(3))
 SMOOTH, ROUGH = (5.69 / 2, 5.69 / math.sqrt(3)), (6.05 / 2, 6.05 / math.sqrt(3))
 BELOW, ABOVE, GAP, QUICK = 0.005, 0.01, 0.01, 0.1
-"""Largest relative error of the lower and the upper bound, largest gap, and the gap of a quick run.
+"""Largest relative errors of the lower and the upper bound, largest gap, and largest gap in a quick
+run.
 """
 CELLS = 4000
 N_C = {10.0: 9.987, 20.0: 20.077}
-"""N_c of smooth circular footings, by the angle of friction (degrees)."""
+"""N_c of smooth circular footings, by the friction angle (degrees)."""
 DILATING = 0.02
-"""Gap of the bounds for these footings."""
+"""Required gap for these footings."""
 
 
 # %%
@@ -99,7 +101,7 @@ def punched(folder: ResultFolder, angle: float) -> Problem:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict brackets on adapted meshes. Collective."""
+    """Return rows for strict brackets on adapted meshes. Collective."""
     gap, rows = QUICK if coarse else GAP, list[Row]()
     for name, (problem, exact) in problems(folder, coarse).items():
         began = time.perf_counter()

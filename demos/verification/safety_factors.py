@@ -1,15 +1,15 @@
 # %% [markdown]
 # # Factors of safety
 #
-# The demo checks strict bounds of factors of safety, their width, and the number of bounds that
-# they require. Each mesh requires a lower and an upper bound, and each further F requires one
-# bound.
+# The demo checks strict brackets for factors of safety, their width, and the number of bounds that
+# the program computes for a bracket. Each mesh requires a lower and an upper bound, and each
+# further F requires one bound.
 #
-# - Ground that is glued to other bodies: a gravity wall, a footing of steel near a slope, sand on
+# - Ground that is glued to other bodies: a gravity wall, a steel footing near a slope, sand on
 #   clay, and a strip in the slope of ACADS 1(a). The brackets must be narrower than 1 % after 12
 #   bounds.
-# - A slope of sand with φ = 32° at 21.8°, as its cohesion tends to zero: F tends to tan φ/tan β =
-#   1.5622. The brackets must be narrower than 2 %.
+# - A sand slope with φ = 32° and an inclination β = 21.8°. As the cohesion tends to zero, F tends
+#   to tan φ/tan β = 1.5622. The brackets must be narrower than 2 %.
 # - Homogeneous slopes, compared with log spirals, which are mechanisms: D. V. Griffiths and P. A.
 #   Lane (Géotechnique 49 (1999), 387), ACADS 1(a), and a slope of 45°.
 #
@@ -48,7 +48,7 @@ WIDTH, BOUNDS = 1.0, 12
 GLUED = ("strip_in_slope", "footing_of_steel", "sand_on_clay", "gravity_wall")
 COHESIONS = (1e-2, 1e-3, 1e-4, 1e-5)
 NO_COHESION = 2.5 * math.tan(math.radians(32.0))
-"""tan φ/tan β of the slope of sand."""
+"""tan φ/tan β of the sand slope."""
 COARSE = Adaptation(0.5, 300)
 
 SLOPES = {
@@ -57,14 +57,14 @@ SLOPES = {
     "ACADS 1(a)": ({"depth": 0.5, "size": 0.07}, 19.6, 0.015, 0.03, 0.9845),
     "1:1": ({"run": 1.0, "depth": 1.0, "size": 0.07}, 45.0, 0.03, 0.025, 1.5291),
 }
-"""Mesh, φ (degrees), c/γH, gap of μ that ends the meshes, and F of the best log spiral."""
+"""Mesh, φ (degrees), c/γH, gap of μ at which the refinement ends, and F of the best log spiral."""
 
 
 # %%
 def of_case(
     comm: MPI.Intracomm, name: str, coarse: bool, cohesion: float | None = None
 ) -> FactorOfSafety:
-    """Return the factor of safety of a case, with another cohesion if one is given. Collective."""
+    """Return the factor of safety of a case, with its own or a given cohesion. Collective."""
     case = read_case(FOLDER / f"{name}.toml", comm, trust=True)
     if cohesion is not None:
         (soil,) = case.materials
@@ -77,7 +77,7 @@ def of_case(
 
 
 def of_slope(folder: ResultFolder, name: str, coarse: bool) -> FactorOfSafety:
-    """Return the factor of safety of a slope of height 1 and weight 1. Collective."""
+    """Return the factor of safety of a slope of height 1 and unit weight 1. Collective."""
     shape, degrees, cohesion, until, _ = SLOPES[name]
     ground = mesh(folder, write_slope, **shape)
     held = [Support("bottom"), Support("left", "x")]
@@ -91,7 +91,7 @@ def of_slope(folder: ResultFolder, name: str, coarse: bool) -> FactorOfSafety:
 def rows_of(
     case: str, found: FactorOfSafety, began: float, told: Sequence[tuple[str, float, float]]
 ) -> list[Row]:
-    """Return rows of quantities, each with its largest allowed value."""
+    """Return rows for quantities, each with its largest allowed value."""
     return [
         Row(
             case=case,
@@ -120,7 +120,7 @@ def ends(found: FactorOfSafety) -> tuple[float, float]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return brackets, their widths, and the numbers of bounds. Collective."""
+    """Return rows for brackets, their widths, and the numbers of bounds. Collective."""
     rows: list[Row] = []
     for name in GLUED[:1] if coarse else GLUED:
         began = time.process_time()

@@ -1,22 +1,23 @@
 # %% [markdown]
 # # Shakedown
 #
-# - A thick tube in plane strain under a cyclic pressure. Its shakedown load is twice the pressure
-#   at first yield (alternating plasticity), or the limit load p = 2k ln(b/a) if this is less.
-# - A wall under a constant tension x with a cyclic temperature gradient y, both in units of σ_y.
-#   Above x + y/4 = 1 the wall lengthens in each cycle. Above y = 2 its faces yield alternately (J.
-#   Bree, Journal of Strain Analysis 2 (1967), 226). The model is half of a narrow sheet whose
-#   middle remains straight, with an elastic end, where stresses differ from those of the wall.
-# - A beam on two supports with a load over the length c that moves along it. When the load is in
-#   the middle, no shakedown is possible above the limit load, P (L/4 − c/8) = σ_y h²/4. The beam is
-#   slender, since the load spreads over its height.
+# - A thick tube in plane strain under a cyclic pressure. The shakedown load is the smaller of two
+#   values: twice the pressure at first yield (alternating plasticity), and the limit load p = 2k
+#   ln(b/a).
+# - A wall under a constant tension x and a cyclic temperature gradient y, both in units of σ_y.
+#   Above x + y/4 = 1 the length of the wall increases in each cycle (ratchetting). Above y = 2 the
+#   faces of the wall yield alternately in tension and compression (J. Bree, Journal of Strain
+#   Analysis 2 (1967), 226). The model is half of a narrow sheet whose middle remains straight. The
+#   end of the sheet is elastic, because the stresses at the end differ from those in a long wall.
+# - A beam on two supports under a load of length c that moves along the beam. Shakedown is not
+#   possible above the limit load with the load in the middle, P (L/4 − c/8) = σ_y h²/4. The beam is
+#   slender, because the load spreads over the height of the beam.
 # - A round plate with a hole under two independent cyclic tensions. The edge of the hole yields
-#   alternately unless K p₁ − K' p₂ ≤ 2σ_y, by Airy's functions.
-# - The square plate with a hole of a fifth of its width, in plane stress, which is a benchmark
-#   since T. Belytschko, Int. J. Mech. Sci. 14 (1972), 619. K. Krabbenhøft, A. V. Lyamin, S. W.
-#   Sloan, Int. J. Solids Struct. 44 (2007), 1533 have 0.595 for one tension, 0.499 with a second
-#   tension of half its size, and 0.430 with a second tension of equal size (as later papers quote
-#   them).
+#   alternately unless K p₁ − K' p₂ ≤ 2σ_y. K and K' follow from Airy's stress functions.
+# - A square plate in plane stress with a hole whose diameter is a fifth of the width, a benchmark
+#   by T. Belytschko, Int. J. Mech. Sci. 14 (1972), 619. K. Krabbenhøft, A. V. Lyamin, S. W. Sloan,
+#   Int. J. Solids Struct. 44 (2007), 1533 found 0.595 for one tension, 0.499 with a second tension
+#   of half this size, and 0.430 with a second tension of equal size (as quoted in later papers).
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/shakedown.py
 
@@ -54,7 +55,8 @@ from perfplast_fenicsx.problem import Temperature
 TITLE = "Shakedown"
 STEEL = VonMises(2e5, 0.3, 1.0)
 PUBLISHED = {0.0: 0.595, 0.5: 0.499, 1.0: 0.430}
-"""Published shakedown loads of the square plate over σ_y, by the ratio of the other tension."""
+"""Published shakedown loads of the square plate over σ_y, by the ratio of the second to the first
+tension."""
 CLOSE, NEAR, ROUGHLY = 0.005, 0.01, 0.02
 
 
@@ -71,7 +73,7 @@ def of(case: str, quantity: str, problem: Problem, *numbers: float | int) -> Row
 
 # %%
 def alternating(problem: Problem, domain: LoadDomain, case: str, exact: float, by: float) -> Row:
-    """Return a row of a shakedown load with its exact value. Collective."""
+    """Return a row for a shakedown load with its exact value. Collective."""
     began = time.perf_counter()
     found = shakedown_load(problem, domain)
     load = math.nan if found.load is None else found.load
@@ -80,7 +82,7 @@ def alternating(problem: Problem, domain: LoadDomain, case: str, exact: float, b
 
 
 def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of three tubes in plane strain. Collective."""
+    """Return rows for three tubes in plane strain. Collective."""
     rows = []
     for ratio in (1.5, 2.0, 3.0):
         section = mesh(folder, write_thick_tube, outer=ratio, size=0.1 if coarse else 0.05)
@@ -98,7 +100,7 @@ def tubes(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def beam(folder: ResultFolder, coarse: bool) -> Row:
-    """Return a row of a beam with a moving load. Collective."""
+    """Return a row for a beam with a moving load. Collective."""
     sheet = mesh(folder, write_loaded_beam, size=0.5 if coarse else 0.25).thin()
     names = [f"at{i}" for i in range(len(PLACES))]
     problem = Problem(
@@ -119,7 +121,7 @@ def beam(folder: ResultFolder, coarse: bool) -> Row:
 
 # %%
 def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
-    """Return half of the wall, and the domain of its varying loads. Collective."""
+    """Return the problem of half of the wall, and the domain of the varying loads. Collective."""
     narrow = 0.01
     bodies = ("bar", "end")
     bars = structured_mesh(
@@ -151,14 +153,14 @@ def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
 
 
 def pair(row: Direction) -> tuple[float, float]:
-    """Return the two factors of a direction; nan where none was found."""
+    """Return the two factors of a direction; nan if no load was found."""
     if row.first is None or row.second is None:
         return math.nan, math.nan
     return row.first, row.second
 
 
 def bree(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of Bree's diagram. Collective."""
+    """Return rows for Bree's diagram. Collective."""
     problem, domain = wall(comm)
     rows = []
     began = time.perf_counter()
@@ -184,7 +186,7 @@ def bree(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 def hoop(radius: float) -> tuple[float, float]:
     """Return the extreme hoop stresses at a hole of radius 1 in a round plate under unit tension.
 
-    The solution consists of Airy's functions (A r² + B r⁴ + C/r² + D) cos 2θ and of Lamé's
+    The solution is the sum of Airy's functions (A r² + B r⁴ + C/r² + D) cos 2θ and of Lamé's
     solution. For an infinite plate the stresses are 3 and −1 (G. Kirsch 1898).
     """
     b = radius**2
@@ -200,7 +202,7 @@ def hoop(radius: float) -> tuple[float, float]:
 
 
 def round_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of a round plate under two tensions. Collective."""
+    """Return rows for a round plate under two tensions. Collective."""
     radius = 5.0
     sheet = mesh(folder, write_thick_tube, outer=radius, size=0.15 if coarse else 0.1).thin()
     problem = Problem(
@@ -229,7 +231,7 @@ def round_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def square_plate(folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return rows of a square plate under one tension and under two. Collective."""
+    """Return rows for a square plate under one and two tensions. Collective."""
     sheet = mesh(folder, write_round_hole, size=0.1 if coarse else 0.05).thin()
     rows = []
     for ratio, known in PUBLISHED.items():

@@ -13,14 +13,14 @@ Line = Sequence[tuple[float, float]]
 """Points (x, y) of a slip line."""
 
 SHARPEST = 0.2
-"""Share of the plastic work in the cells with the darkest colour."""
+"""Fraction of the plastic work that is in the cells with the darkest colour."""
 
 MARGIN = 0.25
 """Margin around the exact slip lines, relative to the size of their bounding box."""
 
 
 def prandtl_lines(down: bool) -> list[Line]:
-    """Return slip lines of Prandtl's solution on one side of a ligament 0 ≤ x ≤ 1 on y = 0.
+    """Return slip lines of Prandtl's solution on one side of the line 0 ≤ x ≤ 1, y = 0.
 
     Args:
         down: Whether the body lies below the line; otherwise it lies above.
@@ -40,10 +40,13 @@ def subfolder(folder: ResultFolder, name: str) -> ResultFolder:
 
 
 def draw_slip(folder: ResultFolder, title: str, exact: Sequence[Line] = ()) -> None:
-    """Draw ``slip.png``: plastic dissipation of a mechanism, and exact slip lines. Collective.
+    """Draw ``slip.png`` with the plastic dissipation of a mechanism and exact slip lines.
+
+    Collective.
 
     Args:
-        folder: Results of a plane problem with a limit load; the picture is written there.
+        folder: Results of a plane problem with a limit load; the picture is written into this
+        folder.
         title: Title of the picture.
         exact: Slip lines of the exact solution; the picture shows their neighbourhood.
     """

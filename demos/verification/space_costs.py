@@ -1,25 +1,27 @@
 # %% [markdown]
-# # The cost of bounds in space
+# # The cost of bounds in 3D
 #
-# The demo brackets nine bodies in space by strict bounds, each within about a minute on one core,
-# including the start of the program. One body is repeated with some minutes. The mesh covers the
-# part between planes of symmetry, with few cells that suit the hinges
-# ([meshes/sectors.py](../../meshes/sectors.py)):
+# The demo computes strict brackets for the limit loads of nine 3D bodies, each in about a minute on
+# one core, including the start of the program. One body is repeated with a limit of some minutes.
+# Each mesh covers the part between planes of symmetry, with few cells, which are arranged along the
+# expected plastic hinges ([meshes/sectors.py](../../meshes/sectors.py)):
 #
 # - the tutorial's **beam on its prop**, the demo's **two blocks**, and an **L-bracket**: halves;
 # - a smooth **square punch**, an elastic body in contact, and a **uniform pressure** on a square:
-#   eighths between a middle plane and a diagonal plane; each bound for the pressure has its own
+#   eighths between a middle plane and a diagonal plane; each bound for the pressure has a separate
 #   mesh;
-# - a **cube between rough platens**: a sixteenth, whose platen is a rigid surface;
+# - a **cube between rough platens**: a sixteenth, in which the platen is a rigid surface;
 # - a **thick sphere**: a 120th, with a polyhedron for each bound ([why](bounds_in_space.py));
 # - a **cantilever** 5×1×1 under an end shear, a quarter, and a clamped **plate** 10×10×1 under a
-#   pressure, a sixteenth. The bending stress is an odd function about the middle plane. The mirror
-#   image of a mechanism with the opposite sign is a mechanism as well, and so is the mean of both.
-#   In the middle plane this mean moves only normal to the plane, so the model holds it in its
-#   plane. Half of the load acts on each half. Half of the plate's pressure on each face differs
-#   from the whole pressure on one face by a hydrostatic stress, which clamped sides take.
+#   pressure, a sixteenth. The bending stress is an odd function of the distance from the middle
+#   plane. The mirror image of a mechanism with the opposite sign is also a mechanism, and so is the
+#   mean of both mechanisms. Points of the middle plane move only normal to this plane in the mean
+#   mechanism, so the model holds the other components there. Half of the load acts on each side of
+#   the plane. Two halves of the plate's pressure on its two faces differ from the whole pressure on
+#   one face by a hydrostatic stress, which the clamped sides can carry.
 #
-# Metals have von Mises' law, with k = 1 except for the first two. Rates start at the second mesh.
+# Metals obey von Mises' law, with k = 1 except for the first two bodies. Convergence rates start at
+# the second mesh.
 #
 #     OMP_NUM_THREADS=1 ./fenicsx python3 demos/verification/space_costs.py
 
@@ -62,12 +64,12 @@ from perfplast_fenicsx.materials import Material
 TITLE = "What a per cent costs in space"
 RTOL = 1e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""
-NARROWER = 1e-3  # gap below that of all cases: the number of cells ends each
+NARROWER = 1e-3  # smaller than all gaps here: the limit on cells ends each case
 ONE_MESH = 1  # largest number of cells: only the first mesh is used
 S235 = VonMises(young=210e3, poisson=0.3, yield_stress=235.0)
 Y0, OBLIQUE = Support("y0", "y"), Support("oblique", "normal")
 MIDDLE = Support("z0", "xy")
-"""Support that holds the middle plane of bent bodies in its plane."""
+"""Support that prevents in-plane motion in the middle plane of bent bodies."""
 EXACT = 2 * math.sqrt(3) * math.log(OUTER / INNER)
 SIZES = {"inner": 0.065, "outer": 0.09}
 """Edge lengths of the sphere's elements, for the lower and the upper bound."""
@@ -78,7 +80,7 @@ STARTED = sum(os.times()[:4])
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, and the gap that its bounds should reach.
+    """A problem, and the gap that the bounds should reach.
 
     Attributes:
         name: Name in the table.
@@ -86,7 +88,7 @@ class Case:
         materials: Materials of the volumes.
         supports: Supports, including planes of symmetry.
         loads: Loads.
-        asked: Gap (percent) to reach, and largest number of cells.
+        asked: Required gap (percent), and largest number of cells.
         coarse: Gap on the first mesh for a quick run; None if a quick run omits the case.
         contacts: Contacts between the bodies.
         rigid: Rigid surfaces.
@@ -196,7 +198,7 @@ class Clock:
 
     Attributes:
         comm: Communicator; the times of its ranks are added.
-        below: A lower bound from another mesh, if there is one.
+        below: A lower bound from another mesh, or None.
         reached: Cells, gap and seconds after each mesh.
     """
 
@@ -211,7 +213,7 @@ class Clock:
         return float(self.comm.allreduce(sum(os.times()[:4])))
 
     def seconds(self) -> float:
-        """Return the processor time (s) so far, including the program's start. Collective."""
+        """Return the processor time (s) so far, including the start of the program. Collective."""
         return self._now() - self.began + self.comm.size * STARTED
 
     def mesh(self, round_: Round) -> None:
@@ -223,12 +225,12 @@ class Clock:
             self.reached.append((round_.cells, 100 * gap, seconds))
 
     def rates(self) -> tuple[float, float]:
-        """Return the exponents p and q of gap ~ cells^-p, seconds^-q, from the second mesh on."""
+        """Return p and q in gap ~ cells^-p and gap ~ seconds^-q, from the second mesh on."""
         cells, gaps, seconds = np.log(np.array(self.reached[1:])).T
         return -float(np.polyfit(cells, gaps, 1)[0]), -float(np.polyfit(seconds, gaps, 1)[0])
 
     def words(self, name: str) -> str:
-        """Return a line with the time for each gap; extrapolated times are in brackets."""
+        """Return lines with rates and the time for each gap; extrapolated times are in brackets."""
         told = "; ".join(f"{n} cells {gap:.2f} % {s:.0f} s" for n, gap, s in self.reached)
         if len(self.reached) < 3:
             return f"{name}: {told}"
@@ -249,7 +251,7 @@ class Clock:
 
 # %%
 def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveBounds, Clock]:
-    """Return bounds of a case on adapted meshes. Collective."""
+    """Return bounds for a case on adapted meshes. Collective."""
 
     def on(write: Callable[..., None]) -> Problem:
         given = (case.materials, case.supports, case.loads, case.contacts)
@@ -262,7 +264,7 @@ def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveB
 
 
 def apart(clock: Clock, below: Problem, above: Problem, cells: int) -> AdaptiveBounds:
-    """Return a lower bound on one mesh, and upper bounds on other, adapted meshes. Collective."""
+    """Return a lower bound on one mesh, with upper bounds on other adapted meshes. Collective."""
     low = adaptive_bounds(below, Adaptation(NARROWER, ONE_MESH), RTOL)
     clock.below = low.lower.value
     found = adaptive_bounds(above, Adaptation(NARROWER, cells), RTOL, clock.mesh)
@@ -275,7 +277,7 @@ def together(below: AdaptiveBounds, above: AdaptiveBounds) -> AdaptiveBounds:
 
 
 def sphere(folder: ResultFolder, coarse: bool) -> tuple[list[AdaptiveBounds], Clock]:
-    """Return bounds of the sphere from an inner and an outer polyhedron. Collective."""
+    """Return bounds for the sphere from an inner and an outer polyhedron. Collective."""
     clock, bodies, held = Clock(folder.comm), list[Problem](), [Support("x0", "x"), Y0, OBLIQUE]
     for surface, size in SIZES.items():
         size = COARSE if coarse else size
@@ -285,7 +287,7 @@ def sphere(folder: ResultFolder, coarse: bool) -> tuple[list[AdaptiveBounds], Cl
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return strict brackets and their cost. Collective."""
+    """Return rows for strict brackets and their cost. Collective."""
     terminal, rows = Terminal(comm), list[Row]()
     for case in CASES:
         if coarse and case.coarse is None:
@@ -304,7 +306,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     told = [("gap in %", 100 * (high / low - 1), 20.0 if coarse else 1.0)]
     told += [("below, exact", low, EXACT), ("exact, above", EXACT, high)]
     for surface, body in zip(SIZES, polyhedra, strict=True):
-        if not coarse:  # a proof holds for a single body
+        if not coarse:  # a proof holds for one body only
             show_bounds(subfolder(folder, f"sphere_{surface}"), f"sphere, {surface}", body)
     return rows + at_most("thick sphere", found, seconds, told)
 

@@ -1,15 +1,16 @@
 # %% [markdown]
 # # Bounds for each kind of problem
 #
-# The demo computes strict bounds of a strip footing, and of a strong punch on the same ground, with
-# k = 1 and one mesh for each. The problems have constant loads, friction, ties, a rigid surface,
-# axial symmetry, and combinations of these.
+# The demo computes strict bounds for a strip footing, and for a strong punch on the same ground,
+# with k = 1 and one mesh for each problem. The problems have constant loads, friction, ties, a
+# rigid surface, axial symmetry, and combinations of these features.
 #
-# - On any number of ranks, both bounds must equal those found on one rank, within the tolerance of
-#   the search.
-# - Their cost is compared with that of frictionless, proportional loads on the same mesh. The limit
-#   is 1.5 times the factorisations. The table also shows the processor time of each factorisation,
-#   about 1.3 times at most; it is not checked, since other work on the machine changes it.
+# - On any number of ranks, both bounds must equal the bounds that were computed on one rank, within
+#   the tolerance of the search.
+# - The demo compares the cost of each problem with the cost of the frictionless problem under
+#   proportional loads on the same mesh. The number of factorisations may be at most 1.5 times as
+#   large. The table also shows the ratio of processor times for one factorisation, which is at most
+#   about 1.3. The demo does not check this ratio, because other work on the machine changes it.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/statements.py
 
@@ -45,21 +46,21 @@ TITLE = "Bounds of each kind of statement"
 TOLERANCE = 1e-4
 """Relative tolerance of each bound on its mesh."""
 MORE = 1.5
-"""Largest ratio of factorisations with and without the additional statement."""
+"""Largest ratio of the numbers of factorisations with and without the additional statement."""
 REPEATED = 3
-"""Number of measurements of processor time, after one that is not counted."""
+"""Number of measurements of processor time, after a first run that does not count."""
 GROUND, PUNCH = of_shear(1.0), of_shear(50.0)
 SEAM = ("ground_footing", "punch_footing")
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A problem with an additional statement, and its known bounds.
+    """A problem with an additional statement, such as friction, and the known bounds.
 
     Attributes:
         words: Name of the case.
-        beside: Name of the frictionless proportional case on the same mesh; for this case, its own
-            name.
+        beside: Name of the frictionless case with proportional loads on the same mesh; this case
+            has its own name here.
         known: Both bounds, computed on one rank.
         given: Arguments of :class:`Problem` that differ from those of the plain footing or punch.
         punch: Whether a strong punch rests on the ground.
@@ -136,7 +137,7 @@ STATEMENTS = (
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return bounds and their cost. Collective."""
+    """Return rows for bounds and their cost. Collective."""
     seconds: dict[str, list[float]] = {it.words: [] for it in STATEMENTS}
     found: dict[str, BodyBounds] = {}
     for turn in range(1 if coarse else 1 + REPEATED):

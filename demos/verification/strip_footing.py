@@ -1,28 +1,29 @@
 # %% [markdown]
 # # A strip footing in plane strain: Prandtl's problem
 #
-# A long footing of width 2 presses on the ground. It moves a wedge below it down, rotates two fans
-# about its edges, and moves a wedge on either side up, when the pressure is
+# A long footing of width 2 presses on the ground. At collapse a wedge below the footing moves down,
+# two fans rotate about its edges, and a wedge on either side moves up. For a rough or smooth
+# footing the collapse pressure is
 #
 #     p = (2 + π) k,   k = σ_y/√3
 #
-# (L. Prandtl, Über die Härte plastischer Körper, Nachr. Ges. Wiss. Göttingen 1920), whether the
-# footing is rough or smooth. Here the pressure acts in two ways: on the ground itself, and on a
-# second body. This punch is a thousand times as stiff and stands on the ground without friction.
-# The punch moves as a whole, which a pressure does not require. So a mesh has fewer mechanisms
-# under the punch, and a larger limit load. The punch may have a separate mesh, with elements that
-# are 2/3 as large.
+# (L. Prandtl, Über die Härte plastischer Körper, Nachr. Ges. Wiss. Göttingen 1920). Here the
+# pressure acts either directly on the ground or on a punch. The punch is a second body that is a
+# thousand times as stiff as the ground and touches it without friction. The punch moves almost as a
+# rigid body, whereas the surface under a pressure can move freely. So a mesh has fewer mechanisms
+# with a punch, and a larger limit load. In one case the punch has a separate mesh, with elements
+# that are 2/3 as large.
 #
 # The ground is 6 half-widths wide and deep instead of infinite. Its side is held in x; with a free
 # side, the ground would split at 4.56 k.
 #
 # At the edge of the footing the exact velocity jumps, and the stress depends on the direction
-# within the fan. Elements there are ten times smaller than elsewhere.
+# within the fan. Elements near the edge are ten times smaller than elsewhere.
 #
-# An incompressible velocity of quadratic elements preserves volume everywhere, so its exact plastic
-# work would give an upper bound. But this work is not a polynomial, and three points in each
-# triangle integrate it. So the values may lie on either side of the exact value. Here they are
-# above it. Linear triangles lock.
+# A velocity of quadratic elements that satisfies the incompressibility conditions preserves volume
+# everywhere, so its exact plastic work would give an upper bound. But this work is not a
+# polynomial, and the program integrates it with three points in each triangle. So the values may
+# lie on either side of the exact value. Here they are above the exact value. Linear triangles lock.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/strip_footing.py
 
@@ -52,7 +53,7 @@ FALLS = 0.8
 def problem_of(
     folder: ResultFolder, punch: bool, degree: int, size: float, finer: float | None = None
 ) -> tuple[Problem, list[Pressure], list[Contact]]:
-    """Return the problem of the ground, with or without punch, its loads and contacts.
+    """Return the problem of the ground, with or without a punch, its loads and contacts.
 
     Collective.
     """
@@ -73,7 +74,7 @@ def problem_of(
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit loads for a uniform pressure and for punches. Collective."""
+    """Return rows for limit loads under a uniform pressure and under punches. Collective."""
     sizes = (0.4, 0.2) if coarse else (0.4, 0.2, 0.1)
     rows = []
     cases = [("pressure", 1), ("pressure", 2), ("punch", 1), ("punch", 2)]

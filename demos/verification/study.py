@@ -33,13 +33,13 @@ MOST_FACTORISATIONS, MOST_SOLVES = 35, 80
 
 @dataclass(frozen=True)
 class Row:
-    """A computed number with its exact value.
+    """A computed number and its exact value.
 
     Attributes:
         case: Name of the case.
         quantity: Name of the computed quantity.
         element: Name of the element, such as "P2", or "P2, curved" on second-order geometry.
-        size: Edge length of the mesh, for rates.
+        size: Edge length of the mesh, from which rates of convergence follow.
         dofs: Displacement unknowns.
         computed: The computed number.
         exact: Exact value; 0 for differences that should vanish.
@@ -72,7 +72,7 @@ class Row:
 
     @property
     def right(self) -> bool:
-        """Return whether the error and the work of a direct limit load are within limits."""
+        """Return whether the error and the interior point method's cost are within limits."""
         if self.factorisations is not None and (
             self.factorisations > MOST_FACTORISATIONS or self.solves > MOST_SOLVES
         ):
@@ -84,11 +84,11 @@ class Row:
 
 
 Study = Callable[[MPI.Intracomm, ResultFolder, bool], list[Row]]
-"""Function of communicator, folder and a flag for coarse meshes; it solves and draws a case."""
+"""Function of communicator, folder and a flag for coarse meshes that solves and draws a case."""
 
 
 def mesh(folder: ResultFolder, write: Callable[..., None], **arguments: object) -> TaggedMesh:
-    """Write a mesh with a generator of ``meshes/``, and read it on all ranks. Collective."""
+    """Write a mesh with a function of ``meshes/``, and read the mesh on all ranks. Collective."""
     path, fault = folder.file(f"{write.__name__.removeprefix('write_')}.msh"), None
     if folder.comm.rank == 0:
         try:
@@ -162,7 +162,7 @@ class Collapse:
 
 
 def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point") -> Collapse:
-    """Return the limit load of a problem, with strict bounds of the body. Collective."""
+    """Return the limit load of a problem, with strict bounds for the body. Collective."""
     began = time.perf_counter()
     limit = limit_load(problem, rtol, method=method)
     seconds = time.perf_counter() - began
@@ -176,7 +176,7 @@ def collapse(problem: Problem, rtol: float = 1e-4, method: str = "interior-point
 
 
 def in_brackets(bounds: BodyBounds) -> str:
-    """Return the strict bounds of the body as text, or the reason why there are none."""
+    """Return the strict bounds for the body as text, or the reason why no bounds exist."""
     lower, upper = bounds.lower, bounds.upper
     if bounds.strict:
         return f"{lower.shown} ... {upper.shown}"
@@ -212,7 +212,7 @@ HEADING = (
 
 
 def line(row: Row) -> str:
-    """Return a row as a line of the table."""
+    """Return a row as a line of the printed table."""
     allowed = "" if row.allowed is None else f"{row.allowed:.2g}"
     exact = f"{'<= ' if row.bound else ''}{row.exact:.7g}"
     factors = "" if row.factorisations is None else row.factorisations
@@ -247,7 +247,7 @@ def orders(rows: Sequence[Row]) -> list[float]:
 
 
 def costs(rows: Sequence[Row]) -> list[str]:
-    """Return a line with the cost of direct limit loads for each case."""
+    """Return a line with the cost of interior point limit loads for each case."""
     lines = []
     found = [row for row in rows if row.factorisations is not None]
     for case in dict.fromkeys(row.case for row in found):

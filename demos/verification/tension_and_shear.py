@@ -1,20 +1,21 @@
 # %% [markdown]
 # # Tension and shear along different paths: a benchmark of another program
 #
-# A cube is under the tension σ and the shear τ. At first both increase together; then the shear
-# decreases while the tension increases further, so the direction of the stress rotates:
+# A tension σ and a shear stress τ act on a cube. At first both increase together; then the shear
+# stress decreases while the tension increases further, so the direction of the stress changes:
 #
 #     (σ, τ) = (0, 0), A (151.2, 93.1), B (257.2, 33.1), and with kinematic hardening C (259.3, 0).
 #
-# This is SSNP14 (kinematic hardening) and SSNP15 (isotropic hardening) of Code_Aster's validation
-# manual (V6.03.014 and V6.03.015, https://code-aster.org), after the guide VPCS of AFNOR. Young's
-# modulus is 195000, σ_y = 181, and the tangent modulus E_T = 1930, so the hardening modulus is E
-# E_T/(E − E_T). The strains at A come from a single step. At B and C Code_Aster uses 40 (isotropic)
-# and 30 + 30 (kinematic) steps of the same implicit Euler method, which this demo repeats. The
-# values of the guide hold for infinitely many steps, and the numbers converge to them.
+# These are the cases SSNP14 (kinematic hardening) and SSNP15 (isotropic hardening) of Code_Aster's
+# validation manual (V6.03.014 and V6.03.015, https://code-aster.org), after the guide VPCS of
+# AFNOR. Young's modulus is 195000, σ_y = 181, and the tangent modulus E_T = 1930, so the hardening
+# modulus is E E_T/(E − E_T). The strains at A come from a single step. To B and C Code_Aster takes
+# 40 (isotropic) and 30 + 30 (kinematic) steps of the same implicit Euler method, which this demo
+# repeats. The values of the guide hold in the limit of small steps, and the computed strains
+# converge to these values.
 #
-# Along x, only an elastic pad holds the cube, which is softer by nine powers of ten. So no plane
-# across the cube is fixed.
+# Along x, only an elastic pad supports the cube. The pad is softer than the cube by nine powers of
+# ten. So no plane across the cube is fixed.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/tension_and_shear.py
 

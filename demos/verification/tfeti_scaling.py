@@ -1,20 +1,21 @@
 # %% [markdown]
-# # Total FETI: iterations against subdomains
+# # Total FETI: iterations over the number of subdomains
 #
-# Two steel blocks lie on each other, clamped at one end, and ζ presses the upper block down. With
-# `contact_solver = "tfeti"` they are divided into cubes with equal small meshes, and forces between
-# the cubes replace contact and glue. A coarse problem, the balance of all cubes, couples all cubes
-# at once. So the number of products with the dual operator hardly depends on the number of cubes,
-# if each cube has equally many cells (H/h).
+# Two steel blocks lie on each other. Both are clamped at one end, and a pressure ζ presses the
+# upper block down. `contact_solver = "tfeti"` divides the blocks into cubes with equal small
+# meshes, and forces between the cubes replace the contact and the continuity conditions. A coarse
+# problem, the balance of all cubes, couples all cubes at once. So the number of products with the
+# dual operator hardly depends on the number of cubes, if each cube has the same number of cells
+# (H/h).
 #
 # Each rank gets whole cubes, so the number of products does not depend on the number of ranks.
 #
-# In plastic flow the number of products does depend on the number of cubes. The tangent of a cube
-# in plastic flow has motions with almost no energy in addition to its rigid motions, and the coarse
-# problem does not contain them.
+# In plastic flow the number of products does depend on the number of cubes. In addition to rigid
+# motions, the tangent stiffness of a cube in plastic flow has motions with almost no energy, and
+# the coarse problem does not contain these motions.
 #
-# **Limits.** The elements are linear, and the cubes are small. The demo counts products and
-# measures no times.
+# **Limits.** The elements are linear, and the cubes are small. The demo counts products, and does
+# not measure times.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/tfeti_scaling.py
 
@@ -50,14 +51,14 @@ CUBES = {2: (1, 1, 1), 4: (2, 1, 1), 8: (2, 2, 1), 16: (2, 2, 2), 32: (4, 2, 2)}
 TITLE = "Total FETI: iterations against subdomains"
 
 ELASTIC, PLASTIC = 1.0, 0.3
-"""ζ below first yield, and the plastic share of the volume at the other load."""
+"""ζ below first yield, and the plastic fraction of the volume at the other load."""
 
 GROWTH = 1.3
-"""Largest growth of the products at the elastic level from 8 subdomains on."""
+"""Largest factor by which the products at the elastic level may grow from 8 subdomains on."""
 
 
 def blocks(comm: MPI.Intracomm, cubes: tuple[int, int, int], n: int) -> TaggedMesh:
-    """Return two bodies of unit cubes with n cells along an edge; each rank gets whole cubes."""
+    """Return a mesh of two bodies of unit cubes with n cells per edge; ranks get whole cubes."""
     each = math.prod(cubes)
     steps = np.array([1, cubes[0], cubes[0] * cubes[1]])  # body by body, upwards in z
 
@@ -100,7 +101,7 @@ def solved(declared: Problem, subdomains: int, zeta: float) -> Level:
 
 
 def plastic_load(declared: Problem) -> float:
-    """Return ζ at which the share ``PLASTIC`` of the bodies has yielded."""
+    """Return the ζ at which the fraction ``PLASTIC`` of the volume has yielded."""
     newton = Newton(declared)
     level = newton.solve(ELASTIC)
     while level.report.plastic_fraction < PLASTIC:
@@ -111,7 +112,7 @@ def plastic_load(declared: Problem) -> float:
 # %%
 @dataclass(frozen=True)
 class Row:
-    """Products with the dual operator on one mesh, at the elastic and the plastic level."""
+    """Products with the dual operator on one mesh, at the elastic and at the plastic level."""
 
     subdomains: int
     unknowns: int
@@ -157,7 +158,7 @@ def draw(rows: Sequence[Row], n: int, path: Path) -> None:
 # %% [markdown]
 # ## Run it, and is it right?
 #
-# Between 8 and 32 subdomains the products of the elastic level may grow 1.3 times.
+# From 8 to 32 subdomains, the number of products at the elastic level may grow by a factor of 1.3.
 
 
 # %%

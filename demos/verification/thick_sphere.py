@@ -1,22 +1,22 @@
 # %% [markdown]
 # # A thick sphere under inner pressure
 #
-# A shell of inner radius a and outer radius b = 2a yields from the inside. When the plastic zone
-# extends to the radius c,
+# A spherical shell of inner radius a and outer radius b = 2a yields first at the inner surface.
+# When the plastic zone extends to the radius c,
 #
 #     p = 2σ_y ln(c/a) + (2σ_y/3)(1 − c³/b³),
 #     u(a) = σ_y (1 − ν) c³/(E a²) − (1 − 2ν) p a/E,
 #
-# and at c = b it is completely plastic: p = 2σ_y ln(b/a), or 332.7 for σ_y = 240, at any larger
-# deformation (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter V). Here an
-# octant is solved for prescribed work α = L(u) = (4πa²/8) u(a), at first yield, beyond it, and on
-# the plateau. So the demo compares the whole curve ζ(α). A sphere that is divided at a radius of
-# 1.4a into two shells without friction has the same solution. This tests contact on a curved
-# surface.
+# and at c = b the shell is completely plastic. Then p = 2σ_y ln(b/a), which is 332.7 for σ_y = 240,
+# at any larger deformation (R. Hill, The Mathematical Theory of Plasticity, Oxford 1950, chapter
+# V). The demo solves an octant for prescribed work α = L(u) = (4πa²/8) u(a), before and after first
+# yield and on the plateau, and compares the whole curve ζ(α). A sphere that is divided at a radius
+# of 1.4a into two shells in frictionless contact has the same solution. This case tests contact on
+# a curved surface.
 #
 # Plastic flow preserves volume at every point at which the constitutive law is evaluated. A mesh
-# has five to six linear tetrahedra for each node, and they cannot flow at all: their ζ increases
-# without limit. Quadratic tetrahedra have about as many conditions as unknowns, and their limit
+# has five to six linear tetrahedra for each node, and cannot flow at all: ζ increases without
+# limit. A mesh of quadratic tetrahedra has about as many conditions as unknowns, and its limit
 # loads are slightly too large.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_sphere.py
@@ -75,7 +75,7 @@ Points = list[tuple[float, float]]
 
 # %%
 def exact_point(c: float) -> tuple[float, float]:
-    """Return α of the octant, and ζ, for the plastic radius c."""
+    """Return α for the octant, and ζ, at the plastic radius c."""
     a, b, yield_stress = INNER, OUTER, MATERIAL.yield_stress
     E, nu = MATERIAL.young, MATERIAL.poisson
     p = 2 * yield_stress * math.log(c / a) + 2 / 3 * yield_stress * (1 - (c / b) ** 3)
@@ -93,15 +93,19 @@ def exact_points(radii: int) -> Points:
 # %% [markdown]
 # ## Solve
 #
-# At collapse, quadratic tetrahedra yield gradually. From full plasticity to a thousand times the
-# work, ζ increases by 0.1 to 0.3 % on these meshes to its limit. The demo does not follow the
-# divided shell as far. The corner nodes of a quadratic face carry almost nothing of a uniform
-# pressure, so hundreds of linear systems are needed to find which of them push.
+# At collapse, quadratic tetrahedra yield gradually. After full plasticity ζ still increases by 0.1
+# to 0.3 % on these meshes until the work is a thousand times as large. The demo does not follow the
+# divided shell as far. The corner nodes of a quadratic face carry almost no part of a uniform
+# pressure, so the solver needs hundreds of linear systems to determine which of these nodes are in
+# contact.
 
 
 # %%
 def curve(problem: Problem) -> tuple[list[Level], int]:
-    """Return levels at the works of the exact points, and linear solves. Collective."""
+    """Return levels at the works of the exact points, and the number of linear solves.
+
+    Collective.
+    """
     solver = WorkNewton(problem)
     levels = list(load_path(solver, [alpha for alpha, _ in exact_points(RADII)]))
     return [level for level in levels if level.report.converged], solver.linear.solves
@@ -116,7 +120,7 @@ def largest_error(levels: Sequence[Level]) -> float:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return curves and limit loads of whole and divided shells. Collective."""
+    """Return rows for curves and limit loads of undivided and divided shells. Collective."""
     linear = {0.4: None, 0.2: None}
     quadratic = {0.5: 2.5e-2, 0.35: 1e-2} if coarse else {0.35: 1e-2, 0.25: 5e-3, 0.15: 2e-3}
     rows: list[Row] = []
@@ -201,15 +205,15 @@ def row(
 # ## The picture
 #
 # The left part shows the curves. The right part shows, for one level, the equivalent stress σ_θ −
-# σ_r at all points at which the law is evaluated: σ_y up to c, and σ_y (c/r)³ beyond.
+# σ_r at all quadrature points. The exact stress is σ_y for r ≤ c, and σ_y (c/r)³ for larger r.
 
 # %%
 HALF = 3
-"""Index of the level with the drawn stress, where c = 4/3 a."""
+"""Index of the level whose stress is drawn; c = 4/3 a at this level."""
 
 
 def equivalent_stress(problem: Problem, level: Level) -> Floats:
-    """Return radius and equivalent stress of each point, shape (n, 2), on rank 0. Collective."""
+    """Return radius and equivalent stress at each point, shape (n, 2), on rank 0. Collective."""
     mesh = problem.tagged_mesh.mesh
     points = interpolation_points(problem.Q.element)
     radius = fem.Expression(ufl.sqrt(ufl.dot(*[ufl.SpatialCoordinate(mesh)] * 2)), points)

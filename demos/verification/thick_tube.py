@@ -1,21 +1,22 @@
 # %% [markdown]
 # # A thick tube under inner pressure, in plane strain
 #
-# A long tube of inner radius a and outer radius b yields from the inside. It collapses when the
-# plastic zone reaches its outer surface. Then σ_θ − σ_r = 2k everywhere, with k = σ_y/√3, and
+# A long tube of inner radius a and outer radius b yields first at the inner surface. The tube
+# collapses when the plastic zone reaches the outer surface. Then σ_θ − σ_r = 2k everywhere, with k
+# = σ_y/√3, and
 #
 #     p = 2k ln(b/a),
 #
 # for any elastic constants. With b/a = 1.3 and σ_y = 250, p = 75.74 (R. Hill, The Mathematical
 # Theory of Plasticity, Oxford 1950, chapter V).
 #
-# The same tube may consist of two tubes, one in the other, without friction. By symmetry the shear
-# at their interface is zero, and the pressure keeps the interface closed. So the solution is the
-# same. This tests contact on curved surfaces.
+# In another case the tube consists of two tubes, one in the other, without friction. By symmetry
+# the shear stress at the interface is zero, and the pressure keeps the interface closed, so the
+# solution is the same. This case tests contact on curved surfaces.
 #
-# Linear triangles lock. Each triangle must preserve its area in plastic flow, but there are about
-# two triangles for each node with its two unknowns. Their limit load is too large; the amount
-# depends on the mesh.
+# Linear triangles lock. Each triangle must preserve its area in plastic flow, but a mesh has about
+# two triangles for each node, which has two unknowns. The limit load is therefore too large, by an
+# amount that depends on the mesh.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/thick_tube.py
 
@@ -41,7 +42,7 @@ CONTACTS = [Contact("inner_tube_seam", "outer_tube_seam")]
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return burst pressures of whole and divided tubes. Collective."""
+    """Return rows for burst pressures of undivided and divided tubes. Collective."""
     sizes = (0.1, 0.05) if coarse else (0.1, 0.05, 0.025)
     rows = []
     for interface, degree, order in ((None, 1, 1), (None, 2, 2), (1.15, 2, 2)):

@@ -1,22 +1,22 @@
 # %% [markdown]
 # # Torsion of bars
 #
-# A bar is twisted at its end, whose section rotates rigidly in its plane and may warp. The torque
-# increases to that of Nádai's sand hill on the section (A. Nádai, Plasticity, 1931), with k =
-# σ_y/√3:
+# A bar is twisted at its end. The end section rotates rigidly in its plane, and may warp. The
+# torque increases to the limit given by Nádai's sand-heap analogy (A. Nádai, Plasticity, 1931),
+# with k = σ_y/√3:
 #
 #     round bar, radius 1:  T = 2πk/3        square bar, side 1:  T = k/3
 #
-# The round bar does not warp, and at the twist θ > θ_el = k/G it has T/T_el = (4 − (θ_el/θ)³)/3.
-# Its limit load is also that of a traction k along circles on the end, given as a formula in x and
-# y. After twisting to 2θ_el and unloading, the twist (2 − 31/24)θ_el remains, since T/T_el = 31/24
-# at 2θ_el and unloading is elastic. The traction k min(2r, 1) along circles belongs to the twist
-# 2θ_el. For this case the bar is long enough that the half away from the end depends only on the
-# torque.
+# The round bar does not warp, and T/T_el = (4 − (θ_el/θ)³)/3 at the twist θ > θ_el = k/G. A
+# traction k along circles on the end, given as a formula in x and y, has the same limit. After
+# twisting to 2θ_el and unloading, the twist (2 − 31/24)θ_el remains, because T/T_el = 31/24 at
+# 2θ_el and unloading is elastic. The traction k min(2r, 1) along circles corresponds to the twist
+# 2θ_el. In the case with this traction, the bar is so long that the twist of the half away from the
+# end depends only on the torque.
 #
-# By symmetry a quarter suffices: on the planes x = 0 and y = 0 points do not move within the plane.
-# A slice of one element replaces a long bar. ζ is the angle, and the driving force is the torque of
-# the quarter.
+# By symmetry the model is a quarter of the bar: on the planes x = 0 and y = 0, points do not move
+# within the plane. A slice of one element represents a long bar. ζ is the angle, and its conjugate
+# force is the torque on the quarter.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/torsion.py
 
@@ -61,7 +61,7 @@ ELASTIC = SHEAR * 2 * (1 + STEEL.poisson) / STEEL.young
 SUPPORTS = [Support("x0", "yz"), Support("y0", "xz"), Support("z0", "xy")]
 ALLOWED, UNTWISTED = 0.01, 0.005
 TWISTS = (1.0, 2.0, 4.0, 10.0, 100.0)
-"""Twists over that of first yield of the round bar."""
+"""Twists, divided by the twist at first yield of the round bar."""
 PARTLY = (4 - TWISTS[1] ** -3) / 3
 """Exact T/T_el at 2θ_el."""
 RESIDUAL = TWISTS[1] - PARTLY
@@ -72,13 +72,13 @@ LENGTH, FINE = 1.5, 0.15
 def twisted(
     folder: ResultFolder | None, case: str, bar: TaggedMesh, size: float, exact: dict[float, float]
 ) -> list[Row]:
-    """Return rows of torques at given twists. Collective.
+    """Return rows for torques at given twists. Collective.
 
     Args:
         folder: Folder for pictures; None to draw no pictures.
         case: Name of the case.
         bar: Mesh of a quarter of a slice that is one element long.
-        size: Edge length of the element.
+        size: Edge length of the elements, and length of the slice.
         exact: Exact torques by twist.
     """
     (body,) = bar.volumes
@@ -112,7 +112,7 @@ def twisted(
 
 # %%
 def untwisted_by_traction(bar: TaggedMesh, size: float) -> list[Row]:
-    """Return twists of a long bar at a torque and after unloading. Collective."""
+    """Return rows for the twists of a long bar at a torque and after unloading. Collective."""
     along = f"{SHEAR!r}*minimum(2, 1/sqrt(x*x + y*y + 1e-20))"
     traction = Traction("z1", (f"-y*{along}", f"x*{along}", 0.0), "torque")
     problem = Problem(bar, {"shaft": Flow(STEEL)}, SUPPORTS, [traction], degree=2)
@@ -148,7 +148,7 @@ def untwisted_by_traction(bar: TaggedMesh, size: float) -> list[Row]:
 
 
 def untwisted_by_motion(bar: TaggedMesh, size: float) -> list[Row]:
-    """Return the torque at 2θ_el, and the twist after elastic unloading. Collective."""
+    """Return rows for the torque at 2θ_el, and the twist after elastic unloading. Collective."""
     turned = RigidSurface(
         "z1", rotation=(0.0, 0.0, 1.0), components="xy", constant=False, name="twist"
     )
@@ -191,7 +191,7 @@ def _integral(bar: TaggedMesh, value: Expr) -> float:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return limit torques of both bars, and the torque curve of the round bar. Collective."""
+    """Return rows for limit torques of both bars, and the curve of the round bar. Collective."""
     rows = []
     sizes = (0.16, 0.08) if coarse else (0.16, 0.08, 0.04)
     for size in sizes:

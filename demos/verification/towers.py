@@ -1,10 +1,10 @@
 # %% [markdown]
 # # Random towers of bodies
 #
-# Two to six blocks and quarters of cylinders stand on each other without friction, with randomly
-# drawn steels, under a pressure on the highest body. Their limit loads are not known. Loading by
-# work and the interior point method are independent: each brackets the limit load of the mesh, and
-# the brackets must overlap.
+# Two to six blocks and quarters of cylinders of random steels stand on each other without friction,
+# under a pressure on the highest body. The limit loads are not known. A loading path with
+# prescribed work and the interior point method are independent: each brackets the limit load of the
+# mesh, and the brackets must overlap.
 #
 #     ./fenicsx mpirun -n 2 python3 demos/verification/towers.py
 
@@ -28,7 +28,7 @@ LOADS = [Pressure("top", 1.0)]
 
 
 def drawn_steels(bodies: Sequence[str], number: int) -> dict[str, VonMises]:
-    """Return a randomly drawn steel for each body."""
+    """Return a random steel for each body."""
     drawn = random.Random(number)
     ranges = ((70e3, 210e3), (0.2, 0.35), (200.0, 500.0))  # Young, Poisson, yield stress
     found = {}
@@ -39,7 +39,7 @@ def drawn_steels(bodies: Sequence[str], number: int) -> dict[str, VonMises]:
 
 
 def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
-    """Return a tower of randomly drawn steels; ζ is the pressure on top."""
+    """Return the problem of a tower of random steels; ζ is the pressure on top."""
     count = len(tagged_mesh.volumes)
     materials = drawn_steels([f"body_{i}" for i in range(count)], number)
     contacts = [Contact(f"body_{i}_seam_{i}", f"body_{i + 1}_seam_{i}") for i in range(count - 1)]
@@ -47,7 +47,7 @@ def problem_of(tagged_mesh: TaggedMesh, number: int) -> Problem:
 
 
 def both_ways(problem: Problem) -> tuple[Collapse, float]:
-    """Return the limit load from a path, and the interior point method's estimate. Collective.
+    """Return the limit load from a path, and the estimate by the interior point method. Collective.
 
     Raises:
         AssertionError: If a method gives no bracket, or the brackets do not overlap.
@@ -67,7 +67,7 @@ def both_ways(problem: Problem) -> tuple[Collapse, float]:
 
 # %%
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return the limit loads from both methods. Collective."""
+    """Return rows for the limit loads by both methods. Collective."""
     rows = []
     for number in range(FEW if coarse else TOWERS):
         problem = problem_of(mesh(folder, write_tower, number=number), number)

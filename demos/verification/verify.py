@@ -1,7 +1,8 @@
 """Run all verification cases and print one table: ``make verify``, on any number of ranks.
 
-Each case is a module of this folder with a function ``study``. Its pictures are in a folder with
-the name of the module. The exit status is 1 if a number is wrong, after all cases have been solved.
+Each case is a module in this folder with a function ``study``. The pictures of a case are in a
+folder with the name of the module. The exit status is 1 if a number is wrong, after all cases have
+been solved.
 """
 
 import argparse

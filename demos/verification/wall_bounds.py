@@ -1,22 +1,22 @@
 # %% [markdown]
 # # Bounds for a wall with friction
 #
-# A stiff wall of height 1 is pushed against ground with the angle of friction φ, without cohesion
-# and weight, under a surcharge of 1; or it moves away from the ground. The joint between wall and
-# ground has the angle δ and opens as it slips. The wall does not rotate, and the force along its
-# direction of motion is
+# A stiff wall of height 1 is pushed against the ground or moves away from it. The ground has the
+# friction angle φ, no cohesion and no weight, and carries a surcharge of 1. The joint between wall
+# and ground has the friction angle δ, and opens while it slips (associated slip). The wall does not
+# rotate, and the force along its direction of motion is
 #
 #     K = cos δ (cos δ ± √(sin²φ − sin²δ))/(1 ∓ sin φ) exp(±θ tan φ),  θ = asin(sin δ/sin φ) ± δ
 #
-# with the upper signs for a wall that is pushed (K_pq), and the lower signs for one that yields
-# (K_aq).
+# with the upper signs for a wall that is pushed (K_pq), and the lower signs for a wall that moves
+# away (K_aq).
 #
-# The velocity of the mechanism jumps at the toe. On a mesh, ground in one piece cannot represent
-# this jump if it is held at the toe. So the ground extends below the toe, and its face there has
-# neither a support nor a contact but a constant pressure. This pressure lies between the pressure
-# at which the ground would follow the wall and that at which it would be pushed away. In the
-# mechanism for K the ground below the toe is at rest. So this pressure does no work, and K is an
-# upper bound for any such pressure; the lower bound shows that K is carried.
+# The velocity of the mechanism jumps at the toe. A mesh whose ground is one piece and is held at
+# the toe cannot represent this jump. So the ground extends below the toe. The face below the toe
+# has neither a support nor a contact, but a constant pressure. This pressure lies between the
+# pressure at which the ground would follow the wall and the pressure that would push the ground
+# away. In the mechanism for K the ground below the toe is at rest. So the pressure does no work,
+# and K is an upper bound for any such pressure; the lower bound shows that the ground carries K.
 #
 #     ./fenicsx python3 demos/verification/wall_bounds.py
 
@@ -53,8 +53,8 @@ class Wall:
     """A wall and the ground next to it.
 
     Attributes:
-        friction: Angle of the ground (degrees).
-        joint: Angle of the joint (degrees).
+        friction: Friction angle of the ground (degrees).
+        joint: Friction angle of the joint (degrees).
         below: Pressure on the face of the ground below the toe.
         pushed: Whether the wall is pushed against the ground.
         width: Width of the ground.
@@ -73,7 +73,7 @@ class Wall:
 
     @property
     def exact(self) -> float:
-        """Return the limit load over surcharge and height; negative if the wall yields."""
+        """Return the limit load over surcharge and height; negative if the wall moves away."""
         phi, delta = math.radians(self.friction), math.radians(self.joint)
         sign = 1 if self.pushed else -1
         turned = math.asin(math.sin(delta) / math.sin(phi)) + sign * delta
@@ -86,12 +86,15 @@ PUSHED = Wall(30.0, 15.0, below=3.0)
 YIELDS = Wall(30.0, 15.0, below=1.0, pushed=False, width=3.0)
 ROUGH = Wall(30.0, 30.0, below=3.0)
 ASKED, CELLS, FEW = 0.015, 4000, 150
-"""Gap of both factors, largest number of cells for this gap, and number for a quick run."""
+"""Required gap for both factors, largest number of cells, and number of cells in a quick run."""
 
 
 # %%
 def beside(ground: TaggedMesh, wall: Wall) -> Problem:
-    """Return the wall and its ground, with a growing pressure on the wall's back. Collective."""
+    """Return the problem of wall and ground, with a growing pressure on the wall's back.
+
+    Collective.
+    """
     rubs = math.tan(math.radians(wall.joint))
     return Problem(
         ground,
@@ -108,7 +111,7 @@ def beside(ground: TaggedMesh, wall: Wall) -> Problem:
 
 
 def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
-    """Return brackets of the exact factors. Collective."""
+    """Return rows for brackets of the exact factors. Collective."""
     rows: list[Row] = []
     adaptation = Adaptation(ASKED, FEW if coarse else CELLS)
     for wall in (PUSHED,) if coarse else (ROUGH, YIELDS, PUSHED):

@@ -1,17 +1,18 @@
 # %% [markdown]
-# # Exact limit loads of other laws
+# # Exact limit loads for other yield conditions
 #
-# - **Hill**: a block between smooth planes, in plane strain and free at its sides in space, of a
-#   sheet with the shares F = 0.4, G = 0.3, H = 0.7 and the yield stress 450:
-#   450/√(H + FG/(F + G)) and 450/√(F + H).
-# - **Plane stress**, von Mises: rings under inner pressure, b/a = 1.5 and 2, and a spinning one,
-#   over the yield stress, by an ordinary differential equation along the radius.
-# - **Mohr and Coulomb**, φ = 25° and c = 20: a block in plane strain that is free, or has the dead
-#   pressure q = 10 at its sides and is pressed or pulled: 2c√N + qN and 2c/√N − q/N with
-#   N = (1 + sin φ)/(1 − sin φ); and two blocks in space.
-# - **Circular footings**, smooth, under a strong punch, c = 1: Tresca, and Mohr and Coulomb of 10°
-#   and 20°, by characteristics (A. D. Cox, G. Eason, H. G. Hopkins, Phil. Trans. R. Soc. A 254,
-#   1961).
+# - **Hill**: an orthotropic block with F = 0.4, G = 0.3, H = 0.7 and the yield stress 450 is
+#   compressed between smooth planes. The limit pressure is 450/√(H + FG/(F + G)) in plane strain,
+#   and 450/√(F + H) in 3D with free sides.
+# - **Plane stress**, von Mises: rings under inner pressure with b/a = 1.5 and 2, and a spinning
+#   ring. The limit loads, divided by the yield stress, come from an ordinary differential equation
+#   along the radius.
+# - **Mohr–Coulomb**, φ = 25° and c = 20: a block in plane strain with a constant pressure q on its
+#   sides, q = 0 or 10. The limit load is 2c√N + qN in compression and 2c/√N − q/N in tension, with
+#   N = (1 + sin φ)/(1 − sin φ). Two blocks in 3D have the limit load for q = 0.
+# - **Circular footings**: a strong smooth punch on ground with c = 1, for Tresca's law and for
+#   Mohr–Coulomb ground with φ = 10° and 20°. The exact values come from the method of
+#   characteristics (A. D. Cox, G. Eason, H. G. Hopkins, Phil. Trans. R. Soc. A 254, 1961).
 #
 #     ./fenicsx python3 demos/verification/yield_laws.py
 
@@ -52,13 +53,13 @@ RINGS = {
 
 
 def ground(angle: float, cohesion: float) -> MohrCoulomb | Tresca:
-    """Return ground of an angle of friction (degrees); of Tresca's law if it is 0."""
+    """Return ground with a friction angle (degrees); for the angle 0, Tresca ground."""
     return MohrCoulomb(1e4, 0.3, cohesion, angle) if angle else Tresca(1e4, 0.3, cohesion)
 
 
 # %%
 def sheets(folder: ResultFolder) -> list[Row]:
-    """Return limit loads of Hill's blocks, pressed across and along the sheet. Collective."""
+    """Return rows for limit loads of Hill blocks in plane strain and in 3D. Collective."""
     f, g, h = SHARES
     along_x, along_y, across = (1 / math.sqrt(it) for it in (g + h, f + h, f + g))
     flat = mesh(folder, write_box, corner=[0.0, 0.0], extent=[1.0, 1.0])
@@ -66,7 +67,7 @@ def sheets(folder: ResultFolder) -> list[Row]:
     sheet = Hill(2e5, 0.3, YIELD, along_x, along_y, across, 0.8, 1.3, 1.1)
     plane = Problem(flat, {"box": sheet}, held, [Pressure("y_high", 1.0)], degree=2)
     cube = mesh(folder, write_box)
-    turned = Hill(2e5, 0.3, YIELD, along_x, across, along_y, 1.3, 0.8, 1.1)  # its y is along z
+    turned = Hill(2e5, 0.3, YIELD, along_x, across, along_y, 1.3, 0.8, 1.1)  # y becomes z
     held = [*held, Support("z_low", "z")]
     free = Problem(cube, {"box": turned}, held, [Pressure("z_high", 1.0)], degree=2)
     return [
@@ -76,20 +77,20 @@ def sheets(folder: ResultFolder) -> list[Row]:
 
 
 def rings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Return limit loads of rings in plane stress. Collective."""
+    """Return rows for limit loads of rings in plane stress. Collective."""
     rows, held = [], [Support("x0", "x"), Support("y0", "y")]
     for case, (outer, load, exact) in RINGS.items():
         for size in sizes:
             ring = mesh(folder, write_thick_tube, outer=outer, size=size, order=2).thin()
             problem = Problem(ring, {"tube": VonMises(2e5, 0.3, 1.0)}, held, [load], degree=2)
-            spins = isinstance(load, BodyForce)  # bounds are for forces that are numbers
+            spins = isinstance(load, BodyForce)  # strict bounds need numbers
             found = collapse(problem, 1e-6, "path" if spins else "interior-point")
             rows.append(found.row(case, size, exact, 1e-3))
     return rows
 
 
 def blocks(folder: ResultFolder) -> list[Row]:
-    """Return limit loads of Mohr-Coulomb blocks with smooth ends. Collective."""
+    """Return rows for limit loads of Mohr–Coulomb blocks with smooth ends. Collective."""
     sine, soil = math.sin(math.radians(25.0)), ground(25.0, 20.0)
     slope = (1 + sine) / (1 - sine)
     box = mesh(folder, write_box, corner=[0.0, 0.0], extent=[1.0, 1.0])
@@ -116,10 +117,10 @@ def blocks(folder: ResultFolder) -> list[Row]:
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Return limit loads of circular punches on ground; the last one is drawn. Collective."""
+    """Return rows for circular punches on ground, and draw the last case. Collective."""
     rows, loads = [], [Pressure("top", 1.0)]
     for angle, exact in ROUND.items():
-        # 20° takes 85 linear solves on the finer mesh, where 80 are asked of a limit load
+        # 20° needs 85 linear solves on the finer mesh; the table allows 80 for a limit load
         for size in sizes[:1] if angle > 10 else sizes:
             section = mesh(folder, write_strip_footing, size=size, punch=True).turned()
             problem = Problem(
