@@ -2,13 +2,13 @@
 
 A block of ground rotates about a pole and separates from the rest along a log spiral (W. F. Chen,
 Limit Analysis and Soil Plasticity, 1975, chapter 9). This is a mechanism of associated ground. The
-slope collapses at F if the work of the weight is at least the work that the spiral dissipates with
-strengths divided by F. So each such F is an upper bound, whatever the pole is. Without friction the
-spiral is a slip circle. Integrals are exact: chords do not replace arcs. Only the work of the pore
-water, which presses the two sides of the spiral apart, is a sum over PRESSED points.
+slope collapses at F if the work of the weight is at least the dissipation on the spiral with
+strengths divided by F. So each such F is an upper bound, for any pole. Without friction the spiral
+is a slip circle. Integrals are exact: the script does not replace arcs by chords. Only the work of
+the pore water, which presses the two sides of the spiral apart, is a sum over the points PRESSED.
 
-The same holds for the unit weight at which a slope collapses, and for the critical seismic
-coefficient.
+The script computes the unit weight at which a slope collapses, and the critical seismic
+coefficient, in the same way.
 
     python3 demos/tribunal/log_spiral.py demos/tribunal/pruska_*.toml
 """
@@ -27,19 +27,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 RANGES = {"strength": (0.05, 20.0), "bounds": (0.5, 200.0), "seismic": (1e-3, 5.0)}
-"""Range in which factors are sought, by the control of the case."""
+"""Range in which the script searches for factors, by the control of the case."""
 
 ENDS = {"base", "left", "right"}
 """Surfaces that may be held."""
 
 PRESSED = np.linspace(0.0, 1.0, 721)
-"""Points at which the pore pressure is evaluated, as shares of the angle of a spiral."""
+"""Points at which the pore pressure is evaluated, as fractions of the angle of a spiral."""
 
 TOLERANCE = 1e-5
-"""Relative tolerance of the factor for the best pole that was found."""
+"""Relative tolerance of the factor for the best pole."""
 
 SAMPLES = np.linspace(0.0, 1.0, 181)
-"""Points at which a spiral is compared with the surface, as shares of its angle."""
+"""Points at which a spiral is compared with the surface, as fractions of its angle."""
 
 TURN = 1.2 * math.pi
 """Largest angle (radians) through which a spiral is followed from its exit."""
@@ -50,16 +50,16 @@ class Slope:
     """Homogeneous ground that descends to the left.
 
     Attributes:
-        x: Abscissas of the surface's corners, increasing (length).
-        y: Heights of the surface's corners (length).
+        x: Abscissas of the corners of the surface, increasing (length).
+        y: Heights of the corners of the surface (length).
         bottom: Height of the firm base.
         cohesion: Cohesion (stress).
-        friction: Tangent of the angle of friction.
+        friction: Tangent of the friction angle.
         weight: Force per volume, (horizontal, vertical).
-        control: Quantity that is sought: "strength" for a factor of safety, "bounds" for a factor
-            of the weight, "seismic" for the critical seismic coefficient.
+        control: Quantity that the script computes: "strength" for a factor of safety, "bounds" for
+            a factor of the weight, "seismic" for the critical seismic coefficient.
         push: Direction of the earthquake, 1.0 or -1.0.
-        ratio_of_pressure: r_u, the pore pressure over the weight above.
+        ratio_of_pressure: r_u, the pore pressure divided by the weight of the ground above.
         table: Corners of the water table, shape (points, 2); empty without one.
         water: Unit weight of water (force per volume).
     """
@@ -104,7 +104,7 @@ class Slope:
         )
 
     def at(self, value: float) -> tuple["Slope", float]:
-        """Return the slope for a value of the sought quantity, and the divisor of strengths."""
+        """Return the slope for a value of the unknown quantity, and the divisor of strengths."""
         across, down = self.weight
         if self.control == "strength":
             return self, value
@@ -163,9 +163,9 @@ def slope_of(case: dict[str, Any]) -> Slope | None:
 
 
 def _surface(body: dict[str, Any]) -> tuple[NDArray[np.float64], float] | None:
-    """Return the corners of a drawn body's surface and the level of its base, or None.
+    """Return the corners of the surface of a drawn body, and the level of its base, or None.
 
-    A vertical part of the surface is inclined by a billionth.
+    A vertical part of the surface gets an inclination of a billionth.
     """
     if "top" in body:
         points, bottom = np.array(body["top"], float), body["bottom"]
@@ -206,7 +206,7 @@ def _weight(case: dict[str, Any], control: str, name: str) -> tuple[float, float
 
 
 def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
-    """Return the dissipation over the work of the weight, with strengths divided by a factor.
+    """Return dissipation divided by work of the weight, with strengths divided by a factor.
 
     Args:
         mechanism: Abscissa and height of the pole, and abscissa of the exit on the surface.
@@ -214,7 +214,7 @@ def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
         factor: F.
 
     Returns:
-        The ratio; infinite where the mechanism is not possible.
+        The ratio; infinite if the mechanism is not possible.
     """
     pole = np.array(mechanism[:2])
     if not slope.x[0] <= mechanism[2] < slope.x[-1]:
@@ -226,7 +226,7 @@ def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
     turned = TURN * SAMPLES
 
     def arc(turned: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return points of the spiral, whose radius falls with the angle from the exit."""
+        """Return points of the spiral, whose radius decreases with the angle from the exit."""
         r = radius * np.exp(-t * turned)
         return pole[0] + r * np.cos(angle + turned), pole[1] + r * np.sin(angle + turned)
 
@@ -254,7 +254,7 @@ def ratio(mechanism: Sequence[float], slope: Slope, factor: float) -> float:
 
 
 def _root(above: Any, low: float, high: float) -> float:
-    """Return the parameter at which the spiral leaves the ground, rounded from below."""
+    """Return the parameter at which the spiral leaves the ground, rounded down."""
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (low, middle) if above(np.array(middle)) > 0 else (middle, high)
@@ -270,8 +270,9 @@ def _velocity(
 ) -> tuple[float, float]:
     """Return the integral of the velocity over the block, for a unit angular velocity.
 
-    The block rotates clockwise, so its velocity is (y, -x) relative to the pole. Moments of its
-    area are integrals over sectors with a corner at the pole: ∫ r³ (cos θ, sin θ) dθ / 3.
+    The block rotates clockwise, so its velocity is (y, -x) relative to the pole. Moments of the
+    area of the block are integrals over sectors with a corner at the pole: ∫ r³ (cos θ, sin θ) dθ /
+    3.
     """
     angle, radius, t = spiral
     a = -3.0 * t
@@ -307,7 +308,7 @@ def least(slope: Slope, factor: float, starts: Sequence[Sequence[float]]) -> tup
 def upper_bound(slope: Slope) -> float | None:
     """Return the least factor at which a log spiral collapses; None if no spiral does.
 
-    A dam, whose ends have the same level, may collapse to either side.
+    A dam may collapse to either side; its ends have the same level.
     """
     ways = [slope, slope.mirrored()] if slope.y[0] == slope.y[-1] else [slope]
     found = [bound for way in ways if (bound := _upper_bound(way)) is not None]

@@ -30,10 +30,10 @@ TINY = Decimal("0.01")
 """Percentage below which impossible numbers are counted separately."""
 
 PICTURES = "pictures/tribunal"
-"""Folder of the pictures beside the page."""
+"""Folder of the pictures, relative to the page."""
 
 MOST_NAMED = 15
-"""Number of problems that are named in comparison with published numbers."""
+"""Number of problems that the page names in the comparison with published numbers."""
 
 ABOVE_ALL = """# Published numbers and proven bounds
 
@@ -136,7 +136,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def page(
     cases: Mapping[str, Path], published: Sequence[Published], solved: Mapping[str, Solved]
 ) -> str:
-    """Return the page for docs, which depends only on the tables and the titles of the cases."""
+    """Return the page for docs; it depends only on the tables and the titles of the cases."""
     titles = {
         name: tomllib.loads(case.read_text(encoding="utf-8"))["title"]
         for name, case in cases.items()
@@ -259,10 +259,10 @@ def of_problems(
 def beside(
     titles: Mapping[str, str], published: Sequence[Published], solved: Mapping[str, Solved]
 ) -> str:
-    """Return a comparison of the bounds' widths with published pairs of bounds and numbers.
+    """Return a comparison of the widths of the bounds with published pairs of bounds and numbers.
 
-    If no published pair of bounds is known, the least and the largest published number are
-    compared. This excludes problems with exact slip lines.
+    If no published pair of bounds is known, the comparison uses the least and the largest published
+    number. Problems with exact slip lines are excluded.
     """
     pairs, spreads = [], []
     for name in sorted(titles):
@@ -307,10 +307,10 @@ def beside(
 def beside_numbers(
     titles: Mapping[str, str], spreads: Sequence[tuple[str, Decimal, Decimal]]
 ) -> str:
-    """Return a comparison of the bounds' widths with the differences between published numbers.
+    """Return a comparison of the widths of the bounds with the differences of published numbers.
 
     Args:
-        titles: Of all problems, by name.
+        titles: Titles of all problems, by name.
         spreads: Name, largest difference between numbers (percent), and width of the bounds
             (percent).
     """

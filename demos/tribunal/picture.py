@@ -1,4 +1,4 @@
-"""Draw a small picture of a problem: the bodies, and the part of them that moves at collapse."""
+"""Draw a small picture of a problem: the bodies, and the part that moves at collapse."""
 
 from pathlib import Path
 
@@ -21,10 +21,10 @@ COLOURS = np.array(
 """Colours of parts at rest, and of parts with increasing speed."""
 
 SPEEDS = (0.02, 0.25, 0.5, 0.75)
-"""Shares of the largest speed at which the colour changes."""
+"""Fractions of the largest speed at which the colour changes."""
 
 SLOW = 0.99
-"""Share of the moving area that determines the largest speed: a few cells in corners are much
+"""Fraction of the moving area that determines the largest speed: a few cells in corners are much
 faster."""
 
 
@@ -69,14 +69,14 @@ def draw(proof: Path, picture: Path) -> None:
 
 
 def _fast(speed: npt.NDArray[np.float64], area: npt.NDArray[np.float64]) -> float:
-    """Return a speed that only a small share of the moving area exceeds."""
+    """Return a speed that only a small fraction of the moving area exceeds."""
     order = np.argsort(speed)
     moving = np.cumsum((area * speed)[order])
     return float(speed[order][np.searchsorted(moving, SLOW * moving[-1])])
 
 
 def _outlines(cells: npt.NDArray[np.int64], cone: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the edges of single cells, and those between cells of different strengths, (n, 2)."""
+    """Return the edges of only one cell, and edges between different strengths, shape (n, 2)."""
     edges = np.sort(cells[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2), axis=1)
     strength = np.repeat(cone, 3)
     found, first, place, count = np.unique(

@@ -2,11 +2,12 @@
 
     ./fenicsx python3 demos/tribunal/tribunal.py [--only NAME ...] [-o DIR] [--publish]
 
-Each case file beside this script is a problem. If a problem has no bounds, the script solves it,
-checks both proofs, and compares a log spiral if one applies. Then each number of ``published.csv``
-gets a verdict. Results remain in DIR, so an interrupted run continues where it stopped. Problems
-that ``--only`` does not name keep the bounds of ``bounds.csv``. ``--publish`` copies the tables
-into the folder of this script, and the page and its pictures into docs.
+Each case file in the folder of this script is a problem. If a problem has no bounds, the script
+solves it, checks both proofs, and compares the bounds with a log spiral, if possible. Then each
+number of ``published.csv`` gets a verdict. The results are stored in DIR, so an interrupted run
+continues where it stopped. Problems that ``--only`` does not name keep the bounds of
+``bounds.csv``. ``--publish`` copies the tables into the folder of this script, and the page and its
+pictures into docs.
 """
 
 import argparse
@@ -55,7 +56,7 @@ LONGEST = 1800.0
 """Wall time (s) after which a run is stopped."""
 
 DIGITS = Decimal("1e-5")
-"""Precision to which bounds are rounded, away from each other."""
+"""Unit to which bounds are rounded: the lower bound down, the upper bound up."""
 
 
 def checksum(path: Path) -> str:
@@ -78,7 +79,7 @@ def solve(case: Path, folder: Path) -> Solved:
         folder: Folder for a copy of the case and for its results.
 
     Raises:
-        Failed: If the run ends without bounds, or if a proof is not accepted.
+        Failed: If the run ends without bounds, or if the checker does not accept a proof.
     """
     folder.mkdir(parents=True, exist_ok=True)
     mine = Path(shutil.copy(case, folder))
@@ -114,7 +115,7 @@ def solve(case: Path, folder: Path) -> Solved:
 
 
 def drawn(case: Path, folder: Path) -> Path | None:
-    """Return the picture of a problem, which is drawn if missing; None without a proof to draw.
+    """Return the picture of a problem, and draw it if it is missing; None without a proof.
 
     Args:
         case: The case file.
@@ -131,7 +132,7 @@ def drawn(case: Path, folder: Path) -> Path | None:
 
 
 def with_spiral(row: Solved, case: Path) -> Solved:
-    """Return a row after adding the log spiral of its case, where the script applies.
+    """Return a row with the log spiral of its case, if ``log_spiral.py`` applies.
 
     Raises:
         Failed: If the log spiral is below the lower bound.
@@ -159,7 +160,7 @@ def check_proof(path: Path, side: str, factor: float, divides: bool) -> int:
         The number of cells.
 
     Raises:
-        Failed: If the proof is not accepted, or proves another factor.
+        Failed: If the checker does not accept the proof, or if it proves another factor.
     """
     said = command("perfplast_fenicsx.proof", str(path))
     proven = re.search(rf"^{side}: ([\d.e+-]+) is proven", said, re.MULTILINE)
@@ -201,7 +202,7 @@ def command(module: str, *arguments: str) -> str:
 
 
 def known(folder: Path, cases: Mapping[str, Path]) -> dict[str, Solved]:
-    """Return the stored bounds of a folder that belong to the current case files."""
+    """Return the bounds stored in a folder that belong to the current case files."""
     rows = read(Solved, folder / BOUNDS)
     return {
         row.problem: row
@@ -219,7 +220,7 @@ def all_cases() -> dict[str, Path]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Solve missing problems, judge all numbers, write tables and page; 1 if a problem failed."""
+    """Solve missing problems, judge all numbers, write the tables; return 1 after a failure."""
     cases = all_cases()
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=cases, default=list(cases))

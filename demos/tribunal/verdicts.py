@@ -1,4 +1,4 @@
-"""Judge published numbers by proven bounds, and read and write the tables of both."""
+"""Judge published numbers by proven bounds, and read and write both kinds of tables."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,16 +26,16 @@ class Published:
 
     Attributes:
         problem: Name of the case file.
-        value: The number as printed; its last decimal is its rounding. "1/0.261" means the
+        value: The number as printed; its last decimal determines the rounding. "1/0.261" means the
             reciprocal.
-        quantity: "factor of safety", or the meaning of the case's load factor.
+        quantity: "factor of safety", or the meaning of the load factor of the case.
         bound: "lower" or "upper" if the source calls the number a bound; otherwise empty.
         method: One of :data:`METHODS`.
         program: Program or person that computed the number.
         year: Year of the source, or "undated".
         source: Author, year, pages or DOI.
         transcribed_by: Author of the transcription; empty if the source itself was read.
-        doubt: Doubt on which problem was solved there; empty if there is none.
+        doubt: Reason to doubt which problem the source solved; empty if there is no doubt.
     """
 
     problem: str
@@ -57,9 +57,9 @@ class Solved:
     Attributes:
         problem: Name of the case file.
         case: SHA-256 of the case file.
-        lower: Factor with which the bodies do not collapse, rounded down.
-        upper: Factor with which they collapse, rounded up.
-        spiral: Factor with which a log spiral collapses.
+        lower: Factor at which the bodies do not collapse, rounded down.
+        upper: Factor at which the bodies collapse, rounded up.
+        spiral: Factor at which a log spiral collapses.
         cells: Number of triangles of the larger proof.
         seconds: Processor time of the run.
         stands: SHA-256 of the file that proves the lower bound.
@@ -78,7 +78,7 @@ class Solved:
 
     @property
     def width(self) -> Decimal | None:
-        """Distance of the bounds in percent of the lower bound; None if one is missing."""
+        """Distance of the bounds in percent of the lower bound; None if a bound is missing."""
         low, high = self.sides
         return None if low is None or high is None else 100 * (high / low - 1)
 
@@ -124,7 +124,7 @@ def judge(
     """Judge a number by the bounds of its problem.
 
     Args:
-        value: The printed value. It represents all numbers that round to it.
+        value: The printed value. It represents all numbers that round to this value.
         lower: Proven lower bound; None if it is missing.
         upper: Proven upper bound; None if it is missing.
         doubt: Reason why the bounds may belong to another problem.
@@ -151,7 +151,7 @@ def kind_of(quantity: str) -> str:
 def judged(
     published: Iterable[Published], solved: Mapping[str, Solved]
 ) -> list[tuple[Published, Verdict]]:
-    """Judge all numbers in their order, and return the verdicts."""
+    """Judge all numbers in order, and return the verdicts."""
     found = []
     for number in published:
         sides = solved[number.problem].sides if number.problem in solved else (None, None)
@@ -197,9 +197,9 @@ def write_verdicts(path: Path, rows: Iterable[tuple[Published, Verdict]]) -> Non
 
 
 def percent(verdict: Verdict) -> str:
-    """Return the percentage of a verdict, rounded down; empty for a verdict without one.
+    """Return the percentage of a verdict, rounded down; empty for a verdict without a percentage.
 
-    It has two decimals, or two significant digits if it is below 0.01.
+    The percentage has two decimals, or two significant digits if it is below 0.01.
     """
     if verdict.percent is None:
         return ""
