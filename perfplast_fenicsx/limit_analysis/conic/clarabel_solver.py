@@ -37,16 +37,16 @@ def by_clarabel(
     share: float = 1.0,
     least: float = 0.0,
 ) -> tuple[Verdict, str]:
-    """Solve the program of an iteration with Clarabel and store the solution in the iteration.
+    """Solve the program of an iteration with Clarabel, and store the solution in the iteration.
 
     Args:
         iteration: The iteration at its start; the function replaces its iterate and velocity by the
             solution.
         rtol: Largest relative difference of static and kinematic load.
-        steps: Counter to which Clarabel's iterations are added.
+        steps: List to which the function appends Clarabel's iterations.
         monitor: Called after each iteration.
         share: Share of the tolerance that the solution may use.
-        least: Not used, since Clarabel itself detects unbounded loads.
+        least: Not used, because Clarabel itself detects unbounded loads.
 
     Raises:
         InputError: If there are several ranks, if Clarabel is not installed, or if a block's cones
@@ -127,7 +127,7 @@ def _settings(clarabel: Any, rtol: float) -> Any:
     settings.verbose = False
     settings.tol_gap_rel = settings.tol_gap_abs = rtol
     settings.tol_feas = min(1e-8, rtol)
-    # With the default settings 2e-7, 1e-8 and 10, some three-dimensional bounds end with numerical
+    # With the default values 2e-7, 1e-8 and 10, the solution of some 3D bounds ends with numerical
     # errors.
     settings.dynamic_regularization_delta = 1e-5
     settings.static_regularization_constant = 1e-7
@@ -136,7 +136,7 @@ def _settings(clarabel: Any, rtol: float) -> Any:
 
 
 def _order(kind: ConeKind, shape: tuple[int, ...]) -> Longs:
-    """Return the indices that put the rows of a block into Clarabel's order."""
+    """Return the indices that sort the rows of a block in Clarabel's order."""
     rows = np.arange(shape[0] * shape[1]).reshape(shape)
     return (rows[:, TRIANGLE] if kind is ConeKind.SEMIDEFINITE else rows).ravel()
 

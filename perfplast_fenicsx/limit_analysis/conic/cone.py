@@ -1,14 +1,15 @@
-"""Define the protocol of a kind of cone, the only interface of the interior point iteration.
+"""Define the protocol for a kind of cone, the only interface of the interior point iteration.
 
-A program has blocks: points with one kind of cone, or contact pairs. Each point of a block has a
-pair of cone members. The static member is linear in the stress or forces at the point, and in
-unknowns of the block. The kinematic member lies in the dual cone. If the velocity is feasible, this
-member is linear in the rates at the point. The iteration drives the Jordan product of both members
-towards a multiple of the unit element. A :class:`Block` supplies the centre of its cones, the
-members of a stress, step lengths, and corrections of products. At an iterate, a
-:class:`ScaledBlock` supplies moduli, products, and the change of the members with the velocity.
+A program has blocks: points with one kind of cone, or contact pairs. Each point or pair of a block
+has two cone members. The static member is linear in the stress or force, and in unknowns of the
+block. The kinematic member lies in the dual cone. If the velocity is feasible, the kinematic member
+is linear in the rates. The iteration drives the Jordan product of both members towards a multiple
+of the unit element. A :class:`Block` supplies the centre of its cones, the members of a stress,
+step lengths, and corrections of products. At an iterate, a :class:`ScaledBlock` supplies moduli,
+products, and the change of the members with the velocity.
 
-A :class:`PointSets` contains the yield sets of a law at its points and creates a block from them.
+A :class:`PointSets` contains the yield sets of a law at its points, and creates a block from these
+sets.
 
 :mod:`second_order_cones`, :mod:`semidefinite_cones`, :mod:`parabolas` and :mod:`half_spaces`
 implement blocks. This module uses only NumPy.
@@ -26,23 +27,22 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.rounding import TINY
 
 PROXIMAL = 1e-5
-"""Proximal parameter δ of stresses that no cone bounds: in a step, they change by 1/δ times a
-strain. With a larger δ, the iteration converges slowly for linear elements that nearly lock (three
-times as many steps with 1e-4). With a smaller δ, K is ill-conditioned."""
+"""Proximal parameter δ for stresses that no cone bounds: in a step, these stresses change by 1/δ
+times a strain. With a larger δ, the iteration converges slowly for linear elements that nearly lock
+(three times as many steps with 1e-4). With a smaller δ, K is ill-conditioned."""
 
 MOST_VISCOUS = 1e4
-"""Largest initial viscosity of strong bodies, relative to that of the bodies that limit the loads.
-The limit keeps the first K well conditioned."""
+"""Largest initial viscosity of strong bodies, relative to the viscosity of the bodies that limit
+the loads. The limit keeps the first K well conditioned."""
 
 NEAR = 0.1
-"""Share of the target: products between this share of the target and the target divided by it are
-not corrected."""
+"""Fraction q of the target μ: products between qμ and μ/q are not corrected."""
 
 Places: TypeAlias = Longs | slice
 """Indices of points; a slice that selects all points avoids a copy."""
 
 NO_OWN: Floats = np.zeros(0)
-"""Empty array for a block without unknowns of its own."""
+"""Empty array, for a block without own unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Rates:
 
 @dataclass(frozen=True, eq=False)
 class Borne:
-    """Stress and forces at all points and pairs of a rank; each block writes its part.
+    """Stress and forces at all points and pairs of a rank; each block writes its own part.
 
     Attributes:
         pressure: Mean stress p, in the coordinates of the cones, shape (count,).
@@ -89,7 +89,7 @@ class Members:
 
     Attributes:
         static: Static members, functions of stress and forces, shape (num, ...).
-        kinematic: Kinematic members, functions of the rates, same shape.
+        kinematic: Kinematic members, functions of the rates, of the same shape.
         own: Static unknowns that only this block has, shape (num,), or :data:`NO_OWN`.
     """
 
@@ -115,7 +115,7 @@ class Moduli:
         a: Coefficient a, shape (count,).
         normal: Deviator N, shape (count, m).
         along: Deviator b, shape (count, m); None for zero.
-        whole: Indices of the points that have a full modulus RRᵀ of (tr ε, dev ε) instead, shape
+        whole: Indices of points that have a full modulus RRᵀ for (tr ε, dev ε) instead, shape
             (num,), and R, shape (num, 1 + m, 1 + m); None without such points.
         springs: Coefficient c of ⟨c [v]²⟩ at contact pairs, shape (num_pairs,); None if the caller
             adds the springs separately.
@@ -140,7 +140,7 @@ class Moduli:
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
     def beyond(self, count: int) -> "Moduli":
-        """Return the moduli of the points from ``count`` on, none of which has a full modulus."""
+        """Return the moduli of the points from ``count`` on; these points have no full moduli."""
         along = None if self.along is None else self.along[count:]
         return Moduli(self.bulk[count:], self.a[count:], self.normal[count:], along)
 
@@ -161,7 +161,7 @@ class Moduli:
         return found
 
     def roots(self) -> Floats:
-        """Return the factors R of the moduli RRᵀ, shape (count, 1 + m, 1 + m).
+        """Return factors R of the moduli RRᵀ, shape (count, 1 + m, 1 + m).
 
         Returns:
             The modulus is κ(1, −b)(1, −b)ᵀ plus a I − N Nᵀ on the deviator, or the full modulus.
@@ -184,7 +184,7 @@ class Moduli:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The columns of a conic program that contain the unknowns of a block.
+    """The columns of a conic program for the unknowns of a block.
 
     Attributes:
         pressure: Columns of p at all points, shape (count,).
@@ -201,12 +201,12 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class ConeRows:
-    """Cones of one kind and size, whose members are right + factors · x[columns].
+    """Cones of one kind and size, with the members right + factors · x[columns].
 
     Attributes:
         kind: Kind of the cones.
         right: Constant parts, shape (num, size).
-        columns: Indices of the unknowns of each member, shape (num_cones, k).
+        columns: Indices of the unknowns in each member, shape (num_cones, k).
         factors: Factors of these unknowns, shape (num, size, k).
     """
 
@@ -229,14 +229,14 @@ class ConeKind(StrEnum):
 
 @runtime_checkable
 class MatrixBlock(Protocol):
-    """A block whose members can be written as rows of a matrix, for external solvers."""
+    """A block that can write its members as rows of a matrix, for external solvers."""
 
     def rows(self, at: Columns) -> ConeRows:
         """Return the static members as linear functions of the unknowns."""
         ...
 
     def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
-        """Return the members, given static and dual vectors in the order of :meth:`rows`."""
+        """Return the members from static and dual vectors in the order of :meth:`rows`."""
         ...
 
 
@@ -244,7 +244,7 @@ class ScaledBlock(Protocol):
     """A block at an iterate, with the scaling of its cones."""
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """Write the moduli of this block into those of all points and pairs, and return them."""
+        """Write this block's moduli into the moduli of all points and pairs; return the latter."""
         ...
 
     def products(self, change: Members | None = None) -> Floats:
@@ -260,7 +260,7 @@ class ScaledBlock(Protocol):
         ...
 
     def follow(self, aim: Any, rates: Rates, change: Borne) -> Members:
-        """Write the change of stress and forces when the velocity changes by these rates.
+        """Write the change of stress and forces for a change of velocity with these rates.
 
         Returns:
             The change of the members.
@@ -268,7 +268,7 @@ class ScaledBlock(Protocol):
         ...
 
     def resist(self, rates: Rates, change: Borne) -> Floats:
-        """Write the stress and forces that the moduli alone assign to these rates.
+        """Write the stress and forces that follow from the rates by the moduli alone.
 
         Returns:
             The change of the block's own unknowns.
@@ -280,7 +280,7 @@ class Block(Protocol):
     """The points of a rank with one kind of cone, or its contact pairs.
 
     Attributes:
-        degree: Sum of the ranks of the cones; the gap over this sum is the mean product.
+        degree: Sum of the ranks of the cones; the gap divided by this sum is the mean product.
     """
 
     @property
@@ -289,11 +289,11 @@ class Block(Protocol):
         ...
 
     def start(self, borne: Borne) -> Members:
-        """Write the stress at the centre of the cones, and return the members there."""
+        """Write the stress at the centre of the cones, and return the members at this stress."""
         ...
 
     def flow(self, moduli: Moduli) -> None:
-        """Write the moduli at :meth:`start`, of the viscous flow that determines the units."""
+        """Write the moduli of the flow that determines the units, at the start's stress."""
         ...
 
     def static(self, borne: Borne, own: Floats) -> Floats:
@@ -305,7 +305,7 @@ class Block(Protocol):
         ...
 
     def longest(self, now: Members, change: Members) -> float:
-        """Return the longest step that keeps the members in the cones, ∞ if no step leaves them."""
+        """Return the longest step that keeps members in their cones; ∞ without a limit."""
         ...
 
     def raised(self, products: Floats, by: float) -> Floats:
@@ -317,11 +317,11 @@ class Block(Protocol):
         ...
 
     def scaled(self, now: Members, rates: Rates) -> ScaledBlock:
-        """Return the block at an iterate, given the rates of its velocity."""
+        """Return the block at an iterate, from the rates of the iterate's velocity."""
         ...
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Write stress divided by strain rate, with rates of at least 1/``stiffer``."""
+        """Write stresses divided by strain rates; rates count as at least 1/``stiffer``."""
         ...
 
 
@@ -329,8 +329,8 @@ class PointSets(Protocol):
     """Yield sets of one kind at points of a rank, in the coordinates (p, s) and the user's units.
 
     Points that belong to no :class:`PointSets` have second-order cones (:mod:`second_order_cones`).
-    Such a cone, with γ and α of the point, also encloses each set here. If a set bounds the mean
-    stress, α > 0 and the body dilates.
+    A second-order cone, with γ and α of the point, also encloses each set of a :class:`PointSets`.
+    If a set bounds the mean stress, α > 0 and the body dilates.
 
     Attributes:
         at: Indices of the points, shape (num,).
@@ -343,19 +343,19 @@ class PointSets(Protocol):
 
     @property
     def caps(self) -> Floats:
-        """Return the largest mean stress of each set (stress), ∞ if unbounded, shape (num,)."""
+        """Return the largest mean stress (stress) in each set, ∞ if unbounded, shape (num,)."""
         ...
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> Self:
-        """Return the sets of some of the points, which flags or indices among the points select."""
+        """Return the sets at the points that flags or indices among the points select."""
         ...
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the gauge (1 on a set's surface), given stresses at all points, shape (num,)."""
+        """Return the gauge (1 on a set's surface) from stresses at all points, shape (num,)."""
         ...
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return the support function, given admissible rates at all points, shape (num,)."""
+        """Return the support function from admissible rates at all points, shape (num,)."""
         ...
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
@@ -374,10 +374,10 @@ class PointSets(Protocol):
 
 
 class LawSet(Protocol):
-    """A yield set of another kind than a second-order cone, which a law returns as its only cone.
+    """A yield set other than a second-order cone, which a law returns as its only cone.
 
-    Its coordinates are the mean stress and the deviator, in plane strain those of the in-plane
-    stress.
+    The coordinates are the mean stress and the deviator; in plane strain, the mean and the deviator
+    of the in-plane stress.
     """
 
     def around(self, flat: bool) -> tuple[float, float]:
@@ -393,8 +393,7 @@ class LawSet(Protocol):
 
         Args:
             at: Indices of the points.
-            tensors: Tensors of which p and the components of s are the factors, shape (1 + m, 3,
-                3).
+            tensors: Tensors whose factors are p and the components of s, shape (1 + m, 3, 3).
             flat: As for :meth:`around`; the out-of-plane stress is then p.
         """
         ...
@@ -402,19 +401,19 @@ class LawSet(Protocol):
 
 @runtime_checkable
 class Provable(Protocol):
-    """A :class:`LawSet` that proof files can describe, so that strict bounds support the set."""
+    """A :class:`LawSet` that proof files can describe; strict bounds support such sets."""
 
     def on_file(self) -> dict[str, float]:
-        """Return the numbers that describe the set, by the names of the arrays in the proof file.
+        """Return the numbers that describe the set, by the names of arrays in the proof file.
 
-        If a name is missing, ``cone_slope`` and ``cone_matrix`` are zero and other numbers are NaN.
+        For missing names, ``cone_slope`` and ``cone_matrix`` are zero, and other numbers are NaN.
         """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Products of static and kinematic members, block by block.
+    """Products of static and kinematic members, for each block.
 
     Corrections keep the products close to each other, because an interior point method takes long
     steps if all products decrease together. J. Gondzio, Multiple centrality corrections in a

@@ -1,15 +1,16 @@
-"""Write a limit load as the data of a conic program: matrices, vectors and cones, for any solver.
+"""Write a limit load problem as the matrices, vectors and cones of a conic program, for any solver.
 
     max c·x  with  A x = b  and  right + factors · x in cones.
 
 The unknowns are x = (σ, r, λ, μ, t). The stress σ of each point is in the coordinates of its cone.
-Contact pairs have the forces r. The load factor is λ; the loads L have this factor, the free loads
-F the factor μ. Each unknown in t belongs to one block. The rows of A state equilibrium, Eᵀw σ + r −
-λL − μF = L₀, where the matrix E maps velocities to strain rates. Their multipliers are a velocity v
-with L(v) = 1. The multipliers of the cones are the kinematic members (:mod:`cone`).
+Contact pairs have the forces r. The loads L have the load factor λ, and the free loads F have the
+factor μ. Each unknown in t belongs to one block. The rows of A are the equations of equilibrium,
+Eᵀw σ + r − λL − μF = L₀, where the matrix E maps velocities to strain rates. The multipliers of
+these rows are a velocity v with L(v) = 1. The multipliers of the cones are the kinematic members
+(:mod:`cone`).
 
-:class:`~conic_program.ConicProgram` is the same program in terms of operators, without a matrix,
-and in the same units.
+:class:`~conic_program.ConicProgram` is the same program in the same units, with operators instead
+of a matrix.
 """
 
 from collections.abc import Callable
@@ -37,14 +38,14 @@ class ConeProgram:
     """The program max c·x with A x = b and the members of its cones, on one rank.
 
     Attributes:
-        A: Equilibrium, shape (num_velocities, num_unknowns).
+        A: Matrix of the equations of equilibrium, shape (num_velocities, num_unknowns).
         b: Permanent loads L₀, shape (num_velocities,).
-        c: 1 for λ and 0 for all others, shape (num_unknowns,).
+        c: 1 for λ and 0 for all other unknowns, shape (num_unknowns,).
         cones: Rows of the cones, one entry for each block of the program.
-        columns: The columns of each block's unknowns.
+        columns: The columns of the unknowns of each block.
         blocks: The blocks.
-        factors: The columns of λ and, if there are free loads, of μ.
-        deviators: Function that removes from s the part that belongs to p
+        factors: The column of λ and, if there are free loads, the column of μ.
+        deviators: Function that removes the volumetric part from s
             (:meth:`~discretisation.Strains.deviators`).
     """
 
@@ -118,7 +119,7 @@ class ConeProgram:
         Args:
             x: The unknowns.
             static: Members of each block, shape (num · size,) each.
-            kinematic: Multipliers of these members, same shapes.
+            kinematic: Multipliers of these members, of the same shapes.
         """
         stress = x[np.column_stack([self.columns[0].pressure, self.columns[0].deviator])]
         forces = x[self.columns[0].forces]

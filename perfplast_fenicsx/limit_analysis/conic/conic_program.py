@@ -1,4 +1,4 @@
-"""Formulate a limit load as a static and a kinematic problem, in units that make numbers about 1.
+"""Formulate a limit load as a static and a kinematic problem, in units with numbers about 1.
 
 At points with weights w, the problems are
 
@@ -9,21 +9,21 @@ in the coordinates of each point's cone (:mod:`standard_cones`). For yield sets 
 zero stress, s + γt replaces dev σ. L₀ is the work of the permanent loads, [v] the jump at contact
 pairs and obstacles, r the contact force and p the mean stress. If α = 0, bodies preserve their
 volume; otherwise they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and
-ε(v) = 0. Contact gaps do not affect the limit load, because unlimited motion closes or opens all of
-them (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
+ε(v) = 0. Contact gaps do not affect the limit load, because unlimited motion closes or opens every
+gap (E. Christiansen, Handbook of Numerical Analysis IV, 1996).
 
 A :class:`discretisation.Discretisation` defines the velocities v: displacements of finite elements
 (:mod:`discrete_limit`), or the multipliers of the equilibrium of piecewise linear stresses
 (:mod:`static_program`).
 
 The flow of viscous bodies under the same loads determines the units
-(:func:`interior_steps.choose_units`). The unit of stress is the strength of the points where this
-flow dissipates. For example, a weak layer in a stack flows alone, and a weak column next to a
-strong one flows together with it. The program then treats far stronger bodies as elastic. Both
-bounds remain bounds: the program scales the final stress into the true yield sets, and computes the
-dissipation of a velocity with the true yield radii. If the stress does not exceed yield in the
-strong bodies, treating them as elastic does not change the result. Otherwise the weakest of the
-strong bodies become plastic as well (:meth:`ConicProgram.stronger`).
+(:func:`interior_steps.choose_units`). The unit of stress is the strength of the points at which
+this flow dissipates. For example, a weak layer in a stack flows alone, and a weak column next to a
+strong column flows together with the strong column. The program then treats far stronger bodies as
+elastic. Both bounds remain bounds: the program scales the final stress into the true yield sets,
+and computes the dissipation of a velocity with the true yield radii. If the stress does not exceed
+yield in the strong bodies, treating them as elastic does not change the result. Otherwise the next
+search treats the weakest of the strong bodies as plastic, too (:meth:`ConicProgram.stronger`).
 
 The flow also shows which part of the loads drives it. Mean stresses and the stresses of bodies that
 do not yield are unbounded. The program subtracts the loads that these stresses balance. If A⁺σ are
@@ -65,21 +65,22 @@ Stress: TypeAlias = tuple[Floats, Floats]
 SOFTEST = 1e-10
 """Least modulus of points.
 
-Without this limit, weak points that flow next to strong points, which carry the loads, would have a
-modulus of almost zero. With bulk moduli of 1e5, K would then be singular in double precision.
+Without this limit, weak points that flow next to strong, load-carrying points would have a modulus
+of almost zero. With bulk moduli of 1e5, K would then be singular in double precision.
 """
 
 CONTRAST = 1e4
 """Largest strength of points that may flow, relative to the strength of the points that carry the
-loads. The ratio of the moduli in a step is the square of this number. With a larger one, rounding
-in double precision would spoil the equilibrium of the weak points.
+loads. The ratio of the moduli in a step is the square of this number. With a larger contrast,
+rounding in double precision would spoil the equilibrium of the weak points.
 """
 
 
 RESERVES = (1e-5, 1e-3, 1e-2)
 """Shares of the strengths that are kept in reserve for rounding if there are permanent loads. The
-first is the initial share (a tenth of the tolerance if that is smaller). The second is the largest
-share if the excess over yield is not known, the third the largest if it is.
+first share is the initial one (a tenth of the tolerance if this is smaller). The second is the
+largest share if the excess over yield is not known; the third is the largest share if the excess is
+known.
 """
 
 UNLIMITED = (
@@ -93,10 +94,10 @@ class Start:
     """The start of a search.
 
     Attributes:
-        scale: Yield radius (stress) of the bodies that carry the loads; None if the flow determines
-            it.
-        pushed: Whether contact carries most of the loads. The flow with soft springs in place of
-            contact then gives no information.
+        scale: Yield radius (stress) of the bodies that carry the loads; None if the viscous flow
+            determines this radius.
+        pushed: Whether contact carries most of the loads. In this case the flow with soft contact
+            springs gives no information.
         reserve: Share of the strengths that is kept in reserve if there are permanent loads.
     """
 
@@ -110,7 +111,7 @@ class Start:
         return cls(reserve=min(RESERVES[0], rtol / 10))
 
     def with_more_in_reserve(self, over: float | None = None) -> "Start | None":
-        """Return the next start with a larger reserve; None if that would change the bound.
+        """Return the next start, with a larger reserve; None if the reserve would change the bound.
 
         Args:
             over: Relative excess of the stress over yield; None if it is unknown.
@@ -126,8 +127,8 @@ class Start:
 
 
 PRESSED = 10.0
-"""Ratio of the frictional strength under the constant loads to the cohesion. Above this ratio, the
-frictional strength is the size of a strength."""
+"""Ratio of the frictional strength under the constant loads to the cohesion, above which the
+frictional strength is the size of a point's strength."""
 
 
 class ConicProgram:
@@ -136,23 +137,23 @@ class ConicProgram:
     Attributes:
         comm: The ranks.
         strains: Strain rates at the points.
-        stiffness: K, which can be assembled with any moduli.
+        stiffness: Stiffness K, which can be assembled with any moduli.
         load: L without the part that ``carried`` balances.
         dead: L₀ without the part that ``carried_dead`` balances.
-        free: Loads with a free factor, which may help to balance the other loads; they do no work
+        free: Loads with a free factor, which may help to balance the other loads. They do no work
             on v.
-        has_free: Whether there are any loads with a free factor.
+        has_free: Whether there are loads with a free factor.
         has_dead: Whether there are permanent loads L₀.
-        jumps: Local (owned) entries of velocities that are jumps of contact pairs, ``num_pairs`` on
-            all ranks together.
-        plastic: Flags of the points of this rank that can yield, shape (count,); the other points
-            are treated as elastic.
+        jumps: Indices of the owned entries of velocities that are jumps of contact pairs;
+            ``num_pairs`` on all ranks together.
+        plastic: Flags of the points of this rank that can yield, shape (count,); the program treats
+            other points as elastic.
         weights: Weights w with mean 1, shape (count,).
-        sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress due to the
+        sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress from the
             permanent loads if this product is much larger; ∞ in elastic bodies.
         loose: Whether any point of any rank has no cohesion.
-        keeps: Whether scaling cannot bring a stress within the yield sets: with permanent loads, or
-            without cohesion.
+        keeps: Whether scaling cannot bring a stress within the yield sets, because there are
+            permanent loads or points without cohesion.
         strengths: Sizes of the strengths of plastic points, about 1 in the bodies that carry the
             loads, and 0 at points that are not plastic, shape (count,).
         dilates: Whether any plastic point of any rank dilates.
@@ -161,13 +162,15 @@ class ConicProgram:
         degree: Degree of the blocks of all ranks.
         stress_unit: Unit of σ.
         load_unit: Unit of λ; ``force_unit`` is the unit of r.
-        carried: Unbounded stress (mean stresses, and stresses of points that are not plastic) that
+        carried: Unbounded stress (mean stresses, and stresses at points that are not plastic) that
             balances a part of L; ``carried_dead`` balances a part of L₀. None if there is no such
             part.
     """
 
     def __init__(self, on: Discretisation, reserve: float) -> None:
-        """Store a discretisation, and take ownership of its PETSc objects. Collective.
+        """Store a discretisation, take ownership of its PETSc objects, and set first units.
+
+        Collective.
 
         Args:
             on: The discretisation.
@@ -206,11 +209,12 @@ class ConicProgram:
         self.measure(cones / weaknesses if cones else 1.0)  # weak bodies dominate the mean
 
     def measure(self, unit: float, strongest: float = np.inf) -> None:
-        """Set the unit of stress, and let the points that are weak enough yield. Collective.
+        """Set the unit of stress, and the points that can yield. Collective.
 
         Args:
             unit: Unit of stress.
-            strongest: Points with larger yield radii (stress) are treated as elastic.
+            strongest: Largest yield radius (stress) of points that can yield; stronger points are
+                elastic.
         """
         self.strongest = strongest
         self.plastic = np.isfinite(self.sizes) & (self.sizes <= strongest)
@@ -263,14 +267,14 @@ class ConicProgram:
         return (*self._of_points, Pairs(self.springs))
 
     def multiply(self, unit: float) -> None:
-        """Multiply the loads by ``unit``, which divides the unknown load factor by ``unit``."""
+        """Multiply the loads by ``unit``, and thereby divide the unknown load factor by it."""
         self.load_unit *= unit
         self.load.scale(unit)
         if self.carried is not None:
             self.carried = (unit * self.carried[0], unit * self.carried[1])
 
     def stronger(self) -> float | None:
-        """Return the smallest yield radius (stress) above ``strongest``; None without one.
+        """Return the smallest yield radius (stress) above ``strongest``; None without a larger one.
 
         Collective.
         """
@@ -279,12 +283,14 @@ class ConicProgram:
         return least if np.isfinite(least) else None
 
     def range(self, values: Floats) -> tuple[float, float]:
-        """Return the smallest and the largest value of all ranks. Collective."""
+        """Return the smallest and the largest value over all ranks. Collective."""
         least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
     def overstress(self, stress: Stress) -> float:
-        """Return the largest yield ratio of a stress over all points, plastic or not. Collective.
+        """Return the largest yield ratio of a stress over all points, also elastic ones.
+
+        Collective.
 
         Args:
             stress: Stress in units of ``stress_unit``.
@@ -302,7 +308,7 @@ class ConicProgram:
         return Rates(*self.strains.of(velocity), velocity.array_r[self.jumps])
 
     def whole(self, stress: Stress, load: float) -> Stress:
-        """Return the stress that balances all loads, given a stress for the reduced loads."""
+        """Return the stress that balances all loads, from a stress for the reduced loads."""
         for share, carried in ((load, self.carried), (1.0, self.carried_dead)):
             if carried is not None:
                 stress = stress[0] + share * carried[0], stress[1] + share * carried[1]
@@ -314,7 +320,7 @@ class ConicProgram:
             thing.destroy()
 
     def dead_to_live(self) -> float:
-        """Return the ratio of the largest force of L₀ to that of L. Collective."""
+        """Return the ratio of the largest force in L₀ to the largest force in L. Collective."""
         largest = PETSc.NormType.NORM_INFINITY
         return float(self.dead.norm(largest) / self.load.norm(largest)) if self.has_dead else 0.0
 
@@ -325,13 +331,13 @@ class ConicProgram:
         return vector
 
     def viscous_stress(self, velocity: PETSc.Vec) -> Stress:
-        """Return the viscous stress in the flow that determines units. Collective."""
+        """Return the viscous stress of the flow that determines the units. Collective."""
         trace, deviator = self.strains.of(velocity)
         moduli = self.flow_moduli()
         return self.weights * moduli.bulk * trace, (self.weights * moduli.a)[:, None] * deviator
 
     def flow_moduli(self) -> Moduli:
-        """Return the moduli of the flow that determines units, and of the first step."""
+        """Return the moduli of the flow that determines the units, and of the first step."""
         found = self.moduli(1 / PROXIMAL)
         for block in self._of_points:
             block.flow(found)
@@ -344,10 +350,10 @@ class ConicProgram:
         return Moduli(bulk, a, np.zeros(shape, order="F"))
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
-        """Assemble K from w² times the moduli, and springs; see :class:`discretisation.Stiffness`.
+        """Assemble K from w² times the moduli, plus springs; see :class:`discretisation.Stiffness`.
 
-        Coefficients a below :data:`SOFTEST` are raised to this value. The directions are then
-        slightly less exact; later directions correct the unbalanced forces that remain.
+        The method raises coefficients a below :data:`SOFTEST` to this value. The directions are
+        then slightly less exact, and later directions correct the remaining unbalanced forces.
         """
         scale = self.weights / self._mean_weight
         scaled = Moduli(
@@ -388,8 +394,8 @@ class ConicProgram:
     def rates(self, velocity: PETSc.Vec) -> tuple[float, float]:
         """Return the root mean squares of the inadmissible part of ε(v) and of ε(v). Collective.
 
-        In bodies that dilate, the inadmissible part is the shortfall of tr ε(v). In the program's
-        units, the second value is about 1 for a flow that dissipates.
+        In bodies that dilate, the inadmissible part is the amount by which tr ε(v) is too small. In
+        the program's units, the second value is about 1 for a flow that dissipates.
         """
         trace, deviator = self.strains.of(velocity)
         squares = np.einsum("ni,ni->n", deviator, deviator)

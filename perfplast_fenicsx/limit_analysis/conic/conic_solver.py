@@ -1,4 +1,4 @@
-"""Define the protocol of conic solvers, and store which solver a run uses."""
+"""Define the protocol for conic solvers, and store the solver that a run uses."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,7 +28,7 @@ class ConicSolver(Protocol):
         share: float = 1.0,
         least: float = 0.0,
     ) -> tuple[Verdict, str]:
-        """Solve the program, and store the solution as the iterate and its velocity. Collective.
+        """Solve the program, and store the solution in the iterate and the velocity. Collective.
 
         Args:
             iteration: The iteration at its start, with the program.
@@ -36,10 +36,10 @@ class ConicSolver(Protocol):
             steps: List to which the steps are appended.
             monitor: Called on every rank after each step.
             share: Share of the tolerance that the solution may use.
-            least: Load factor up to which the method does not report an unbounded load.
+            least: Load factor up to which the solver does not report that the load is unbounded.
 
         Returns:
-            The outcome, and its reason.
+            The outcome, and the reason for it.
         """
         ...
 
@@ -62,7 +62,7 @@ _CHOSEN: ContextVar[str] = ContextVar("conic solver", default=USUAL)
 
 @contextmanager
 def conic_solver(name: str) -> Iterator[None]:
-    """Use a solver for all limit loads and bounds in a block.
+    """Use a solver for all limit loads and bounds within a ``with`` block.
 
     Args:
         name: A key of :data:`SOLVERS`.
@@ -80,7 +80,7 @@ def conic_solver(name: str) -> Iterator[None]:
 
 
 def check_solver(name: str, ranks: int) -> None:
-    """Check that a solver can run on these ranks. Not collective.
+    """Check that a solver can run on a number of ranks. Not collective.
 
     Args:
         name: A key of :data:`SOLVERS`.

@@ -1,4 +1,4 @@
-"""Define the discrete form of a limit load problem: strain rates at points and a stiffness.
+"""Define the discrete form of a limit load problem: strain rates at points, and a stiffness.
 
 :class:`SprungMatrix` is the common part of both kinds of stiffness: contact springs and the
 factorisation.
@@ -31,20 +31,21 @@ class SingularStiffness(RuntimeError):
 class Strains(Protocol):
     """The operator from velocities to strain rates at the points of this rank, and its transpose.
 
-    Stresses are (p, s) in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp. Strain rates are
-    conjugate to them (:mod:`standard_cones`). For a cone about the hydrostatic axis, p is the mean
-    stress and s the deviator; therefore rates are called trace and deviator.
+    Stresses (p, s) are in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp. Strain rates are
+    conjugate to these stresses (:mod:`standard_cones`). For a cone about the hydrostatic axis, p is
+    the mean stress and s the deviator. The two parts of a strain rate are therefore called trace
+    and deviator.
 
     Attributes:
         count: Number of points of this rank.
-        size: Number m of components of a deviator; its norm is that of the tensor.
-        gdim: Number of normal components in the trace; p is their mean.
+        size: Number m of components of a deviator; their Euclidean norm is the norm of the tensor.
+        gdim: Number of normal components in the trace; p is the mean of the normal stresses.
         weights: Volume of each point, shape (count,).
         radii: Yield radius γ (stress) at zero mean stress, ∞ in elastic bodies, shape (count,).
         slopes: Slope α, by which the radius falls with the mean stress, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        sets: Yield sets of other kinds, one entry for each kind. At their points, γ and α describe
-            the narrowest cone with the same apex that encloses the set.
+        sets: Yield sets of other kinds, one entry for each kind. At the points of these sets, γ and
+            α describe the narrowest cone with the same apex that encloses the set.
     """
 
     count: int
@@ -65,15 +66,16 @@ class Strains(Protocol):
         ...
 
     def matrix(self) -> sparse.csr_array:
-        """Return the matrix of :meth:`of`, on one rank only.
+        """Return the matrix of :meth:`of`; only for a single rank.
 
         Returns:
-            The trace of each point, then its deviator, shape (count · (1 + m), num_unknowns).
+            Rows for the trace and then for the deviator of each point, shape (count · (1 + m),
+            num_unknowns).
         """
         ...
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return s without a volumetric part, which s has if its components are redundant."""
+        """Return s without a volumetric part, which s has only if its components are redundant."""
         ...
 
     def destroy(self) -> None:
@@ -82,7 +84,7 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """K from :class:`~cone.Moduli` at the points and a spring c [v]² at each contact pair."""
+    """K from :class:`~cone.Moduli` at points and from a spring c [v]² at each contact pair."""
 
     @property
     def factorisations(self) -> int:
@@ -131,12 +133,12 @@ class Discretisation:
         comm: The ranks.
         strains: Strains of velocities.
         stiffness: Stiffness of the same velocities.
-        load: Vector of L, the loads whose factor λ is sought, in the user's units.
+        load: Vector of L, the loads with the unknown factor λ, in the user's units.
         dead: Vector of L₀, the permanent loads, in the user's units.
         free: Vector of the loads with a free factor.
-        jumps: Local (owned) entries of velocities that are jumps [v] of contact pairs.
-        proves_stress: Whether the stress has to prove a bound. Then, without cohesion, a share of
-            the slope α is kept in reserve for rounding too.
+        jumps: Indices of the owned entries of velocities that are jumps [v] of contact pairs.
+        proves_stress: Whether the stress has to prove a bound. In this case, without cohesion, the
+            program also keeps a share of the slope α in reserve for rounding.
     """
 
     comm: MPI.Intracomm
@@ -164,7 +166,7 @@ class SprungMatrix:
 
         Args:
             comm: The ranks.
-            matrix: The matrix; the caller assembles it again for each K.
+            matrix: The matrix, which the caller assembles again for each K.
             jumps: Owned unknowns that are jumps.
             options: PETSc options of the factorisation.
         """
@@ -183,7 +185,7 @@ class SprungMatrix:
 
     @property
     def uses(self) -> str:
-        """Name that PETSc gives to the solver of the last factorisation."""
+        """Return PETSc's name of the solver of the last factorisation."""
         return str(self._used.getPC().getFactorSolverType())
 
     def jump_diagonal(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Define the cones of contact pairs: forces r ≥ 0 and slacks −[v] ≥ 0. NumPy only."""
+"""Define the cones of contact pairs, forces r ≥ 0 and slacks −[v] ≥ 0, in NumPy."""
 
 from dataclasses import dataclass, replace
 
@@ -30,7 +30,7 @@ class Pairs:
 
     @property
     def degree(self) -> int:
-        """Number of pairs."""
+        """Return the number of pairs."""
         return len(self.springs)
 
     def start(self, borne: Borne) -> Members:

@@ -2,9 +2,9 @@
 
 Each step factorises one stiffness. The stress at a point changes by moduli times a strain rate;
 each kind of cone defines its moduli (:mod:`cone`). A step consists of Mehrotra's predictor and
-corrector and of Gondzio's corrections (:class:`cone.Products`). All of them use the same factors.
-The proximal point method changes unbounded stresses (mean stresses, and all stresses in elastic
-bodies). It does not change the limit of the iteration.
+corrector and of Gondzio's corrections (:class:`cone.Products`), all with the same factors. The
+proximal point method determines the change of unbounded stresses (mean stresses, and all stresses
+in elastic bodies). It does not change the limit of the iteration.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import measure_of
 from perfplast_fenicsx.solvers.linear.conjugate_residuals import ConjugateResiduals
 
 AT_REST = 1e-4
-"""Strain rates, relative to the rates of a flow that dissipates, that count as nearly zero."""
+"""Strain rate, relative to the rates of a flow that dissipates, that counts as nearly zero."""
 
 MOST_ROUNDS = 4
-"""Largest number of rounds in which :func:`rebalance` restores equilibrium; after each, contact
-forces that pull are set to zero."""
+"""Largest number of rounds in which :func:`rebalance` restores equilibrium. After each round, the
+function sets tensile contact forces to zero."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Unknowns:
         load: Load factor λ.
         aside: Factor of the free loads, 0 without such loads.
         borne: Stress at the points, and forces of the pairs.
-        members: Members of the program's blocks, the contact pairs last.
+        members: Members of the program's blocks; the contact pairs are the last block.
     """
 
     load: float
@@ -79,7 +79,7 @@ class Unknowns:
         )
 
     def bearing(self, borne: Borne, blocks: Sequence[Block]) -> "Unknowns":
-        """Return the unknowns with other stress and forces, and with the static members of both."""
+        """Return the unknowns with another stress and other forces, and with their members."""
         both = zip(blocks, self.members, strict=True)
         members = (replace(it, static=block.static(borne, it.own)) for block, it in both)
         return replace(self, borne=borne, members=tuple(members))
@@ -87,20 +87,20 @@ class Unknowns:
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A change of the unknowns, and of the velocity's entries on this rank."""
+    """A change of the unknowns, and of the entries of the velocity on this rank."""
 
     unknowns: Unknowns
     velocity: Floats
 
 
 class Workspace:
-    """Velocity vectors that all steps use as work space.
+    """Vectors that all steps use as work space.
 
     Attributes:
         balance: Unbalanced forces.
         right: Right-hand side of a linear system.
         change: Change of the velocity.
-        motions: Motions under a unit factor of each load with an unknown factor.
+        motions: For each load with an unknown factor, the motion under a unit factor.
     """
 
     def __init__(self, program: ConicProgram) -> None:
@@ -116,7 +116,7 @@ class Workspace:
 
 
 class NewtonDirections:
-    """Newton directions from one iterate, for given changes of the products of cones and pairs.
+    """Newton directions from one iterate, for given changes of the products of members.
 
     All directions use the factors of one K.
     """
@@ -159,7 +159,10 @@ class NewtonDirections:
         program.stiffness.factorise()
 
     def _find_of_loads(self, velocity: PETSc.Vec) -> None:
-        """Compute the motions under unit loads, their works, and the missing works. Collective."""
+        """Compute the motions under unit loads, the works of the loads, and the missing works.
+
+        Collective.
+        """
         program, work = self._program, self._work
         self._loads = [program.load, program.free] if program.has_free else [program.load]
         self._motions = work.motions[: len(self._loads)]
@@ -184,7 +187,7 @@ class NewtonDirections:
         return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
-        """Return the direction that changes the products by ``change``, to first order.
+        """Return the direction that to first order changes the products by ``change``.
 
         Collective.
         """
@@ -220,10 +223,11 @@ class NewtonDirections:
         return Borne(self._free * trace, self._free[:, None] * deviator, none)
 
     def balanced(self, now: Unknowns) -> Unknowns:
-        """Return the unknowns, corrected so that the unbalanced forces vanish. Collective.
+        """Return the unknowns with a correction that removes the unbalanced forces. Collective.
 
         Args:
-            now: The unknowns, whose unbalanced forces are in ``balance`` of the workspace.
+            now: The unknowns. The vector ``balance`` of the workspace contains their unbalanced
+                forces.
         """
         program, change = self._program, self._work.change
         program.stiffness.solve(self._work.balance, change)
@@ -244,14 +248,14 @@ class InteriorIteration:
         program: The program to solve.
         now: The iterate.
         velocity: Velocity v of the iterate.
-        earlier: The first iterate that :meth:`kept` has returned; None before the first call.
+        earlier: The first iterate that :meth:`kept` returned; None before the first call.
     """
 
     def __init__(self, program: ConicProgram) -> None:
         """Start at the centre of the yield sets, with zero velocity. Collective.
 
-        The first step uses the factors of the K that has determined the program's units. The
-        stiffness must not have factorised another K since then.
+        The first step uses the factors of the K that determined the program's units. The stiffness
+        must not have factorised another K since then.
         """
         self.program = program
         self.earlier: tuple[Unknowns, Floats] | None = None
@@ -273,13 +277,13 @@ class InteriorIteration:
 
         Args:
             now: The iterate, its members inside their cones.
-            velocity: Entries of its velocity on this rank.
+            velocity: Entries of the iterate's velocity on this rank.
         """
         self.now, self._newton, self._begun = now, None, True
         self.velocity.array[:] = velocity
 
     def kept(self) -> tuple[Unknowns, Floats]:
-        """Return the iterate and its velocity's entries; ``earlier`` keeps the first result."""
+        """Return the iterate and its velocity's entries; ``earlier`` stores the first result."""
         now = self.now, self.velocity.array_r.copy()
         self.earlier = self.earlier or now
         return now
@@ -303,8 +307,8 @@ class InteriorIteration:
     def unbalanced_work(self) -> float:
         """Return the work of the unbalanced forces on the velocity. Collective.
 
-        To first order, the load changes by this work when the forces are balanced, because the
-        velocity is the mechanism with L(v) = 1.
+        To first order, the load changes by this work if the forces are brought into balance,
+        because the velocity is the mechanism with L(v) = 1.
         """
         return float(self.balance().dot(self.velocity))
 
@@ -344,7 +348,7 @@ class InteriorIteration:
         bodies.
 
         Bodies that only permanent loads hold together may separate rigidly. With permanent loads,
-        ‖ε(v)‖ is therefore at least :data:`AT_REST`.
+        ‖ε(v)‖ therefore counts as at least :data:`AT_REST`.
         """
         wrong, rate = self.rates()
         rate = max(rate, AT_REST) if self.program.has_dead else rate
@@ -374,9 +378,9 @@ class InteriorIteration:
 
         Args:
             onwards: Whether to step towards the limit load. If False, the step is towards the
-                centre of the cones at the present load and corrects only the velocity. Its proximal
-                parameter is δ², which reduces the strain rates of elastic bodies to rounding in one
-                step.
+                centre of the cones at the present load, and corrects only the velocity. Its
+                proximal parameter is δ²; this value reduces the strain rates of elastic bodies to
+                rounding in one step.
 
         Returns:
             The length of the step, at most 1; 0 if no direction was found.
@@ -404,8 +408,8 @@ class InteriorIteration:
         chosen = newton.towards(aim)
         longest = self._longest(chosen.unknowns)
         # Each correction of a direction needs one solution with the present factors. A correction
-        # aims at a step that is longer by ``gain`` (a full step is 1). It is accepted if the step
-        # grows by more than ``worth``.
+        # aims at a step that is longer by ``gain`` (a full step is 1). The method accepts a
+        # correction if the step grows by more than ``worth``.
         most_corrections, gain, worth = 3, 0.3, 0.02
         for _ in range(most_corrections):
             if not longest < 1:
@@ -435,17 +439,17 @@ class InteriorIteration:
 def rebalance(iteration: InteriorIteration) -> None:
     """Restore the equilibrium of an iterate by the least change of its stress. Collective.
 
-    Each round needs one factorisation. Contact forces change in proportion to their size, so that
-    small forces stay positive. A contact force that has to be zero in equilibrium may still pull,
-    because of residuals of the iteration. The function sets such forces to zero and restores
-    equilibrium without them. The stress may exceed yield. If a factorisation fails, or if forces
-    still pull after the last round, the function keeps the last iterate in equilibrium, or the
-    original iterate.
+    Each round needs one factorisation. Contact forces change in proportion to their size; small
+    forces therefore stay positive. A contact force that has to be zero in equilibrium may still be
+    tensile, because of residuals of the iteration. The function sets tensile forces to zero and
+    restores equilibrium without them. The stress may exceed yield. If a factorisation fails, or if
+    forces are still tensile after the last round, the function keeps the last iterate in
+    equilibrium, or the original iterate.
     """
     program, balanced = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
-    least_change = 1e-6  # spring of a zero contact force, relative to that of the largest force
+    least_change = 1e-6  # spring of a zero contact force, relative to the largest force's spring
     springs = program.springs * (balanced.forces / (largest or 1.0) + least_change)
     try:
         for _ in range(MOST_ROUNDS):
@@ -471,9 +475,9 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
 
     The method is conjugate residuals with the factors as preconditioner. Where edges nearly cross,
     rows of equilibrium nearly depend on each other. The ridge of the factors
-    (:data:`condensed_stiffness.RIDGE`) then exceeds K for a few motions, which simple refinement
-    hardly corrects. Conjugate gradients would diverge again if no stress fulfils equilibrium to the
-    last bit. The function keeps the correction with the smallest residual.
+    (:data:`condensed_stiffness.RIDGE`) then exceeds K for a few motions, and simple refinement
+    hardly corrects these motions. Conjugate gradients would finally diverge if no stress satisfies
+    equilibrium to the last bit. The function keeps the correction with the smallest residual.
     """
     program, units = iteration.program, iteration.row_units()
     direction, product = program.create_vector(), program.create_vector()
@@ -483,7 +487,7 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     balanced = 1e-13
     most_corrections = 20  # usually one or two, plus one for each pair of edges that nearly cross
     worth = 0.5  # a correction succeeds if it reduces the least residual to this share
-    patience = 4  # number of unsuccessful corrections in a row that ends the loop
+    patience = 4  # number of consecutive unsuccessful corrections after which the loop ends
     try:
         while directions.count <= most_corrections:
             missing = iteration.unbalanced()
@@ -516,7 +520,7 @@ def _resistance(
     Args:
         iteration: The iteration with the program.
         springs: Stiffness of contact.
-        motion: The motion; the bodies have unit moduli.
+        motion: The motion of bodies with unit moduli.
         out: Set to the sum of internal and contact forces.
     """
     program = iteration.program

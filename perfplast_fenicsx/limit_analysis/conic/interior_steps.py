@@ -24,7 +24,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_iteration import InteriorIt
 MOST_STEPS = 60
 
 NO_LOAD = 1e-7
-"""Loads and strain rates below this share of the values in a viscous flow count as zero."""
+"""Loads and strain rates below this share of their values in the viscous flow count as zero."""
 
 CARRIES_NONE = (
     "no stress can carry the loads: the loads move bodies away from supports without resistance"
@@ -36,9 +36,9 @@ class StopSearch(Exception):
     """Raised by a monitor on every rank to end the steps and keep the results.
 
     Attributes:
-        found: Results of the search so far; None if the search had not begun.
+        found: Results of the search so far; None before the first result.
         adapted: Results on the previous meshes of an adaptive search; None in other searches.
-        safety: Proven factors so far of a search for a factor of safety; None in other searches.
+        safety: Proven factors so far in a search for a factor of safety; None in other searches.
     """
 
     found: object = None
@@ -62,8 +62,8 @@ class InteriorStep:
     Attributes:
         number: Number of the step, from 1.
         load: Load factor λ of the stress, a lower bound once the forces are in balance.
-        gap: Kinematic minus static load for an admissible velocity, relative to the power of all
-            loads.
+        gap: Kinematic load minus static load for an admissible velocity, relative to the power of
+            all loads.
         unbalanced: Largest unbalanced force, relative to the largest load.
         inadmissible: Volume change of v in plastic bodies and strain rate in elastic bodies,
             relative to ‖ε(v)‖.
@@ -85,7 +85,7 @@ Monitor: TypeAlias = Callable[[InteriorStep], None]
 
 
 def carries_none(program: ConicProgram, most: float, rate: float) -> bool:
-    """Return whether the load factor is zero because bodies move without resistance.
+    """Return whether the load factor is zero because the bodies move without resistance.
 
     Args:
         program: The program with the loads.
@@ -107,7 +107,7 @@ def iterate(
     """Perform steps until the limit load is known. Collective.
 
     To first order, unbalanced forces r change λ by r·v, where v is the mechanism with L(v) = 1. The
-    caller removes these residuals afterwards; with residuals, λ is not a bound.
+    caller removes these residuals afterwards, because with residuals λ is not a bound.
 
     Args:
         iteration: The iteration at its start.
@@ -119,15 +119,16 @@ def iterate(
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # last balanced iterate and its velocity's entries
-    # Without a sign of a mechanism, this many times the viscous flow's load counts as unbounded.
+    # Without a sign of a mechanism, this multiple of the viscous flow's load counts as unbounded.
     unbounded = 50.0
     far = unbounded * (program.degree + program.dead_to_live())
     far = max(far, least / program.load_unit)
     # Largest unbalanced force and missing work that the bounds can remove afterwards.
     least_residual = 1e-5
-    # Largest unbalanced force, relative to the largest load, if such forces do almost no work. For
-    # a body force on fine cells it is far below the rounding of the internal forces. A velocity
-    # whose inadmissible part exceeds this number is far from a mechanism.
+    # Largest unbalanced force, relative to the largest load, if unbalanced forces do almost no
+    # work. For a body force on fine cells, the largest load is far below the rounding of the
+    # internal forces. A velocity whose inadmissible part exceeds this number is far from a
+    # mechanism.
     almost = 1e-3
     stuck = 1e-6  # length of a step that counts as zero
     while len(steps) < MOST_STEPS:
@@ -180,7 +181,7 @@ def iterate(
 def next_start(
     start: Start, program: ConicProgram, now: Unknowns | None, verdict: Verdict, rtol: float
 ) -> Start | None:
-    """Return the start of the next search; None if none is needed or possible.
+    """Return the start of the next search; None if no further search is needed or possible.
 
     Collective.
 
@@ -189,7 +190,7 @@ def next_start(
         program: Program of the last search.
         now: Final iterate; None if the search has not begun.
         verdict: Outcome of the search.
-        rtol: Relative excess over yield that is allowed.
+        rtol: Allowed relative excess of the stress over yield.
     """
     if verdict is Verdict.UNBOUNDED and now is not None and program.num_pairs and not start.pushed:
         return replace(start, pushed=True)
@@ -205,27 +206,27 @@ def next_start(
 
 NO_STRAIN = 1e-4
 """Share of the work of constant loads below which the dissipation of a flow is negligible. Loads on
-both sides of a contact can drive a flow that opens the contact, so that the bodies move rigidly.
-Only the constant loads then limit the load factor."""
+both sides of a contact can drive a flow that opens the contact while the bodies move rigidly. Only
+the constant loads then limit the load factor."""
 
 
 def choose_units(program: ConicProgram, start: Start) -> bool:
     """Choose units in which the limit load is about the number of points and pairs. Collective.
 
-    Afterwards, the stiffness holds the factors of the flow's K.
+    Afterwards, the stiffness contains the factors of the flow's K.
 
     Args:
         program: The program whose units are chosen, in its initial state.
         start: The start of the search.
 
     Returns:
-        Whether something limits the loads.
+        Whether the loads have a limit.
 
     Raises:
         SingularStiffness: If K cannot be factorised.
     """
     flow = program.create_vector()
-    # If contact springs are this many times as stiff as the bodies, contact carries nearly its full
+    # Ratio of contact springs to the stiffness of bodies at which contact carries nearly its full
     # share of the loads.
     hard = 1e4
     try:
@@ -268,8 +269,8 @@ def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None)
     Args:
         program: The bodies and their loads.
         flow: Set to the flow.
-        springs: Springs of contact; by default the springs of the program, whose stiffness is first
-            set to suit the stiffness of the bodies.
+        springs: Contact springs; by default the springs of the program, after the function has
+            adapted them to the stiffness of the bodies.
     """
     moduli = program.flow_moduli()
     if springs is None and program.num_pairs:
@@ -289,7 +290,9 @@ def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
 
 
 def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
-    """Set the unit of stress to the mean strength where the flow dissipates. Collective.
+    """Set the unit of stress to the mean strength of the points at which the flow dissipates.
+
+    Collective.
 
     Returns:
         Whether the units have changed.
@@ -313,7 +316,7 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
 
 
 def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
-    """Subtract from the permanent loads the part that unbounded stresses balance. Collective.
+    """Subtract the part of the permanent loads that unbounded stresses balance. Collective.
 
     The function uses the present factors. If no flow remains, unbounded stresses balance all
     permanent loads.
@@ -336,11 +339,11 @@ def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
 
 
 def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats) -> Floats:
-    """Return contact forces with which unbounded stresses balance most of the permanent loads.
+    """Return contact forces at which unbounded stresses balance most of the permanent loads.
 
-    The growing loads have the factor, at least zero, with the least flow. Where bodies that
-    preserve volume touch under pressures of 100 times their strength, a search that starts with
-    smaller forces takes steps of 1e-3 and stalls. The function uses the present factors.
+    The factor of the growing loads is the factor, at least zero, with the least flow. Bodies that
+    preserve volume may touch under pressures of 100 times their strength. A search that starts with
+    smaller forces then takes steps of 1e-3 and stalls. The function uses the present factors.
     Collective.
 
     Args:
@@ -368,24 +371,24 @@ def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats)
 def _divide(
     program: ConicProgram, load: PETSc.Vec, flow: PETSc.Vec, springs: Floats | None
 ) -> tuple[Stress | None, Floats, bool]:
-    """Subtract from loads the part that unbounded stresses balance, if its share is large.
+    """Subtract the part of loads that unbounded stresses balance, if this part is large.
 
     Collective.
 
     The method is Uzawa's iteration with the factors of the flow's K. The part that contact carries
-    remains in the loads, since contact forces must not pull. On return, ``flow`` is the flow under
-    the remaining loads.
+    remains in the loads, because contact forces must not be tensile. On return, ``flow`` is the
+    flow under the remaining loads.
 
     Args:
         program: The program with the loads.
-        load: The loads, from which the balanced part is subtracted.
+        load: The loads; the function subtracts the balanced part from this vector.
         flow: Flow under the loads; the function updates it.
-        springs: Springs of contact, whose forces are computed as well; None if contact forces are
-            not needed.
+        springs: Contact springs, whose forces the function also computes; None if contact forces
+            are not needed.
 
     Returns:
-        The unbounded stress, None if nothing was subtracted; contact forces, zeros if they are not
-        computed; whether any flow is left.
+        The unbounded stress, None if no part was subtracted; the contact forces, zeros if they are
+        not computed; whether a flow remains.
     """
     given, left, rest = load.copy(), program.create_vector(), load.copy()
     carried: Stress | None = None
@@ -394,14 +397,14 @@ def _divide(
     pushes: Floats = np.zeros(len(program.jumps))
     bulk, first = program.weights / PROXIMAL, float(load.dot(flow))
     bounded = program.plastic & (program.strains.slopes > 0)
-    # A part of the loads is subtracted if unbounded stresses have at least this share of the power.
-    # The share is 1e-5 for a load that dissipation resists, and 1 for a load that drives no
-    # dissipation.
+    # The function subtracts a part of the loads if unbounded stresses have at least this share of
+    # the power. The share is 1e-5 for a load that dissipation resists, and 1 for a load that drives
+    # no dissipation.
     mostly = 0.1
-    # Share of the initial power below which no flow is left: the square of the rounding error of
+    # Share of the initial power below which no flow remains: the square of the rounding error of
     # balanced loads, divided by the proximal modulus.
     no_flow = 1e-16
-    most_divisions = 20  # two to four divisions of the loads have been seen
+    most_divisions = 20  # two to four divisions of the loads were usually needed
     try:
         for _ in range(most_divisions):
             trace, deviator = program.strains.of(flow)

@@ -1,4 +1,4 @@
-"""Bound stresses in the plane by a parabola, the criterion of Hoek and Brown, as two cones.
+"""Bound in-plane stresses by a parabola, the criterion of Hoek and Brown, as two cones.
 
 The in-plane stress has the mean p, ‖s‖ = √2 R and σ₁ = p + R. The set is R² ≤ k (f − σ₁). A stress
 is in the set if a number t ≥ R exists with (2t + k)² ≤ 4k (P − p), where P = f + k/4. So each point
@@ -6,12 +6,12 @@ has two second-order cone members,
 
     (√2 t, s)   and   (P − p + k, P − p − k, 2t + k),
 
-which are linear in y = (t, p, s): x = h + Gy. Their multipliers z satisfy −Gᵀz = w (0, tr ε, dev
-ε). With the scaling W of Nesterov and Todd and H = GᵀW⁻²G, the stress changes by dy = H⁻¹(GᵀW⁻¹r +
-Gᵀz + w(ε + dε)) if the products change by W z ∘ r.
+which are linear in y = (t, p, s): x = h + Gy. The multipliers z of both members satisfy −Gᵀz = w
+(0, tr ε, dev ε). With the scaling W of Nesterov and Todd and H = GᵀW⁻²G, the stress changes by dy =
+H⁻¹(GᵀW⁻¹r + Gᵀz + w(ε + dε)) if the products change by W z ∘ r.
 
-With v = tr ε > 0 and g = ε₁ − ε₃, a strain rate dissipates fv + (k/4) (g − v)₊²/v. All such sets
-have the shape of one parabola; k is its size, and the tensile strength f its position.
+With v = tr ε > 0 and g = ε₁ − ε₃, a strain rate dissipates fv + (k/4) (g − v)₊²/v. All these sets
+have the shape of one parabola; k determines the size, and the tensile strength f the position.
 """
 
 import math
@@ -44,9 +44,9 @@ from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
 ROOT2 = math.sqrt(2.0)
 
 GENTLEST = 0.01
-"""Least tr ε of a strict mechanism, relative to ε₁ − ε₃; the proof checker uses the same value.
-Where the tangent of the parabola has this sine of the friction angle, the stress is about 2500 k,
-beyond all stresses of interest."""
+"""Least tr ε of a strict mechanism, relative to ε₁ − ε₃; the proof checker uses the same value. At
+the stress at which the tangent of the parabola has this sine of the friction angle, the stress is
+about 2500 k, beyond all stresses of interest."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Parabola:
     """The set R² ≤ k (f − σ₁) of in-plane stresses; see :class:`cone.LawSet`.
 
     Attributes:
-        curvature: k > 0 (stress).
-        tension: f > 0 (stress).
+        curvature: Size k > 0 (stress).
+        tension: Tensile strength f > 0 (stress).
     """
 
     curvature: float
@@ -70,7 +70,7 @@ class Parabola:
 
     @property
     def apex(self) -> float:
-        """Return P, the largest p of the full parabola, on which R may be negative (stress)."""
+        """Return P (stress), the largest p on the full parabola, on which R may be negative."""
         return self.tension + self.curvature / 4
 
     def around(self, flat: bool) -> tuple[float, float]:
@@ -117,7 +117,7 @@ class Parabolas:
         return replace(self, at=self.at[chosen])
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
-        """See :meth:`cone.PointSets.ratios`: the positive root g of kfg² − kσ₁g − R² = 0."""
+        """Return the positive root g of kfg² − kσ₁g − R² = 0; see :meth:`cone.PointSets.ratios`."""
         k, f = self.of.curvature, self.of.tension
         radius = np.linalg.norm(deviator[self.at, :2], axis=1) / ROOT2
         along = k * (pressure[self.at] + radius)
@@ -127,7 +127,7 @@ class Parabolas:
         return found
 
     def powers(self, trace: Floats, deviator: Floats) -> Floats:
-        """See :meth:`cone.PointSets.powers`; the dilation counts as at least ``GENTLEST``."""
+        """See :meth:`cone.PointSets.powers`; tr ε counts as at least ``GENTLEST`` (ε₁ − ε₃)."""
         growth, shear = self._sizes(trace, deviator)
         growth = np.maximum(growth, GENTLEST * shear)
         over = np.maximum(shear - growth, 0.0)
@@ -152,14 +152,14 @@ class Parabolas:
 
 
 class ParabolaPoints(SecondOrderMembers):
-    """Points with two cones each; see :class:`cone.Block`. Members have the shape (2 num, 3)."""
+    """Points with two cones each; see :class:`cone.Block`. Members have shape (2 num, 3)."""
 
     def __init__(self, at: Longs, of: Parabola, strengths: Floats, weights: Floats) -> None:
         """Store the points.
 
         Args:
             at: The points.
-            of: Their set, in the unit of the program.
+            of: The set of the points, in the unit of the program.
             strengths: Sizes of the strengths in this unit, shape (num,).
             weights: Weights w, shape (num,).
         """
@@ -176,7 +176,7 @@ class ParabolaPoints(SecondOrderMembers):
 
     @property
     def degree(self) -> int:
-        """Number of cones, two for each point."""
+        """Return the number of cones, two for each point."""
         return 2 * len(self.at)
 
     def start(self, borne: Borne) -> Members:
@@ -268,7 +268,7 @@ class ScaledParabolaPoints(ScaledMembers):
         self._put(dy, change)
         static = np.einsum("kij,nj->nki", self._block.G, dy).reshape(-1, 3)
         kinematic = self.scaling.invert(aim - self.scaling.invert(static))
-        left = self._works(kinematic) + self._off + more  # larger than rounding if not admissible
+        left = self._works(kinematic) + self._off + more  # more than rounding if not admissible
         kinematic[::2, 1:] -= left[:, 2:]
         kinematic[1::2, 2] -= left[:, 0] / 2
         kinematic[1::2, 0] += left[:, 1]

@@ -1,4 +1,4 @@
-"""Implement second-order cones a₀ ≥ ‖a'‖, and blocks of points with one cone each. NumPy only.
+"""Implement second-order cones a₀ ≥ ‖a'‖, and blocks of points with one cone each, in NumPy.
 
 Members are rows (a₀, a') of arrays of shape (num_cones, 1 + m). Notation and formulas follow E. D.
 Andersen, C. Roos, T. Terlaky, On implementing a primal-dual interior-point method for conic
@@ -49,7 +49,7 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def quotient(a: Floats, b: Floats) -> Floats:
-    """Return the x whose product with a is b, for a inside the cone."""
+    """Return x with product(a, x) = b, for a inside the cone."""
     inner = np.einsum("ni,ni->n", a[:, 1:], b[:, 1:])
     head = ((a[:, 0] * b[:, 0] - inner) / determinant(a))[:, None]
     return np.hstack([head, (b[:, 1:] - head * a[:, 1:]) / a[:, :1]])
@@ -63,7 +63,7 @@ def raised(products: Floats, by: float) -> Floats:
 
 
 def missing(products: Floats, mu: float) -> Floats:
-    """Return the change of products that brings outliers closer to μ; see :meth:`cone.Block`."""
+    """Return the change of products that brings outliers closer to μ; see :class:`cone.Block`."""
     size = np.linalg.norm(products[:, 1:], axis=1)
     low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
     found = np.empty_like(products)
@@ -90,7 +90,7 @@ def longest_step(a: Floats, da: Floats) -> float:
 
 
 class Scaling:
-    """The scaling W of Nesterov and Todd with W z = W⁻¹ s =: point, for s and z inside the cones.
+    """The scaling W of Nesterov and Todd, W z = W⁻¹ s (``point``), for s and z inside the cones.
 
     W = η (w₀, w'ᵀ; w', I + w' w'ᵀ/(1 + w₀)) with w₀² − ‖w'‖² = 1.
 
@@ -123,7 +123,7 @@ class Scaling:
         return np.hstack([head[:, None], a[:, 1:] + along[:, None] * w])
 
     def moduli(self) -> tuple[Floats, Floats]:
-        """Return a and N of a I − N Nᵀ, the inverse of the block of W⁻² for a'.
+        """Return a and N, where a I − N Nᵀ is the inverse of the block of W⁻² for a'.
 
         Returns:
             Coefficient a, shape (num_cones,); N, shape (num_cones, m).
@@ -133,13 +133,13 @@ class Scaling:
         return self._eta**2, scale[:, None] * self._w
 
     def coupled(self, slopes: Floats) -> tuple[Floats, Floats]:
-        """Return κ and b of κ(t − b·x)², which a₀ = −αp adds to :meth:`moduli` for rates (t, x).
+        """Return κ and b of the term κ(t − b·x)² that a₀ = −αp adds to :meth:`moduli`.
 
         Args:
             slopes: Slopes α > 0, shape (num_cones,).
 
         Returns:
-            Coefficient κ, shape (num_cones,); b, shape (num_cones, m).
+            Coefficient κ, shape (num_cones,); b, shape (num_cones, m). The rates are (t, x).
         """
         size2 = 1 + 2 * np.einsum("ni,ni->n", self._w, self._w)
         along = (2 * slopes * self._w0 / size2)[:, None] * self._w
@@ -155,7 +155,7 @@ class Scaling:
 
 
 class SecondOrderMembers:
-    """Common part of blocks with members in second-order cones; see :class:`cone.Block`."""
+    """The common part of blocks with members in second-order cones; see :class:`cone.Block`."""
 
     def inner(self, now: Members) -> float:
         """See :meth:`cone.Block.inner`."""
@@ -176,7 +176,7 @@ class SecondOrderMembers:
 
 
 class _Points(SecondOrderMembers):
-    """Common part of both kinds of points; see :class:`cone.Block`."""
+    """The common part of both kinds of points; see :class:`cone.Block`."""
 
     def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
         """Store the data of the points, in the units of the program.
@@ -184,8 +184,8 @@ class _Points(SecondOrderMembers):
         Args:
             at: Indices of the points.
             radii: Yield radii γ, shape (num,).
-            strengths: Sizes of the strengths, about 1; with little or no cohesion, γ may be much
-                smaller.
+            strengths: Sizes of the strengths, about 1, shape (num,). With little or no cohesion, γ
+                may be much smaller.
             weights: Weights w, shape (num,).
         """
         self.at, self.radii, self.strengths, self.weights = at, radii, strengths, weights
@@ -212,7 +212,7 @@ class _Points(SecondOrderMembers):
 
 
 class Cylinders(_Points):
-    """Points with ‖s + γt‖ ≤ γ, where nothing bounds p; see :class:`cone.Block`."""
+    """Points with ‖s + γt‖ ≤ γ and with unbounded p; see :class:`cone.Block`."""
 
     def __init__(
         self,
@@ -222,7 +222,7 @@ class Cylinders(_Points):
         weights: Floats,
         tilts: Floats | None = None,
     ) -> None:
-        """Store the data as :class:`_Points` does, and tilts t, shape (num, m), None for zero."""
+        """Store the data of :class:`_Points`, and tilts t, shape (num, m); None for zero tilts."""
         super().__init__(at, radii, strengths, weights)
         self._middles = None if tilts is None else radii[:, None] * tilts
 
@@ -263,12 +263,12 @@ class Cones(_Points):
     def __init__(
         self, at: Places, radii: Floats, strengths: Floats, weights: Floats, slopes: Floats
     ) -> None:
-        """Store the data as :class:`_Points` does, and slopes α > 0, shape (num,)."""
+        """Store the data of :class:`_Points`, and slopes α > 0, shape (num,)."""
         super().__init__(at, radii, strengths, weights)
         self.slopes = slopes
 
     def start(self, borne: Borne) -> Members:
-        """Write mean stresses at which γ − αp is the size of the strength; return the members."""
+        """Write mean stresses with γ − αp equal to the size of the strength; return the members."""
         borne.pressure[self.at] = -(self.strengths - self.radii) / self.slopes
         return self._start(self.static(borne, NO_OWN))
 
@@ -369,7 +369,7 @@ class ScaledCylinders(ScaledMembers):
 class ScaledCones(ScaledMembers):
     """Points at an iterate; see :class:`cone.ScaledBlock`.
 
-    The moduli are W², and dp = −dS₀/α.
+    The moduli are W², and p changes by dp = −dS₀/α.
     """
 
     def __init__(self, block: Cones, now: Members, rates: Rates) -> None:
@@ -421,8 +421,8 @@ class ConesAtPoints(Protocol):
         radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        sets: Yield sets of other kinds. At their points, γ and α describe the narrowest cone with
-            the same apex that encloses the set.
+        sets: Yield sets of other kinds. At the points of these sets, γ and α describe the narrowest
+            cone with the same apex that encloses the set.
     """
 
     radii: Floats
@@ -432,11 +432,11 @@ class ConesAtPoints(Protocol):
 
 
 def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
-    """Return the yield ratio of a stress, shape (count,): 1 on the surface of the yield set.
+    """Return the yield ratios of a stress, shape (count,): 1 on the surface of the yield set.
 
-    The ratio is negative where no positive multiple of the stress yields. Without cohesion (γ = 0),
-    all multiples of a yielding stress yield. The ratio is then ‖s‖/(−αp), the steepness relative to
-    the cone.
+    The ratio is negative if no positive multiple of the stress yields. Without cohesion (γ = 0),
+    all multiples of a yielding stress yield. The ratio is then ‖s‖/(−αp), the steepness of the
+    stress relative to the cone.
 
     Args:
         cones: The cones.
@@ -462,7 +462,7 @@ def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Fl
 
 
 def _steepness(heads: Floats, deviator: Floats) -> Floats:
-    """Return ‖s‖/(−αp): 0 at zero stress, otherwise ∞ unless p is compressive."""
+    """Return ‖s‖/(−αp): 0 at zero stress, and ∞ at other stresses with p ≥ 0."""
     sizes, rest = np.linalg.norm(deviator, axis=1), (heads <= 0) & ~deviator.any(axis=1)
     found: Floats = np.divide(sizes, -heads, out=np.full_like(sizes, np.inf), where=heads < 0)
     found[rest] = 0.0
@@ -470,7 +470,7 @@ def _steepness(heads: Floats, deviator: Floats) -> Floats:
 
 
 def own_strengths(cones: ConesAtPoints, pressure: Floats) -> Floats:
-    """Return the strengths that residuals are divided by: γ, or −αp at cohesionless points.
+    """Return the strengths by which residuals are divided: γ, or −αp at cohesionless points.
 
     A tensile strength is an upper limit of the result.
 

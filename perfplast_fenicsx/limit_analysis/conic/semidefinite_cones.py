@@ -1,4 +1,4 @@
-"""Implement cones of semidefinite 3 × 3 matrices, and the blocks of points with them. NumPy only.
+"""Implement cones of semidefinite 3 × 3 matrices, and blocks of points with such cones, in NumPy.
 
 Members are arrays of shape (..., 3, 3). Notation and formulas follow M. J. Todd, K. C. Toh, R. H.
 Tütüncü, On the Nesterov–Todd direction in semidefinite programming, SIAM J. Optim. 8 (1998), 769.
@@ -10,25 +10,26 @@ d, the yield set is the projection of a set in (p, d, t) that two matrices bound
 
     t I − (1 + s) d ⪰ 0,    (1 − s) d + (b − t − 2sp) I ⪰ 0,
 
-since the first matrix requires t ≥ (1 + s)d₁ and the second t ≤ b − 2sp + (1 − s)d₃ (K.
+because the first matrix requires t ≥ (1 + s)d₁, and the second t ≤ b − 2sp + (1 − s)d₃ (K.
 Krabbenhøft, A. V. Lyamin, S. W. Sloan, Int. J. Solids Struct. 45 (2008), 6552). Strain rates are
 admissible if tr ε ≥ s Σ|ε_i|, and dissipate (b/2s) tr ε. If s = 0, they are admissible if tr ε = 0,
 and dissipate (b/2) Σ|ε_i|.
 
 If f < b/2s, a third matrix f I − pI − d ⪰ 0 bounds the set. The set then has three vertices with σ₁
-= f, where σ₂ and σ₃ are each f or r = ((1 + s)f − b)/(1 − s). If s > 0, the tensile strength
-changes neither the recession cone nor the admissible rates. If s = 0, the recession cone contains
-hydrostatic compression only, and rates are admissible if tr ε ≥ 0. Admissible rates dissipate (f −
-h) tr ε + h Σ|ε_i|, where h = (f − r)/2.
+= f, at which σ₂ and σ₃ are each either f or r = ((1 + s)f − b)/(1 − s). If s > 0, the tensile
+strength changes neither the recession cone nor the admissible rates. If s = 0, the recession cone
+contains hydrostatic compression only, and rates are admissible if tr ε ≥ 0. Admissible rates
+dissipate (f − h) tr ε + h Σ|ε_i|, where h = (f − r)/2.
 
 The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t, p, s), X = h + Gy.
-Their multipliers Z_k fulfil −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd, the
-products change by Λ∘r̃ if dx̃ + dz̃ = r̃. It follows that
+Their multipliers Z_k satisfy −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd,
+the products change by Λ∘r̃ if dx̃ + dz̃ = r̃. It follows that
 
     GᵀW⁻²G dy = G̃ᵀ r̃ + Gᵀz + w(ε + dε),
 
-a system of 2 + m rows at each point. The inverse without the row and column of t is the modulus. If
-no member contains p (no friction, no tensile strength), the proximal point method changes p.
+a system of 2 + m rows at each point. The modulus is the inverse matrix without the row and column
+of t. If no member contains p (no friction, no tensile strength), the proximal point method changes
+p.
 """
 
 from collections.abc import Sequence
@@ -117,7 +118,7 @@ class MatrixScaling:
         return _congruent(np.swapaxes(self._inverse, -1, -2), scaled)
 
     def quotient(self, a: Floats) -> Floats:
-        """Return the x whose Jordan product with Λ is a."""
+        """Return x whose Jordan product with Λ is a."""
         sums = self.point[..., :, None] + self.point[..., None, :]
         return np.asarray(2 * a / sums, dtype=np.float64)
 
@@ -136,7 +137,7 @@ def _determinant(a: Floats) -> Floats:
 
 
 def _factor(a: Floats) -> Floats:
-    """Return Cholesky's lower triangle; diagonal entries that round to ≤ 0 become tiny."""
+    """Return the lower Cholesky factor; pivots that round to ≤ 0 become tiny."""
     L: Floats = np.zeros_like(a)
     for i in range(SIZE):
         rest = a[..., i:, i] - np.einsum("...ij,...j->...i", L[..., i:, :i], L[..., i, :i])
@@ -158,15 +159,15 @@ def _lower_inverse(L: Floats) -> Floats:
 
 
 def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
-    """Return the V that makes the columns of aV orthogonal, and the norms of these columns.
+    """Return orthogonal V with orthogonal columns of aV, and the norms of these columns.
 
     The norms are the singular values. One-sided Jacobi rotations compute small singular values as
     accurately as large ones (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992), 1204).
     """
     columns = [a[..., i].copy() for i in range(SIZE)]
     turned = [np.broadcast_to(row, columns[0].shape).copy() for row in np.eye(SIZE)]
-    # Largest number of rounds of Jacobi rotations. Usually four to six suffice, since each round
-    # squares the error.
+    # Largest number of rounds of Jacobi rotations. Usually four to six rounds are enough, because
+    # each round squares the error.
     sweeps = 12
     orthogonal = 1e-14  # largest cosine between columns that count as orthogonal
     for _ in range(sweeps):
@@ -200,9 +201,10 @@ class PrincipalCones:
         at: Indices of the points, shape (num,).
         bounds: Bounds b > 0 (stress), shape (num,).
         sines: Sines s in [0, 1), shape (num,).
-        tensions: Tensile strengths f > 0 (stress), ∞ where there is no such limit, shape (num,).
-        tensors: Unit tensor and orthonormal deviators, shape (1 + k, 3, 3). Their factors are p and
-            the first k components of s. Further components of s belong to sets of other kinds.
+        tensions: Tensile strengths f > 0 (stress), ∞ without such a limit, shape (num,).
+        tensors: Unit tensor and orthonormal deviators, shape (1 + k, 3, 3). The factors of these
+            tensors are p and the first k components of s. Further components of s belong to sets of
+            other kinds.
         flat: Whether out-of-plane rates are zero; the out-of-plane stress is then the mean of the
             in-plane stresses.
     """
@@ -227,12 +229,12 @@ class PrincipalCones:
 
     @property
     def cut(self) -> npt.NDArray[np.bool_]:
-        """Flags of the points with a tensile strength, shape (num,)."""
+        """Return flags of the points with a tensile strength, shape (num,)."""
         return np.isfinite(self.tensions)
 
     @property
     def grows(self) -> npt.NDArray[np.bool_]:
-        """Flags of the points whose mean stress is bounded and which dilate, shape (num,)."""
+        """Return flags of points with a bounded mean stress, which dilate, shape (num,)."""
         return (self.sines > 0) | self.cut
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> "PrincipalCones":
@@ -303,7 +305,7 @@ class PrincipalCones:
         return found
 
     def sizes(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return Σ|ε_i| for :meth:`powers`, of the deviator if p is unbounded, shape (num,)."""
+        """Return Σ|ε_i| for :meth:`powers`, shape (num,); of the deviator if p is unbounded."""
         unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
         means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
         values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
@@ -316,7 +318,7 @@ class PrincipalCones:
         return found
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return the deviators as tensors, shape (num, 3, 3), given s at all points."""
+        """Return the deviators as tensors, shape (num, 3, 3), from s at all points."""
         found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
         return found
 
@@ -330,8 +332,8 @@ def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
 class PrincipalPoints:
     """Points with bounds on principal stresses; see :class:`cone.Block`.
 
-    A point has two matrices, or three if any of the rank's points has a tensile strength. If the
-    point itself has no tensile strength, its third matrix is a constant.
+    A point has two matrices, or three if at least one of the rank's points has a tensile strength.
+    If the point itself has no tensile strength, its third matrix is constant.
 
     Attributes:
         cones: Cones of the points.
@@ -361,7 +363,7 @@ class PrincipalPoints:
 
     @property
     def degree(self) -> int:
-        """Total number of rows of all matrices."""
+        """Return the total number of rows of all matrices."""
         return SIZE * self._of_t.size
 
     def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
@@ -387,17 +389,17 @@ class PrincipalPoints:
 
     @property
     def _viscosities(self) -> Floats:
-        """Return the squared factors of the unit tensor in the central matrices, shape (num, k)."""
+        """Return squared factors of the unit tensor in the matrices at the centre, (num, k)."""
         found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
         return found
 
     def flow(self, moduli: Moduli) -> None:
-        """Write moduli for matrices scaled by multiples of the unit tensor.
+        """Write the moduli for matrices that are multiples of the unit tensor.
 
         See :meth:`cone.Block.flow`.
         """
         grows, squares = self.cones.grows, self._viscosities
-        # with the t for which the first two matrices are equal
+        # for the t with which the first two matrices are equal
         of_p = self._of_p.copy()
         of_p[:, :2] = self._of_p[:, :2].mean(axis=1, keepdims=True)
         soft = SIZE * (of_p**2 / squares).sum(axis=1)
@@ -406,7 +408,7 @@ class PrincipalPoints:
         moduli.a[at] = 1 / (self._of_d**2 / squares).sum(axis=1)
 
     def start(self, borne: Borne) -> Members:
-        """Write the pressures at the centre of the sets, and return the members there."""
+        """Write the pressures at the centre of the sets; return the members at these pressures."""
         borne.pressure[self.cones.at] = self._pressures
         apart = self._rooms / self._viscosities
         X, Z = (of[:, :, None, None] * np.eye(SIZE) for of in (self._rooms, apart))
@@ -448,7 +450,7 @@ class PrincipalPoints:
     def missing(self, products: Floats, mu: float) -> Floats:
         """See :meth:`cone.Block.missing`."""
         found = np.zeros_like(products)
-        near = 1 + 1e-6  # most matrices need no change, which extreme eigenvalues show faster
+        near = 1 + 1e-6  # most matrices need no change, and extreme eigenvalues show this quickly
         least, most = least_eigenvalue(products), -least_eigenvalue(-products)
         far = (least < near * NEAR * mu) | (most * near > mu / NEAR)
         values, axes = np.linalg.eigh(products[far])
@@ -466,7 +468,7 @@ class PrincipalPoints:
         out[at] = self._strengths / np.maximum(flows, 1 / stiffer)
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the t that gives both members the same least eigenvalue, shape (num,)."""
+        """Return t with which both members have the same least eigenvalue, shape (num,)."""
         X = self.members(np.zeros(self.cones.count), pressure, deviator)
         least = least_eigenvalue(X)
         found: Floats = (least[:, 1] - least[:, 0]) / 2
@@ -504,7 +506,7 @@ class PrincipalPoints:
         )
 
     def least(self, works: Floats) -> Floats:
-        """Return the smallest z with given :meth:`works`, ignoring that of p if p is unbounded."""
+        """Return the smallest z with given :meth:`works`; an unbounded p adds no condition."""
         grows = self.cones.grows
         grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)
@@ -542,7 +544,7 @@ class ScaledPrincipal:
 
     def stiffen(self, moduli: Moduli) -> Moduli:
         """See :meth:`cone.ScaledBlock.stiffen`."""
-        roots = self._roots[:, 1:, 1:]  # a block of the inverse of a triangle is a triangle too
+        roots = self._roots[:, 1:, 1:]  # this block of the inverse is also triangular
         more = moduli.normal.shape[1] + 1 - roots.shape[2]
         return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
 
