@@ -36,11 +36,11 @@ def source() -> str:
 #include <stdlib.h>
 #include <string.h>
 
-#define LANES 4 /* cells at once, an entry of each side by side */
+#define LANES 4 /* number of cells treated at once; equal entries are adjacent */
 typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
 #define OWN static inline __attribute__((always_inline))
 
-/* P = M R of a point, of all four cells */
+/* P = M R at one point, for all four cells */
 OWN void product(const int parts, int unknowns, const lanes *M, const lanes *R, lanes *P, int all) {
   for (int i = 0; i < unknowns; ++i, M += parts, P += all)
     for (int j = 0; j < parts; ++j) {
@@ -65,7 +65,7 @@ OWN void tile(const lanes *restrict P, int all, int i, int j, int width, lanes *
   q[0] = q0, q[1] = q1, q[2] = q2, q[3] = q3;
 }
 
-/* add a cell's matrix, whose lower half S holds, to the blocks of its nodes */
+/* add a cell's matrix, whose lower triangle is in S, to the blocks of its nodes */
 OWN void add(const int dim, int nodes, const double *S, int width, const int32_t *place,
              double *sums) {
   for (int a = 0; a < nodes; ++a)
@@ -82,11 +82,12 @@ OWN void add(const int dim, int nodes, const double *S, int width, const int32_t
     }
 }
 
-/* Σ (M R)(M R)ᵀ over the points of each cell; M of four cells side by side, zero beyond the last */
+/* Σ (M R)(M R)ᵀ over the points of each cell. Entries of M for four cells are adjacent, and zero
+   after the last cell. */
 void body_sums(int64_t cells, int points, int nodes, int dim, int parts, const double *matrices,
                const double *roots, const int32_t *place, int64_t blocks, double *sums) {
   const int unknowns = dim * nodes, all = points * parts, square = parts * parts;
-  const int width = unknowns + 4; /* as tiles may reach beyond the last row and column */
+  const int width = unknowns + 4; /* tiles may extend beyond the last row and column */
   const size_t size = sizeof(lanes) * (size_t)(width * (all + width) + square);
   lanes *P = aligned_alloc(64, (size + 63) / 64 * 64);
   lanes *S = P + width * all, *R = S + width * width;

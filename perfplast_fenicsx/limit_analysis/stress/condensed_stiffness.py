@@ -36,7 +36,7 @@ def source() -> str:
 #include <stdlib.h>
 #include <string.h>
 
-#define LANES 4 /* cells at once, an entry of each side by side */
+#define LANES 4 /* number of cells treated at once; equal entries are adjacent */
 typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
 
 static lanes *room_for(int count) {
@@ -48,7 +48,7 @@ static lanes roots_of(lanes a) {
   return a;
 }
 
-/* rows p and q less what columns before n of rows a, b, c, d have in common with them */
+/* subtract from p and q the products of the first n columns of x and y with rows a, b, c, d */
 static inline void less_products(lanes *restrict p, lanes *restrict q, const lanes *a,
                                  const lanes *b, const lanes *c, const lanes *d,
                                  const lanes *x, const lanes *y, int n) {
@@ -63,8 +63,8 @@ static inline void less_products(lanes *restrict p, lanes *restrict q, const lan
   q[0] = q0, q[1] = q1, q[2] = q2, q[3] = q3;
 }
 
-/* Eliminate the first n of all rows of a symmetric matrix whose lower half they hold, of all cells
-   side by side; returns whether any of these cannot be. */
+/* Eliminate the first n rows of symmetric matrices for all cells at once. The rows contain the
+   lower triangles. Return whether the elimination failed for any cell. */
 static int eliminate(lanes **row, int n, int all) {
   int failed = 0;
   for (int j = 0; j < n; j += 4) {
@@ -74,7 +74,7 @@ static int eliminate(lanes **row, int n, int all) {
         lanes sum = row[i][m];
         for (int k = 0; k < m; ++k) sum -= row[i][k] * row[m][k];
         if (m < i)
-          row[i][m] = sum * row[m][m]; /* inverses are kept on the diagonal */
+          row[i][m] = sum * row[m][m]; /* the diagonal stores inverses */
         else {
           for (int l = 0; l < LANES; ++l) failed |= !(sum[l] > 0);
           row[i][i] = 1.0 / roots_of(sum);
@@ -178,7 +178,8 @@ int condense(int64_t cells, int points, int rows, int parts, int outer, int inne
   return failed;
 }
 
-/* What forces inside cells leave on the outer unknowns; they become L^-1 times what they were. */
+/* Condense the forces on inner unknowns: write L^-1 times these forces to half, and their effect on
+   the outer unknowns to onto. */
 void push_out(int64_t cells, int outer, int inner, const double *factors, const double *forces,
               double *half, double *onto) {
   const int tri = inner * (inner + 1) / 2;
@@ -203,7 +204,7 @@ void push_out(int64_t cells, int outer, int inner, const double *factors, const 
   }
 }
 
-/* The inner unknowns, from what push_out has left of their forces and the outer ones. */
+/* Return the inner unknowns from the outer unknowns and from half, the result of push_out. */
 void bring_in(int64_t cells, int outer, int inner, const double *factors, double *half,
               const double *known, double *found) {
   const int tri = inner * (inner + 1) / 2;

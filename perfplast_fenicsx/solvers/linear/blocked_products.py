@@ -65,8 +65,9 @@ def rows_source(precision: type[np.floating]) -> str:
 
 def _kernels() -> str:
     return r"""
-/* where the blocks of each row of blocks begin, and, where it is known how many there are, their
-   columns of blocks; of a symmetric matrix those of the upper triangle, the diagonal's first */
+/* Write the index of the first block in each block row to first. If the number of blocks is known,
+   write their block columns to block. For a symmetric matrix these are the blocks of the upper
+   triangle, with the diagonal block first. */
 OWN void pattern_(const int n, const int m, int64_t rows, int upper, const INDEX *start,
                   const INDEX *column, int64_t *mark, int64_t *first, int known, int32_t *block) {
   int64_t count = 0;
@@ -88,7 +89,7 @@ OWN void pattern_(const int n, const int m, int64_t rows, int upper, const INDEX
   first[rows] = count;
 }
 
-/* returns how many entries have no block */
+/* return the number of entries without a block */
 OWN int64_t fill_(const int n, const int m, int64_t rows, int64_t columns, int upper,
                   const INDEX *start, const INDEX *column, const double *value, int64_t *place,
                   const int64_t *first, const int32_t *block, REAL *kept) {
@@ -102,7 +103,7 @@ OWN int64_t fill_(const int n, const int m, int64_t rows, int64_t columns, int u
         int64_t c = column[e] / m;
         if (upper && c < r) continue;
         int64_t b = c < columns ? place[c] : -1;
-        if (b < first[r]) ++astray;  /* a row before had the column, or none */
+        if (b < first[r]) ++astray;  /* only an earlier row, or no row, has a block there */
         else kept[n * m * b + m * i + column[e] - m * c] = (REAL)value[e];
       }
   }
@@ -293,7 +294,7 @@ OWN void add_WIDTH(const int n, int64_t rows, const int64_t *first, const int32_
 
 def _product_calls() -> str:
     return r"""
-/* places of a vector with so many entries; those beyond a block's are zero, or of no use */
+/* stored length of a vector with n entries; stored values after these are zero or unused */
 #define WIDTH(n) ((n) > 4 ? 8 : 4)
 
 OWN void product_(const int n, int64_t rows, const int64_t *first, const int32_t *block,
