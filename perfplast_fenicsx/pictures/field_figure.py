@@ -49,7 +49,10 @@ def draw_fields(
     pixels = (1000, 800)  # size of a panel
     renderer = Renderer([surface], scene, scale, pixels, [state or Acting()])
     images = [renderer.draw(0, panel) for panel in shown]
-    words = (heading(scene.title), f"{caption},   {in_words(scale)}{scene.view}")
+    how = in_words(scale)
+    if largest_dissipation is not None:
+        how = velocity_in_words(scale * _largest([surface]) / surface.size)
+    words = (heading(scene.title), f"{caption},   {how}{scene.view}")
     replace_picture(path, compose(shown, images, words, renderer.view))
 
 
@@ -60,13 +63,27 @@ def deformation_scale(frames: Sequence[Surface], shown: float = SHOWN_DEFORMATIO
         frames: One skin in one or more states.
         shown: Size of the largest displacement in the picture, relative to the size of the bodies.
     """
-    sizes = [np.linalg.norm(a.at_points["displacement"], axis=1).max(initial=0) for a in frames]
-    largest = float(max(sizes))
+    largest = _largest(frames)
     wanted = shown * frames[0].size / largest if largest > 0 else 1.0
     if not (math.isfinite(wanted) and wanted > 0):
         return 1.0
     power = 10.0 ** math.floor(math.log10(wanted))
     return float(max(digit * power for digit in (1, 2, 5) if digit * power <= wanted * (1 + 1e-9)))
+
+
+def _largest(frames: Sequence[Surface]) -> float:
+    """Return the largest displacement in all states (length)."""
+    sizes = [np.linalg.norm(a.at_points["displacement"], axis=1).max(initial=0) for a in frames]
+    return float(max(sizes))
+
+
+def velocity_in_words(share: float) -> str:
+    """Return in words how the velocity of a mechanism is drawn; it has no scale of its own.
+
+    Args:
+        share: Largest displacement in the picture, relative to the size of the bodies.
+    """
+    return f"velocities, the largest drawn as {100 * share:.2g} % of the size of the bodies"
 
 
 def in_words(scale: float) -> str:

@@ -135,3 +135,6 @@ def test_deformation_scale(largest: float, scale: float) -> None:
     no_edges = np.zeros((0, 2), dtype=np.int64)
     surface = Surface(points, np.array([[0, 1, 2]]), no_edges, none, ["a"], moved, {}, {})
     assert field_figure.deformation_scale([surface]) == pytest.approx(scale, rel=1e-12)
+    drawn = field_figure.velocity_in_words(scale * largest / surface.size)
+    assert drawn.endswith("% of the size of the bodies")
+    assert 5 <= float(drawn.split(" % ")[0].split()[-1]) <= 10 or not largest

@@ -51,6 +51,11 @@ class Viewer {
     return largest > 0 ? (share * this.data.size) / largest : 0;
   }
 
+  /** Size at which the largest motion of the state is shown, in percent of the size of the bodies. */
+  get percent() {
+    return (100 * this.share * this.enlargement * this.state.largest) / this.data.size;
+  }
+
   /** Show a state; of several that are asked for the last one. */
   async show(number) {
     const asked = ++this.asked;
