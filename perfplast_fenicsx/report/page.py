@@ -79,7 +79,7 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
         "verdict": _verdict(verdict_on(reader), words.meaning(scene.driven, several)),
         "combinations": _combinations(reader),
         "warnings": _warnings(summary),
-        "bodies": _section("bodies", "The bodies", _view(view)),
+        "bodies": _section("bodies", "The bodies", _view(reader, view)),
         "curve": _curve(reader),
         "levels": _water(reader) + _levels(reader) + _meshes(summary) + _pictures(reader),
         "reactions": _limit_forces(reader) + _reactions(reader) + _bolts(reader),
@@ -161,9 +161,24 @@ def _words(text: str) -> str:
     return escape(text).replace("ζ = ", "ζ&nbsp;=&nbsp;").replace(" %", "&nbsp;%")
 
 
-def _view(view: View) -> str:
+NO_VIEW = "The bodies cannot be shown here: this needs a browser with scripts and WebGL 2."
+"""Sentence in place of the view of the bodies; the script of the view replaces or removes it."""
+
+
+def _view(reader: ResultReader, view: View) -> str:
+    """Return the view of the bodies, with a still picture for browsers that cannot show it."""
     remarks = "".join(f"<p>{escape(text)}</p>" for text in view.remarks)
-    return remarks + (asset("view.html") if view.data is not None else "")
+    if view.data is None:
+        return remarks
+    pictures = [one for one in FIGURES if one.file in ("mechanism.png", "fields.png")]
+    stills = [
+        captioned(image(file, one.title), one.title)
+        for one in sorted(pictures, key=lambda one: one.file, reverse=True)
+        if (file := reader.path / one.file).is_file()
+    ]
+    still = f'<div id="still"><p id="still-words">{NO_VIEW}</p>{"".join(stills[:1])}</div>'
+    hidden = "<noscript><style>#view { display: none; }</style></noscript>"
+    return remarks + still + hidden + asset("view.html")
 
 
 def _curve(reader: ResultReader) -> str:

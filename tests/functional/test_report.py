@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from matplotlib.image import imsave
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, SOLVED
@@ -208,6 +209,32 @@ def test_in_a_browser(results: Path, browser: Any) -> None:
     asked = {message["params"]["request"]["url"].split(":")[0] for message in sent}
     assert asked <= {"file", "data"}
     assert sum(a["params"]["request"]["url"].startswith("file:") for a in sent) == 1
+
+
+@alone
+def test_a_browser_without_webgl_shows_a_sentence_and_the_still_picture(
+    results: Path, tmp_path: Path, browser: Any
+) -> None:
+    """In place of an empty figure; with WebGL neither is visible."""
+    folder, pixels = tmp_path / "drawn", np.zeros((4, 4, 3))
+    shutil.copytree(results, folder)
+    for name in ("fields", "mechanism"):
+        imsave(folder / f"{name}.png", pixels[: 3 if name == "mechanism" else 4])
+    assert main(["report", str(folder)]) == SOLVED
+    page = Page(browser, folder / "report.html")
+    visible = "document.getElementById('{}').checkVisibility()"
+    page.wait(f"!{visible.format('still')}")
+    assert page(visible.format("view"))
+    source = "HTMLCanvasElement.prototype.getContext = () => null;"
+    found = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})
+    browser.refresh()
+    page.wait(visible.format("still"))
+    page.wait("document.getElementById('still-words').textContent.includes('no WebGL 2')")
+    assert not page(visible.format("view"))
+    assert page("[...document.querySelectorAll('#still img')].map((a) => a.naturalHeight)") == [3]
+    browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", found)
+    told = (folder / "report.html").read_text(encoding="utf-8")
+    assert "<noscript><style>#view { display: none; }</style></noscript>" in told
 
 
 @alone

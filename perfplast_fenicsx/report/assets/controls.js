@@ -48,7 +48,9 @@ function tell(viewer) {
   }
   const missing = field && !look.field ? ` – it has no ${field.label}` : "";
   part("level-told").textContent = (state?.title ?? "") + missing;
-  const times = state?.mechanism ? "" : `motion × ${short(viewer.amount)}`;
+  const times = state?.mechanism
+    ? `largest velocity drawn as ${short(viewer.percent)} % of the size`
+    : `motion × ${short(viewer.amount)}`;
   part("scale-told").textContent = viewer.amount === 0 ? "not deformed" : times;
   part("hide").disabled = look.picked < 0;
   viewer.sides?.later();
@@ -183,10 +185,19 @@ window.addEventListener("beforeprint", () => {
 window.addEventListener("afterprint", () => unfolded.forEach((details) => { details.open = false; }));
 
 if (data !== null) {
-  Viewer.of(part("canvas"), data, tell).then(connect).catch((error) => {
+  const still = part("still"); // only on reports: a sentence, and a picture if there is one
+  still?.classList.add("waiting");
+  const fail = (error) => {
     part("view").hidden = true;
     const text = `The bodies cannot be shown here: ${error.message}. All else is on the page.`;
-    part("bodies").append(Object.assign(document.createElement("p"), { textContent: text }));
+    const words = part("still-words") ?? part("bodies").appendChild(document.createElement("p"));
+    words.textContent = text;
+    still?.classList.remove("waiting");
     console.warn(text);
+  };
+  Viewer.of(part("canvas"), data, tell).then(connect).then(() => { if (still) still.hidden = true; }).catch(fail);
+  part("canvas").addEventListener("webglcontextlost", () => {
+    if (still) still.hidden = false;
+    fail(new Error("the browser has stopped WebGL; reload the page"));
   });
 }
