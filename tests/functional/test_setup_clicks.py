@@ -22,7 +22,7 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import SOLVED
 from tests.functional.browser_page import alone
-from tests.functional.test_setup_page import COMPLETE, SetupPage, in_scene
+from tests.functional.test_setup_page import SetupPage, in_scene
 
 pytestmark = [alone, pytest.mark.long, pytest.mark.usefixtures("undrawn")]
 
@@ -384,9 +384,9 @@ support = [
   { on = "rhino_product_face_1", components = "normal" },
   { on = "rhino_product_cylinder_17" },
 ]
-load = [
-  { on = "rhino_product_face_5", pressure = 1.5 },
-  { on = "rhino_product_face_8", pressure = 1.5 },
+load = [{ on = "loaded_1", pressure = 1.5 }]
+geometry.face = [
+  { name = "loaded_1", faces = ["rhino_product_face_5", "rhino_product_face_8"] },
 ]
 """,
     ),
@@ -521,7 +521,7 @@ def test_clicks_make_the_case_that_a_hand_writes(
         hand.write("e-mesh--adapt", ONE_MESH)
     if not case.steel:
         hand.select("e-units--system", "m-kN-kPa")
-    hand.wait(COMPLETE)
+    hand.wait("document.querySelector('#left .wrong') === null")
     saved = saved_by(hand, browser, tmp_path / "saved")
     record_property("clicks", hand.clicks)
     record_property("texts", hand.texts)

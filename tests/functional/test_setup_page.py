@@ -14,6 +14,7 @@ import pytest
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.geometry.first_case import ADAPT, ONE_MESH
 from perfplast_fenicsx.materials.laws import MATERIALS
 from perfplast_fenicsx.mesh import gmsh_session
 from perfplast_fenicsx.report.frame import asset
@@ -879,10 +880,11 @@ def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
     assert "has a unit" in page.part("add-traction-z-fault").text
     page.add("tie")
     assert page.part("add-fault").text == "Choose 2 surfaces first; 1 are chosen."
-    page.press("beam_x_high")
+    page.choose("choose", "beam_joint_1")
     push = {"force-x": "0", "force-y": "0", "force-z": "-2e3", "constant": "true"}
     page.add("force", **push)
     assert page.part("add-fault").text.startswith("2 faces are chosen, and this acts on one.")
+    page.press("Choose nothing", "beam_z_high", "beam_x_high")
     page.choose("question", "load")
     page.part("ask-values").send_keys("1,5")
     page.press("Ask this")
@@ -910,6 +912,62 @@ def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
     assert page.case == before
 
 
+def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
+    """The page says before what it adds, takes empty components as 0, and answers at the click."""
+    page = SetupPage(browser, prop / "setup.html")
+    adds, near = "document.getElementById('adds').textContent", "document.getElementById('near')"
+    page.press("beam_x_low", "block_z_low")
+    assert page(adds) == "Adds 2 supports, one for each face."
+    page.add("support")
+    page.press("beam_z_high", "beam_x_high")
+    page.choose("kind", "force")
+    assert page(adds) == "Adds one load on 2 faces: the force is the total of all of them."
+    page.press("Add")
+    assert "all components are empty" in page.part("add-force-x-fault").text
+    page.add("force", **{"force-z": "-2000"})
+    assert page(f"{near}.parentElement.id") == "adding"
+    assert "Empty components are 0: force = [0, 0, -2000]." in page(f"{near}.textContent")
+    page.press("beam_z_high", "beam_x_high")
+    page.choose("one-load", "each")
+    page.choose("kind", "pressure")
+    assert page(adds) == "Adds 2 loads, one for each face."
+    page.add("pressure", pressure="1")
+    page.press("beam_x_high", "beam_z_high")
+    page.choose("one-load", "one")
+    page.add("traction", **{"traction-x": "1"})
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
+    case = tomllib.loads(page.case)
+    both = ["beam_z_high", "beam_x_high"]
+    assert case["geometry"]["face"] == [{"name": "loaded_1", "faces": both}]
+    assert [one["on"] for one in case["load"]] == ["loaded_1", *both, "loaded_1"]
+    assert case["load"][0]["force"] == [0, 0, -2000]
+    assert case["load"][3]["traction"] == [1, 0, 0]
+
+    page.choose("question", "work")
+    page.press("Ask this")
+    page.wait(f"{near}.parentElement.id === 'asking'")
+    top = "document.getElementById('ask-button').getBoundingClientRect().top"
+    assert 0 < page(f"{near}.getBoundingClientRect().top - {top}") < 120
+    page.press("Remove entry")
+    page.wait(f"{near}.textContent.startsWith('Removed: ')")
+    assert page("document.activeElement !== document.body")
+
+
+def test_one_material_is_given_to_all_bodies(prop: Path, browser: Any) -> None:
+    page = SetupPage(browser, prop / "setup.html")
+    page.add("material", body="", material="s235")
+    assert "s235 is the material of all 2 bodies" in page.part("near").text
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
+    assert "yield_stress = 235.0" in page.case
+    page.drop(page.case.replace("yield_stress = 235.0", "yield_stress = 300  # mill", 1))
+    page.wait("document.getElementById('e-material-beam--yield_stress')?.value === '300'")
+    page.press("Give it to all bodies")
+    page.wait("document.getElementById('e-material-block--yield_stress')?.value === '300'")
+    material = tomllib.loads(page.case)["material"]
+    assert material["beam"] == material["block"]
+    assert page("document.getElementById('near').parentElement.id") == "e-material-beam-"
+
+
 def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) -> None:
     """Bounds are asked again as in the first case; a comment of one's own stays."""
     page = SetupPage(browser, prop / "setup.html")
@@ -935,6 +993,23 @@ def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) 
     page.wait("document.getElementById('e-loading--control')?.value === 'work'")
     assert "limit_tolerance = 5e-3          # as agreed\n" in page.case
     assert 'control = "work"\n' in page.case
+
+
+def test_a_reason_against_refinement_goes_with_the_question(prop: Path, browser: Any) -> None:
+    """The line of a first case with a fine mesh is true for its own question only."""
+    text = (prop / "setup.html").read_text(encoding="utf-8")
+    refined = json.dumps(ADAPT.format(percent=10, until=0.1, cells=12000))[1:-1]
+    reason = ONE_MESH.format(why="meshes finer than 9000 elements take long")
+    assert refined in text
+    (prop / "fine.html").write_text(text.replace(refined, json.dumps(reason)[1:-1]), "utf-8")
+    page = SetupPage(browser, prop / "fine.html")
+    before = page.case
+    for question, there in (("work", False), ("bounds", True)):
+        page.choose("question", question)
+        page.press("Ask this")
+        page.wait(f"document.getElementById('e-loading--control')?.value === '{question}'")
+        assert (reason in page.case) == there
+    assert page.case == before
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -967,6 +1042,14 @@ def test_all_loads_become_constant_for_the_factor_of_safety(
     loads = tomllib.loads(page.case)
     assert [one["constant"] for one in [*loads["load"], loads["gravity"]]] == [True] * 3
     assert main(["check", str(case)]) == SOLVED
+    page.choose("question", "bounds")
+    page.press("Ask this")
+    page.wait(f"{LEFT}[0].includes('or let constant loads grow')")
+    page.press("Let these loads grow")
+    page.wait(COMPLETE)
+    loads = tomllib.loads(page.case)
+    assert loads["gravity"]["constant"] is False
+    assert not any("constant" in load for load in loads["load"])
 
 
 def test_a_file_that_is_dropped_keeps_its_comments(prop: Path, browser: Any) -> None:

@@ -374,7 +374,8 @@ function loadingFaults(value, rows, add) {
     growing.forEach((path) => add([...path, "constant"], "the factor of safety needs constant loads; set constant = true", false, "constant"));
     if (!rows("load").length && !value.gravity) add(["load"], "no load acts; add a load or gravity");
   } else if (control !== "displacement" && !growing.length) {
-    add(["load"], "no load grows with the load factor; add a load");
+    const constant = rows("load").some((row) => row.constant === true) || value.gravity?.constant === true;
+    add(["load"], `no load grows with the load factor; add a load${constant ? ", or let constant loads grow" : ""}`, false, constant ? "grow" : null);
   }
   if (["work", "displacement"].includes(control) && !values && !until) add(["loading", "values"], "is missing; give values, or until");
   if (Array.isArray(values)) {

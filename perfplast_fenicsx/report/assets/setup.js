@@ -18,7 +18,31 @@ const made = (tag, properties = {}, ...inside) => {
   element.append(...inside);
   return element;
 };
-const done = (words) => { part("done").textContent = words; };
+
+/* ---- What a click has done, in words ---- */
+
+const near = made("p", { id: "near", className: "near" });
+let clicked = null; // the id of the form, card or list of the last click or change
+let nearAt = null;
+for (const kind of ["click", "change"]) {
+  document.addEventListener(kind, ({ target }) => { clicked = target.closest?.("#cards fieldset, form, #left")?.id ?? null; }, true);
+}
+
+/** Say what has been done: in the status line, and where the click was. */
+function done(words) {
+  part("done").textContent = near.textContent = words;
+  nearAt = clicked;
+  putNear();
+}
+
+function putNear() {
+  if (!nearAt || !near.textContent) return near.remove();
+  const at = document.getElementById(nearAt);
+  if (!at) part("cards").before(near); // a card that has been removed
+  else if (at.matches("ul")) at.after(near);
+  else at.append(near);
+}
+
 const system = () => parsed?.value.units?.system;
 const units = () => setup.systems[system()] ?? {};
 
@@ -121,6 +145,7 @@ function paintFaces() {
     ? `Chosen: ${names.join(", ")}` : "Nothing is chosen. Click faces, or choose them by name.";
   part("clear").disabled = !names.length;
   offerWider();
+  offerTogether();
 }
 
 /** Offer the names of several faces, of which a part is chosen, such as the other half of a bore. */
@@ -196,34 +221,39 @@ document.querySelectorAll("tr[data-face]").forEach((row) =>
 const schemaOf = (path, value = {}) => schemaAt(setup.schema, path, value);
 
 /** A field of a form: label, input and the place of its fault. */
-function formField({ id, label, key, schema, optional, choices, check }) {
+function formField({ id, label, key, schema, optional, choices, check, zero }) {
   const unit = unitOf(schema);
   const fault = made("p", { className: "fault", id: `${id}-fault` });
   const input = choices
     ? made("select", { id }, ...choices.map(([text, value]) => new Option(text, value)))
     : made("input", { id, type: check ? "checkbox" : "text", autocomplete: "off" });
   input.setAttribute("aria-describedby", fault.id);
+  if (zero) input.placeholder = "0";
   const words = made("label", { htmlFor: id }, label + (unit ? ` (${unit})` : "") + (optional ? ", may be empty" : ""));
   const element = made("div", { className: check ? "check" : "" }, ...(check ? [input, " ", words] : [words, input]), fault);
   const read = () => {
     if (check) return { toml: input.checked ? "true" : "" };
     if (choices) return { toml: input.value };
-    const found = !input.value.trim() && optional ? { toml: "" } : fromField(key, schema, input.value, unit);
+    const empty = !input.value.trim();
+    const found = empty && zero ? { toml: "0", empty } : empty && optional ? { toml: "" } : fromField(key, schema, input.value, unit);
+    return say(found);
+  };
+  const say = (found) => {
     fault.textContent = found.words ? `${label}: ${found.words}.` : "";
     input.setAttribute("aria-invalid", String(Boolean(found.words)));
     return found;
   };
   // Words that come or go as a button is pressed would move it away from the pointer.
   input.addEventListener("input", () => input.getAttribute("aria-invalid") === "true" && read());
-  return { element, read, input };
+  return { element, read, say, input, zero };
 }
 
-/** Fields with a number for each direction. */
+/** Fields with a number for each direction; an empty one is 0. */
 function vectorFields(key, schema, label) {
   const item = { ...(schema.items ?? schema), description: schema.description };
   const axes = schema.items || schema.anyOf ? AXES : [""];
   return axes.map((axis) => formField({
-    id: `add-${key}-${axis}`, label: `${label} ${axis}`.trim(), key, schema: item,
+    id: `add-${key}-${axis}`, label: `${label} ${axis}`.trim(), key, schema: item, zero: axes.length > 1,
   }));
 }
 
@@ -263,11 +293,15 @@ const KINDS = {
       const constant = given.at(-1);
       const numbers = given.slice(0, -1);
       const value = numbers.length === 1 ? numbers[0] : `[${numbers.join(", ")}]`;
-      return [...chosen].map((name) =>
-        [["load"], true, { on: quoted(name), [key]: value, ...(constant && { constant }) }]);
+      const load = (name) => [["load"], true, { on: quoted(name), [key]: value, ...(constant && { constant }) }];
+      if (!isOneLoad()) return [...chosen].map(load);
+      const name = part("one-name").value.trim();
+      const face = [["geometry", "face"], true, { name: quoted(name), faces: toToml([...chosen]) }];
+      return [...(name === nameOfChosen() ? [] : [face]), load(name)];
     },
     least: 1,
-    most: OF_WHOLE_FACE.includes(key) ? 1 : Infinity,
+    get most() { return OF_WHOLE_FACE.includes(key) && !canBeNamed() ? 1 : Infinity; },
+    refused: () => (isOneLoad() ? nameFault(part("one-name").value.trim()) : ""),
   }])),
   gravity: {
     label: "Gravity",
@@ -334,16 +368,63 @@ const KINDS = {
     },
   },
   material: {
-    label: "Material of a body",
+    label: "Material of a body, or of all bodies",
     fields: () => [
-      formField({ id: "add-body", label: "Body", choices: setup.bodies.map((body) => [body, body]) }),
+      formField({ id: "add-body", label: "Body", choices: [
+        ...(setup.bodies.length > 1 ? [[`all ${setup.bodies.length} bodies`, ""]] : []), ...setup.bodies.map((body) => [body, body]),
+      ] }),
       formField({ id: "add-material", label: "From the library", choices: library().map((one) => [`${one.name}: ${one.what}`, one.name]) }),
     ],
     refused: ([, name]) => (name ? "" : "name a system under [units] first: the library has no numbers for other units"),
-    tables: ([body, name]) => [[["material", body], false, library().find((one) => one.name === name).keys]],
+    tables: ([body, name]) => (body ? [body] : presentBodies()).map((one) =>
+      [["material", one], false, library().find((other) => other.name === name).keys]),
     least: 0,
+    words: ([body, name]) => `${name} is the material of ${body || `all ${presentBodies().length} bodies`}`,
   },
 };
+
+/* ---- Loads on several faces ---- */
+
+/** Whether one name can cover the chosen faces; surfaces that touch have no other name. */
+const canBeNamed = () => ![...chosen].some((name) => setup.joints.some(({ surfaces }) => surfaces.includes(name)));
+
+const isOneLoad = () => !part("together").hidden && part("one-load").value === "one";
+
+/** The name that the case has for just the chosen faces; undefined without one. */
+const nameOfChosen = () => (parsed?.value.geometry?.face ?? []).find?.(({ faces }) =>
+  faces?.length === chosen.size && faces.every((name) => chosen.has(name)))?.name;
+
+/** What is wrong with a name for the chosen faces, in words; "" if nothing is. */
+function nameFault(name) {
+  if (name && (name === nameOfChosen() || !Object.hasOwn(drawn.surfacesOf(parsed.value), name))) return "";
+  return name ? `'${name}' is a name already; give another one` : "Name of these faces: is missing; give a text.";
+}
+
+/** A name for the chosen faces: that of the case, or a free one. */
+function offeredName() {
+  const names = drawn.surfacesOf(parsed?.value ?? {});
+  let number = 1;
+  while (Object.hasOwn(names, `loaded_${number}`)) number++;
+  return nameOfChosen() ?? `loaded_${number}`;
+}
+
+/** Offer one load on all chosen faces, and say what the button adds. */
+function offerTogether() {
+  const kind = part("kind").value;
+  const isLoad = kind in LOADS;
+  part("together").hidden = !(isLoad && chosen.size > 1 && canBeNamed());
+  part("one-name").parentElement.hidden = !isOneLoad();
+  if (part("one-name").dataset.typed === undefined) part("one-name").value = offeredName();
+  const whole = OF_WHOLE_FACE.includes(kind);
+  const count = chosen.size;
+  part("adds").textContent = count < 2 || choiceFault(KINDS[kind]) ? ""
+    : kind === "support" ? `Adds ${count} supports, one for each face.`
+      : !isLoad ? ""
+        : isOneLoad() ? `Adds one load on ${count} faces${whole ? `: the ${kind === "moment" ? "moment" : "force"} is the total of all of them` : ""}.`
+          : `Adds ${count} loads, one for each face${whole ? `, each with the whole ${kind === "moment" ? "moment" : "force"}` : ""}.`;
+}
+part("one-load").addEventListener("change", offerTogether);
+part("one-name").addEventListener("input", ({ target }) => { target.dataset.typed = ""; });
 
 const pair = () => {
   const [primary, secondary] = [...chosen].map(quoted);
@@ -351,12 +432,16 @@ const pair = () => {
 };
 const library = () => setup.library[system()] ?? [];
 
+/** The bodies that the case does not leave out. */
+const presentBodies = () => setup.bodies.filter((body) => !parsed.value.geometry?.without?.includes(body));
+
 let fields = [];
 function showKind() {
   part("add-fault").textContent = "";
   const kind = KINDS[part("kind").value];
   fields = kind.fields();
   part("wanted").replaceChildren(...fields.map((field) => field.element));
+  offerTogether();
 }
 part("kind").append(...Object.entries(KINDS).map(([key, { label }]) => new Option(label, key)));
 part("kind").addEventListener("change", showKind);
@@ -379,6 +464,11 @@ part("adding").addEventListener("submit", (event) => {
   const kind = KINDS[part("kind").value];
   const say = (words) => { part("add-fault").textContent = words; };
   const given = fields.map((field) => field.read());
+  const components = fields.filter(({ zero }) => zero);
+  const empty = components.filter(({ input }) => !input.value.trim());
+  if (components.length && empty.length === components.length) {
+    given[0] = fields[0].say({ words: "all components are empty; give at least one number" });
+  }
   const wrong = given.findIndex((one) => one.words);
   if (!editable()) return say("The text cannot be read; correct it first.");
   if (wrong >= 0) {
@@ -393,13 +483,16 @@ part("adding").addEventListener("submit", (event) => {
   const there = tablesOf(...path)[0];
   if (kind.single && there) return say(`The case has [${path.join(".")}] already; change it among the entries.`);
   let text = caseText;
-  if (part("kind").value === "material" && there) {
-    text = withMaterial(text, path[1], tables[0][2]);
-  } else {
-    tables.forEach(([where, list, entries]) => { text = withTable(text, where, list, entries); });
-  }
+  tables.forEach(([where, list, entries]) => {
+    const has = where[0] === "material" && tableIn(text, where.join("\n"));
+    text = has ? withMaterial(text, where[1], entries) : withTable(text, where, list, entries);
+  });
   say("");
-  done(`Added: ${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}.`);
+  const key = components[0]?.input.id.split("-")[1];
+  const understood = empty.length ? ` Empty components are 0: ${key} = ${tables.at(-1)[2][key]}.` : "";
+  const words = kind.words?.(values) ?? `${tables.length > 1 && !isOneLoad() ? `${tables.length} entries, ` : ""}${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}${isOneLoad() ? `, together '${part("one-name").value.trim()}'` : ""}`;
+  done(`Added: ${words}.${understood}`);
+  delete part("one-name").dataset.typed;
   chosen.clear();
   part("told").textContent = "Click a face to choose it.";
   kind.after?.(values);
@@ -409,7 +502,7 @@ part("adding").addEventListener("submit", (event) => {
 
 /** The text with the numbers of a material; keys that its law does not have are removed. */
 function withMaterial(text, body, keys) {
-  const table = () => parseToml(text).tables.find((one) => one.path.join("\n") === `material\n${body}`);
+  const table = () => tableIn(text, `material\n${body}`);
   const law = JSON.parse(keys.law);
   const { properties } = schemaOf(["material", body], { law });
   Object.keys(table().keys).filter((key) => !properties[key]).forEach((key) => { text = withoutKey(text, table(), key); });
@@ -486,7 +579,12 @@ function withTrueComments(text) {
     const ofFirst = !comment.trim() || comment.trim() === own[key]?.trim();
     if (changed || (turned && ofFirst)) text = withComment(text, tableIn(text, "loading"), key, right[key] ?? "\n");
   }
-  return text;
+  const lines = /^(#[^\n]*\n)+/.exec(setup.case.slice(first?.end ?? setup.case.length))?.[0] ?? "";
+  if (!turned || !lines) return text;
+  const { end } = tableIn(text, "loading");
+  const there = text.startsWith(lines, end);
+  if (there && value.control !== first.value.control) return spliced(text, end, end + lines.length, "");
+  return !there && value.control === first.value.control ? spliced(text, end, end, lines) : text;
 }
 
 /** The text with the refinement of the first case, if the question before had none and this one may have it. */
@@ -638,7 +736,7 @@ function card(table) {
     });
     buttons.append(select);
   }
-  if (table.path[0] === "material") buttons.append(librarySelect(table, id));
+  if (table.path[0] === "material") buttons.append(librarySelect(table, id), ...sameForAll(table, id));
   if (["contact", "tie"].includes(table.path[0])) buttons.append(swapButton(table, id));
   if (table.path.length) {
     const remove = made("button", { type: "button", id: `${id}-remove` }, "Remove entry");
@@ -665,6 +763,33 @@ function librarySelect(table, id) {
     done(`${table.path[1]} is of ${found.name} (${found.source}).`);
   });
   return select;
+}
+
+/** A button that gives the material of a card to all bodies; no button for one body. */
+function sameForAll(table, id) {
+  if (presentBodies().length < 2) return [];
+  const dotted = presentBodies().some((body) => Object.values(tableIn(caseText, `material\n${body}`)?.keys ?? {}).some((place) => place.dotted));
+  const button = made("button", { type: "button", id: `${id}-all`, disabled: dotted }, "Give it to all bodies");
+  button.setAttribute("aria-label", `Give the material of ${table.path[1]} to all bodies`);
+  button.addEventListener("click", () => {
+    if (!editable()) return;
+    const { keys: places } = findTable(table.path, table.number);
+    const keys = Object.fromEntries(Object.entries(places).map(([key, { start, end }]) => [key, caseText.slice(start, end)]));
+    let text = caseText;
+    for (const body of presentBodies().filter((one) => one !== table.path[1])) {
+      const there = tableIn(text, `material\n${body}`);
+      if (!there) {
+        text = withTable(text, ["material", body], false, keys);
+        continue;
+      }
+      Object.keys(there.keys).filter((key) => !(key in keys)).forEach((key) => { text = withoutKey(text, tableIn(text, `material\n${body}`), key); });
+      [...wrongFields.keys()].filter((field) => field.startsWith(`${idOf(there)}-`)).forEach((field) => wrongFields.delete(field));
+      Object.entries(keys).forEach(([key, toml]) => { text = withKey(text, tableIn(text, `material\n${body}`), key, toml); });
+    }
+    take(text);
+    done(`All ${presentBodies().length} bodies have the material of ${table.path[1]}.`);
+  });
+  return [button];
 }
 
 /** The keys of a contact or tie that the other kind does not have. */
@@ -711,17 +836,33 @@ function refresh() {
   ]);
   if (now !== shape) {
     const focused = document.activeElement?.id;
+    const within = part("cards").contains(document.activeElement);
     part("cards").replaceChildren(...cards.map(card), made("datalist", { id: "names" },
       ...Object.keys(drawn.surfacesOf(parsed.value)).map((name) => new Option(name))));
-    if (focused) document.getElementById(focused)?.focus();
+    if (within) (document.getElementById(focused) ?? part("entries-h")).focus({ preventScroll: true });
     offerNames();
     const asked = part("kind").value === "combination"; // its fields are the loads
     if (shape === "" || asked || JSON.parse(shape)[1] !== system()) showKind();
     shape = now;
   }
   showFaults(cards);
+  putNear();
   paintFaces();
   part("cards").setAttribute("aria-busy", "false");
+}
+
+const madeConstant = new Set(); // the loads that a button has made constant
+
+/** A load without whether it is constant. */
+const loadKey = (kind, { constant, ...value }) => `${kind} ${JSON.stringify(value)}`;
+
+/** The paths of loads that a button has made constant, or without any of them of all constant loads. */
+function toGrow() {
+  const { load, gravity } = parsed.value;
+  const constant = (Array.isArray(load) ? load : []).flatMap((row, k) => (row.constant === true ? [["load", k, row]] : []));
+  const all = [...constant, ...(gravity?.constant === true ? [["gravity", null, gravity]] : [])];
+  const own = all.filter(([kind, , row]) => madeConstant.has(loadKey(kind, row)));
+  return own.length ? own : constant;
 }
 
 /** What a button in the list of faults does: its words, and a change that returns what it has done. */
@@ -729,13 +870,26 @@ const REMEDIES = {
   constant: ["Make all loads constant", () => {
     const growing = growingLoads(parsed.value);
     let text = caseText;
+    madeConstant.clear();
     for (const [kind, number] of growing) {
       const table = tableIn(text, kind, number);
+      madeConstant.add(loadKey(kind, table.value));
       wrongFields.delete(`${idOf(table)}-constant`);
       text = withKey(text, table, "constant", "true");
     }
     take(text);
     return `All loads are constant now: constant = true for ${growing.length} of them.`;
+  }],
+  grow: ["Let these loads grow", () => {
+    const found = toGrow();
+    let text = caseText;
+    for (const [kind, number] of found) {
+      const table = tableIn(text, kind, number);
+      text = kind === "gravity" ? withKey(text, table, "constant", "false") : withoutKey(text, table, "constant");
+    }
+    madeConstant.clear();
+    take(text);
+    return `${found.length} ${found.length === 1 ? "load grows" : "loads grow"} with the load factor again.`;
   }],
   tie: ["Glue them instead", () => {
     const rows = refusedRows(parsed.value.contact, setup.refused);
@@ -768,6 +922,10 @@ function showFaults(cards) {
   for (const [id, { words, place }] of wrongFields) {
     atField.set(id, words);
     lines.push({ words: `${place}: ${words} (not in the case file)`, id });
+  }
+  const back = parsed.fault || parsed.value.loading?.control === "strength" || !madeConstant.size ? [] : toGrow();
+  if (back.length && !faults.some(({ remedy }) => remedy === "grow")) {
+    faults.push({ path: ["load"], words: `${back.length} of the loads became constant for the factor of safety, and do not grow with the load factor`, loose: true, remedy: "grow" });
   }
   for (const { path, words, loose, remedy } of faults) {
     const { table, key, id } = placeOf(path);
