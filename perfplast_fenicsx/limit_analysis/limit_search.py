@@ -1,21 +1,21 @@
-"""Compute the limit load where the loading path levels off, with its bounds and its mechanism.
+"""Compute the limit load at which a loading path levels off, with its bounds and its mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
 Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound on the limit load of
-the discrete problem. Where the curve is nearly flat, the increments of displacement are nearly a
-mechanism. The mechanism gives an upper bound of the discrete limit load, and the direction in which
-the path is extrapolated next. The search ends when both bounds agree. They are not bounds for the
+the discrete problem. Where the curve is nearly flat, the displacement increment is nearly a
+mechanism. The mechanism gives an upper bound of the discrete limit load, and the direction for the
+next extrapolation of the path. The search ends when both bounds agree. They are not bounds for the
 body itself.
 
-With Coulomb's friction no limit theorem holds. Then the module brackets the load at which the
-loading path loses equilibrium. The lower end is the largest load factor at which a level (load
-step) has converged. The upper end is the smallest load factor for which the solver has reported
-that there is no equilibrium. First the prescribed work α grows until ζ(α) has levelled off. A level
-with prescribed work has a solution even if bodies slide. Then the search tries slightly larger
-loads, starting from the state with the largest load, until the solver refuses one. The result holds
-only for the path that starts from the assembled bodies, for this mesh, and for the friction
-iterations of :mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry other
-loads.
+With Coulomb's friction no limit theorem holds. In this case the module brackets the load at which
+the loading path loses equilibrium. The lower end of the bracket is the largest load factor at which
+a level (load step) has converged. The upper end is the smallest load factor for which the solver
+has reported that there is no equilibrium. First the prescribed work α grows until ζ(α) has levelled
+off. A level with prescribed work has a solution even if bodies slide. Then the search tries
+slightly larger loads, from the state with the largest load, until the solver refuses a load. The
+result holds only for the path that starts from the assembled bodies, for this mesh, and for the
+friction iterations of :mod:`~perfplast_fenicsx.solvers.coulomb`. Other states of friction may carry
+other loads.
 """
 
 import logging
@@ -59,13 +59,13 @@ log = logging.getLogger(__name__)
 
 SHARES = (0.5, 0.25, 0.75)
 """Positions of trial loads between the largest carried and the smallest refused load, as fractions
-of their distance. The midpoint is tried first. If the level there neither converges nor is refused,
-the other positions follow.
+of the distance. The search tries the midpoint first. If the solver neither solves nor refuses the
+level at the midpoint, the search tries the other positions.
 """
 
 
 OnLevel = Callable[[Level, Search], None]
-"""Called on every rank after each level that carries its load, with the present bracket."""
+"""Called on every rank after each level that carries its load, with the search and its bracket."""
 
 
 def check_resolution(rtol: float, solver: WorkNewton) -> None:
@@ -76,7 +76,7 @@ def check_resolution(rtol: float, solver: WorkNewton) -> None:
         solver: Solver of the path.
 
     Raises:
-        InputError: If the tolerance is too small; the message gives the smallest allowed one.
+        InputError: If the tolerance is too small; the message gives the smallest allowed tolerance.
     """
     finest = 10 * max(SLIDES, solver.options.tolerance)
     if rtol < finest:
@@ -95,7 +95,9 @@ def coulomb_limit(
     search: Search | None = None,
     reached: Reached | None = None,
 ) -> LimitLoad:
-    """Bracket the load at which equilibrium is lost, with Drucker's bounds if known. Collective.
+    """Return a bracket of the load at which equilibrium is lost, and Drucker's bounds if known.
+
+    Collective.
 
     Args:
         problem: The bodies and their loads, with Coulomb's friction in some places.
@@ -105,10 +107,10 @@ def coulomb_limit(
         on_level: Called on every rank after each level that carries its load, and after the level
             of the permanent loads.
         search: Search of an earlier run, to continue.
-        reached: Last converged state of that run.
+        reached: Last converged state of the earlier run.
 
     Raises:
-        InputError: If the tolerance is too small to distinguish a sliding body from one at rest.
+        InputError: If the tolerance is too small to distinguish a sliding body from a body at rest.
     """
     check_resolution(rtol, solver)
     direct = method_for(problem) is LimitMethod.INTERIOR_POINT and not problem.loads.has_dead()
@@ -148,11 +150,11 @@ class _Path:
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.
         levels: The levels that carry their loads.
-        before: State before ``last``: the last but one whose work exceeds that of all earlier
+        before: State of the level before ``last`` whose work exceeds the work of all earlier
             levels.
-        last: State of the last level whose work exceeds that of all earlier levels.
-        most: State that carries the largest load.
-        refused: Number of loads that were tried and not carried.
+        last: State of the last level whose work exceeds the work of all earlier levels.
+        most: State with the largest carried load.
+        refused: Number of trial loads that were not carried.
     """
 
     solver: WorkNewton
@@ -180,9 +182,11 @@ class _Path:
             self.most = reached.last
         if search.ended or has_levelled(search.points, self.rtol):
             return
-        # Number of levels of given work after which ζ counts as not levelling off.
+        # Number of levels with prescribed work after which the search decides that ζ does not level
+        # off.
         most_works = 40
-        # Largest ratio of ζ to its first value; the search ends there if nothing slips or yields.
+        # Largest ratio of ζ to its first value, at which the search ends if nothing slips or
+        # yields.
         farthest = 1e12
         for level in work_path(self.solver, self.monitor, reached):
             self._count()
@@ -216,7 +220,7 @@ class _Path:
         """Try loads above the largest carried load until the solver refuses one. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
-        # A ζ below this value counts as zero: the given loads have a realistic size.
+        # A ζ below this value counts as zero, because the given loads have a realistic size.
         least_load = 1e-8
         low = search.lower if search.lower > least_load else 0.0
         # Relative increase of the next trial load if ζ has not levelled off.
@@ -274,7 +278,7 @@ class _Path:
 
 
 def has_levelled(points: Points, rtol: float) -> bool:
-    """Return whether the last ζ exceeds all earlier values by no more than the tolerance.
+    """Return whether the last ζ exceeds all earlier values by at most the tolerance.
 
     Args:
         points: Pairs (α, ζ) of the levels; each level multiplies the work by a factor.
@@ -287,7 +291,7 @@ def has_levelled(points: Points, rtol: float) -> bool:
 
 
 def trial(low: float, refused: float | None, step: float, unknown: int) -> float:
-    """Return the load factor to be tried next.
+    """Return the next load factor to try.
 
     Args:
         low: Largest carried load factor; 0 if there is no such factor.
@@ -323,9 +327,9 @@ def limit_load(
 
     Args:
         problem: The bodies and their loads.
-        rtol: Relative distance of the bounds at which the search ends. If the laws of a path give
-            no mechanism, it is the relative difference of the estimate from ζ, and from the
-            estimate of the previous level.
+        rtol: Relative distance of the bounds at which the search ends. If the laws give no
+            mechanism on a path, the tolerance applies to the difference of the estimate from ζ, and
+            from the estimate of the previous level.
         solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
         method: "interior-point" or "path". The default is the interior point method if it supports
             the laws, a factorisation fits into memory, and no argument of a path is given. If the
@@ -337,9 +341,9 @@ def limit_load(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, or is too small to distinguish sliding from
-            rest with Coulomb's friction. If all loads are constant, a body hardens, or no stress
-            can carry the loads. If the interior point method is requested for a problem that it
-            does not support.
+            rest with Coulomb's friction. If all loads are constant, if a body hardens, or if no
+            stress can carry the loads. If the interior point method is requested for a problem that
+            it does not support.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)
@@ -435,7 +439,7 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
 
 
 def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
-    """Return the requested method, or by default the one that suits the problem."""
+    """Return the requested method, or by default the method that suits the problem."""
     if method is None:
         return LimitMethod.PATH if follows else method_for(problem)
     if method not in list(LimitMethod):
@@ -458,7 +462,7 @@ def limit_options(rtol: float, coulomb: bool = False) -> dict[str, Any]:
     """
     # Largest tolerance of a level. With 1e-3, ζ was once 1e-4 (relative) above an upper bound.
     loosest = 1e-4
-    # Tolerance of a level with Coulomb's friction. It equals that of the shear limits, which the
-    # friction iterations determine.
+    # Tolerance of a level with Coulomb's friction. It equals the tolerance of the shear limits,
+    # which the friction iterations determine.
     friction_rtol = 1e-8
     return {"stopping": "stress", "tolerance": friction_rtol if coulomb else min(rtol, loosest)}

@@ -1,1 +1,1 @@
-"""Compute limit loads of rigid blocks, which collapse only through their joints."""
+"""Compute limit loads of rigid blocks, which fail only at their joints."""

@@ -1,4 +1,4 @@
-"""Compute the limit load of rigid blocks, with the joint forces and the mechanism that prove it."""
+"""Compute the limit load of rigid blocks, with joint forces and a mechanism as proofs."""
 
 from dataclasses import dataclass, replace
 
@@ -30,11 +30,11 @@ NOTHING = 1e-9
 """Load factors below this value count as zero, in units in which the loads have magnitude 1."""
 
 ROUNDING = 1e-15
-"""Load factors below this value are zero except for rounding, in the same units."""
+"""Load factors below this value differ from zero only by rounding, in the same units."""
 
 ENOUGH = 2.0
-"""Required multiple of the loads if all loads are permanent. If joints without adhesion carry the
-loads, they also carry any multiple of them."""
+"""Multiple of the loads to reach if all loads are permanent. If joints without adhesion carry the
+loads, they also carry any multiple of the loads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +57,17 @@ class FoundForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
-    """The best forces and the best motion. All ranks hold the same data, except arrays by facet.
+    """The best forces and the best motion; the same on all ranks, except arrays by facet.
 
     Attributes:
-        lower: Outcome of the search for forces, and the load factor λ.
-        upper: Upper bound of λ from the motion.
+        lower: Outcome of the search for forces, and the load factor λ of the forces.
+        upper: Outcome of the search for a motion, and the upper bound of λ from the motion.
         best: The best forces.
-        inner: Forces strictly inside the friction cones, for another λ; None if no such forces were
+        inner: Forces strictly inside the friction cones, at another λ; None if no such forces were
             found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs that were solved.
-        resists: Whether λ is positive if there is no permanent load.
+        resists: Whether there are permanent loads or adhesion, or λ is positive.
     """
 
     lower: tuple[Outcome, float]
@@ -87,7 +87,7 @@ def block_limit(
     Args:
         comm: The ranks.
         blocks: The blocks.
-        question: Which loads the sought factor multiplies.
+        question: The loads that the bounded factor multiplies.
         rtol: Relative distance of each bound to the best bound of its kind.
     """
     solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
@@ -108,7 +108,7 @@ def _on_facets(
 
     Args:
         blocks: The blocks.
-        of: λ, the factor of the free loads, and the support reactions of the blocks.
+        of: Load factor λ, the factor of the free loads, and the support reactions of the blocks.
         rows: Facets, forces and tractions of the joints.
     """
     (factor, aside, reactions), (places, on_joints, along_joints) = of, rows
@@ -153,7 +153,7 @@ class _Solution:
         facets: Facets of joints.
         sets: The best forces, and forces strictly inside the cones if they were found.
         motion: Rigid motions of the blocks.
-        limits: Other values, which all ranks receive.
+        limits: Outcomes and values of both searches, the number of programs, and ``resists``.
     """
 
     facets: JointFacets
@@ -187,14 +187,14 @@ class _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Jumps:
-    """The velocity jumps at vertices of joints, and which vertices coincide.
+    """The velocity jumps at the vertices of joints, and the vertices without coinciding copies.
 
     Attributes:
-        axes: Orthonormal axes of each facet, the normal first, shape (n, d, d).
-        vertices: Matrix that maps motions to the jumps along these axes at all vertices, shape (n ·
-            d · d, blocks · modes).
+        axes: Orthonormal axes of each facet, with the normal first, shape (n, d, d).
+        vertices: Matrix that maps motions to the jumps along the axes at all vertices, shape (n · d
+            · d, blocks · modes).
         middles: Matrix that maps motions to the jumps at the points of adhesive tractions.
-        kept: One vertex for each set of coinciding vertices.
+        kept: Index of one vertex from each set of coinciding vertices.
     """
 
     axes: Floats
@@ -270,12 +270,12 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Converts the forces of a linear program to forces on joint facets, in the problem's units.
+    """Convert the forces of a linear program to forces on joint facets, in the problem's units.
 
     Attributes:
         blocks: The blocks.
         facets: Facets of joints.
-        jumps: Their vertices.
+        jumps: Velocity jumps at the vertices of these facets.
         sticky: Points at which adhesive tractions act.
         units: Unit of forces, and unit of each kind of load.
         loads: Loads of each kind: with the unknown factor, permanent, and free.
@@ -320,12 +320,12 @@ class _Placed:
 
 
 def _frictions(strengths: list[ContactStrength], follows: bool) -> Floats:
-    """Return the friction coefficients of all interfaces, or only of those with associated slip."""
+    """Return the friction coefficients; without ``follows``, 0 for slip that is not associated."""
     return np.array([it.friction if follows or it.associated else 0.0 for it in strengths])
 
 
 def _some(rows: csr_array, places: Longs, d: int) -> csr_array:
-    """Return the indices of the d matrix rows of each given point."""
+    """Return the d matrix rows of each given point."""
     return rows[(places[:, None] * d + np.arange(d)).ravel()]
 
 
@@ -335,14 +335,14 @@ def _across(count: int, d: int) -> Longs:
 
 
 def _reactions(gram: Floats, forces: Floats) -> Floats:
-    """Return the reactions of the supports that balance the given forces on the blocks."""
+    """Return the reactions of supports that balance the given forces on the blocks."""
     count, modes = gram.shape[:2]
     inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
     return -np.einsum("bij,bj->bi", inverse, forces.reshape(count, modes)).ravel()
 
 
 def _jumps(facets: JointFacets, frames: Frames, count: int) -> _Jumps:
-    """Return the matrix from rigid motions to the jumps at the vertices of joints."""
+    """Return matrices that map rigid motions to the jumps at the vertices of joints."""
     d, n, modes = facets.into.shape[1], len(facets.rows), frames.modes
     axes = _axes(facets.into)
     one = facets.rows["corners"]

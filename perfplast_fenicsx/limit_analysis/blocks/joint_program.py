@@ -1,21 +1,21 @@
-"""Set up the linear programs of rigid blocks, for joint forces and for motions of the blocks.
+"""Set up and solve the linear programs of rigid blocks, for joint forces and for motions.
 
-A block has unlimited strength, so the forces on it only have to balance. Joint forces act at points
-x on both sides of the joint, in the directions (n, t). The normal n points out of the first side. A
-motion v has the jump w = v₁(x) − v₂(x). The forces f in the Coulomb cone
+A block has unlimited strength, so the forces on it only have to be in balance. Joint forces act at
+points x on both sides of the joint, in the directions (n, t). The normal n points out of the first
+side. A motion v has the jump w = v₁(x) − v₂(x). The forces f in the Coulomb cone
 
     f_n = −p ≤ 0,   ‖f_t‖ ≤ μp
 
 do the work f·w ≥ 0 on all jumps with w_n + μ‖w_t‖ ≤ 0. By duality, two values are equal: the
-largest λ for which such forces balance λL₁ + L₀, and the minimum of −L₀(v) over all motions v with
-such jumps and L₁(v) = 1. Because w is linear on a facet, it is enough to require the conditions at
-the vertices. Where surfaces adhere, shear tractions also act. They are linear on a facet, have at
-most the norm c, and do at most the work ∫c‖w_t‖.
+largest λ for which forces in the cones balance λL₁ + L₀, and the minimum of −L₀(v) over all motions
+v with these jumps and L₁(v) = 1. Because w is linear on a facet, the conditions are required only
+at the vertices. If surfaces adhere, shear tractions also act. These tractions are linear on a
+facet, have at most the norm c, and do at most the work ∫c‖w_t‖.
 
-In two dimensions each problem is one linear program. In three dimensions, polyhedral cones replace
-the circular cones: inscribed ones for the forces, circumscribed ones for the motions. Both bounds
-are therefore strict for any number of edges. The search adds edges where the dual solution of a
-linear program violates a circular cone.
+In 2D each problem is one linear program. In 3D, polyhedral cones replace the circular cones:
+inscribed cones for the forces, and circumscribed cones for the motions. Both bounds are therefore
+strict for any number of edges. The search adds edges where the dual solution of a linear program
+violates a circular cone.
 """
 
 from dataclasses import dataclass
@@ -28,12 +28,12 @@ from scipy.sparse import coo_array, csr_array, hstack
 from perfplast_fenicsx.arrays import Floats, Longs
 
 FIRST_EDGES = 8
-"""Initial number of edges of a polyhedral cone in three dimensions."""
+"""Initial number of edges of a polyhedral cone in 3D."""
 
 MOST_ROUNDS = 60
 
 INNER_STEPS = 7
-"""Range, in powers of ten, of the distances of inner forces from their limits."""
+"""Number of powers of ten over which the distances of inner forces from their limits range."""
 
 
 class Outcome(StrEnum):
@@ -50,9 +50,9 @@ class Places:
     """Points of joints, each with its set of admissible forces: a cone or a tangential disc.
 
     Attributes:
-        jump: Matrix that maps motions to the components of w along (n, t) at each point, for a disc
-            only along t. Its shape is (num_places · components, num_motions).
-        size: μ of each cone, or the radius of each disc (force), shape (num_places,).
+        jump: Matrix that maps motions to the components of w along (n, t) at each point (for a disc
+            only along t), shape (num_places · components, num_motions).
+        size: Coefficient μ of each cone, or radius of each disc (force), shape (num_places,).
         cone: Whether the sets are cones; otherwise they are discs.
         components: Number of components of a force.
     """
@@ -83,15 +83,15 @@ class JointProgram:
 
     Attributes:
         cones: Points with contact and friction forces.
-        discs: Points with adhesive tractions, each in the middle of its part of the facet.
-        outer_discs: Points with adhesive tractions at the vertices, where the dissipation is
-            overestimated.
-        sought: Work of the loads whose factor is sought, for each unknown motion, shape
+        discs: Points with adhesive tractions, each inside its part of the facet, for the forces.
+        outer_discs: Points with adhesive tractions at the vertices, which overestimate the
+            dissipation, for the motions.
+        sought: Work of the loads with the unknown factor, for each unknown motion, shape
             (num_motions,).
         constant: Work of the permanent loads for each unknown motion.
         others: Work of the free loads for each unknown motion. Free loads may have any factor.
         most: The largest λ for which forces are sought. It is finite if the joints may carry the
-            loads at any factor, and forces for one factor suffice as a proof.
+            loads at any factor, because forces for one factor are then enough for a proof.
     """
 
     cones: Places
@@ -105,7 +105,7 @@ class JointProgram:
 
 @dataclass(frozen=True, eq=False)
 class JointForces:
-    """The joint forces with the largest λ.
+    """The joint forces at the largest λ.
 
     Attributes:
         outcome: Whether forces were found.
@@ -124,7 +124,7 @@ class JointForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockMotion:
-    """The motion with the smallest λ.
+    """The motion that gives the smallest λ.
 
     Attributes:
         outcome: Whether a motion was found.
@@ -143,7 +143,7 @@ class _Edges:
 
     Attributes:
         of: Index of the point of each edge.
-        angle: Angle of each edge (rad); in two dimensions 0 or π.
+        angle: Angle of each edge (rad); in 2D 0 or π.
     """
 
     of: Longs
@@ -158,7 +158,7 @@ class _Edges:
         return cls(np.repeat(rubs, count), np.tile(angles, len(rubs)))
 
     def add(self, of: Longs, angle: Floats) -> int:
-        """Add the given edges that are new, and return their number."""
+        """Add those of the given edges that are new, and return their number."""
         angle = np.mod(angle, 2 * np.pi)
         near = 1e-7  # Angles that differ by less (in turns) count as equal.
         keys, wanted = (np.sort(self.of + self.angle / (2 * np.pi)), of + angle / (2 * np.pi))
@@ -170,11 +170,11 @@ class _Edges:
         return int(fresh.sum())
 
     def inside(self, places: Places) -> tuple[Longs, Floats]:
-        """Return the point and the direction of each corner of the inscribed polygons."""
+        """Return the point and the direction for each corner of the inscribed polygons."""
         return self.of, _directions(self.angle, places.across)
 
     def outside(self, places: Places) -> tuple[Longs, Floats]:
-        """Return the point and the direction of each corner of the circumscribed polygons."""
+        """Return the point and the direction for each corner of the circumscribed polygons."""
         if places.across == 1:
             return self.inside(places)
         order = np.lexsort([self.angle, self.of])
@@ -196,13 +196,13 @@ def _directions(angle: Floats, across: int) -> Floats:
 def best_of_joints(
     inner: JointProgram, outer: JointProgram, rtol: float
 ) -> tuple[JointForces, BlockMotion, int]:
-    """Return the best forces of one linear program and the best motion of another.
+    """Return the best forces of one linear program and the best motion of another program.
 
     Args:
         inner: Linear program for the forces.
         outer: Linear program for the motions, at the same points and with at least as much
             friction.
-        rtol: Relative distance of both results from the optimum with circular cones.
+        rtol: Relative distance of each result from its optimum with circular cones.
 
     Returns:
         The forces, the motion, and the number of linear programs that were solved.
@@ -215,7 +215,7 @@ def best_of_joints(
 
 
 def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None:
-    """Return forces strictly inside the limits, at a factor near the best one; None if not found.
+    """Return forces strictly inside their limits, at a factor near the best one; None if not found.
 
     A linear program maximises a weighted sum of the distances of the forces from the sides of the
     cones. The first tenth of each distance has ten times the weight. Adhesive tractions use half of
@@ -223,7 +223,7 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
 
     Args:
         program: Linear program for the forces.
-        best: Its solution.
+        best: Solution of this program.
     """
     every = (program.cones, program.discs)
     generators = [_generators(of, _Edges.first(of), True) for of in every]
@@ -275,7 +275,7 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
 def _sharpened(
     program: JointProgram, rtol: float, inside: bool
 ) -> tuple[JointForces | BlockMotion, int]:
-    """Solve linear programs with more and more edges, for inscribed or circumscribed cones."""
+    """Solve linear programs with successively more edges, for inscribed or circumscribed cones."""
     discs = program.discs if inside else program.outer_discs
     every = (program.cones, discs)
     edges = [_Edges.first(places) for places in every]
@@ -285,7 +285,7 @@ def _sharpened(
         found = _Solved.of(program, every, edges, inside)
         if found.outcome is not Outcome.FOUND or rounds == MOST_ROUNDS:
             break
-        # Allowed violation of a circular cone by forces and jumps, relative to the largest one.
+        # Allowed violation of a circular cone, relative to the largest force or jump.
         close = 0.01 * rtol
         if not found.sharpen(every, edges, inside, close):
             break
@@ -299,9 +299,10 @@ class _Solved:
     Attributes:
         outcome: Whether the linear program was solved.
         value: Load factor λ.
-        columns: Work of each unit force on the unknown motions, shape (num_motions, num_columns).
-        generators: The unit forces of cones and of discs, by point and components.
-        sizes: Magnitude of each unit force in the solution, shape (num_columns,).
+        columns: Work of each unit force, and of each load, on the unknown motions, shape
+            (num_motions, num_columns).
+        generators: The unit forces of cones and of discs: the points, and the components.
+        sizes: Magnitude of each unit force in the solution, shape (num_forces,).
         aside: Factor of the free loads.
         motion: The motion in the dual solution.
         program: The joints and loads of the linear program.
@@ -365,13 +366,13 @@ class _Solved:
     def sharpen(
         self, every: tuple[Places, ...], edges: list[_Edges], inside: bool, close: float
     ) -> int:
-        """Add the edges at which the dual solution violates the cone, and return their number.
+        """Add edges where the solution violates circular cones, and return the number of new edges.
 
         Args:
             every: Points with cones, and points with discs.
             edges: Edges of the polygons.
             inside: Whether the polygons are inscribed.
-            close: Allowed violation of a circular cone, relative to the largest one.
+            close: Allowed violation of a circular cone, relative to the largest force or jump.
         """
         added = 0
         parts = self.parts(every)
@@ -411,7 +412,7 @@ class _Solved:
         return JointForces(self.outcome, self.value, self.aside, *self.parts(every))
 
     def block_motion(self, every: tuple[Places, ...]) -> BlockMotion:
-        """Return the motion of a linear program with circumscribed cones, and its dissipation."""
+        """Return the motion of a program with circumscribed cones, with its upper bound."""
         if self.outcome is not Outcome.FOUND:
             return BlockMotion(self.outcome, np.nan, self.motion)
         motion, program = self._admissible(every), self.program
@@ -422,11 +423,11 @@ class _Solved:
         return BlockMotion(self.outcome, value, np.asarray(motion / work, dtype=np.float64))
 
     def _admissible(self, every: tuple[Places, ...]) -> Floats:
-        """Return the motion, corrected so that rounding errors do not violate its conditions."""
+        """Return the motion with a correction that removes violations from rounding errors."""
         program, count = self.program, len(self.generators[0][0])
         power = np.asarray(self.columns[:, :count].T @ self.motion)
         scale = np.abs(self.columns[:, :count]).T @ np.abs(self.motion)
-        # A power below this value, relative to its terms, belongs to a force that does no work.
+        # A force whose power is below this value, relative to its terms, does no work.
         idle = 1e-8
         active = np.flatnonzero(np.abs(power) <= idle * scale)
         rows = np.vstack(
@@ -445,7 +446,7 @@ class _Solved:
 
 
 def _generators(places: Places, edges: _Edges, inside: bool) -> tuple[Longs, Floats]:
-    """Return the unit forces that generate the sets, by point and components."""
+    """Return the unit forces that generate the sets: their points, and their components."""
     of, across = edges.inside(places) if inside else edges.outside(places)
     across = across * places.size[of][:, None]
     if not places.cone:
@@ -468,7 +469,7 @@ def _columns(places: Places, generators: tuple[Longs, Floats]) -> csr_array:
 
 
 def _balanced(columns: csr_array, wanted: Floats, x: Floats, forces: int) -> Floats:
-    """Return forces that balance the loads to rounding, from forces that balance to a tolerance."""
+    """Return forces in balance up to rounding, from forces in balance to a tolerance."""
     used = np.append(x[:forces] > 1e-9 * np.abs(x).max(initial=0.0), np.ones(len(x) - forces, bool))
     some = columns[:, used].toarray()
     found = np.where(used, x, 0.0)

@@ -1,4 +1,4 @@
-"""Describe bodies that cannot yield as rigid blocks, with their motions, loads and joints."""
+"""Describe bodies that cannot yield as rigid blocks, with motions, loads and joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ ROUND = "an obstacle is curved, but bounds of rigid blocks support only plane ob
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The reference frame of each block, with rotations about its middle, scaled by its extent.
+    """The reference frame of each block: rotations are about its middle, and scaled by its extent.
 
     Attributes:
         kinematics: Kinematics, which defines the rigid motions.
@@ -88,10 +88,10 @@ class JointFacets:
 
     Attributes:
         rows: Facets on the first sides, in the structured dtype of ``_row_type``.
-        others: The opposite facet of each; at obstacles the facet itself.
+        others: The opposite facet of each facet; at obstacles the facet itself.
         order: Index of the opposite vertex for each vertex, shape (n, d).
         into: Unit normals that point out of the first side, shape (n, d).
-        alone: Whether the facet touches an obstacle instead of a block, shape (n,).
+        alone: Flags of facets that touch an obstacle instead of a block, shape (n,).
     """
 
     rows: npt.NDArray[np.void]
@@ -107,17 +107,17 @@ class RigidBlocks:
 
     Attributes:
         count: Number of blocks.
-        body: Cells and facets of the blocks, as data for the bounds.
+        body: Cells and facets of the blocks, as data for both bounds.
         of_node: Block of each local node of the displacements.
         of_outer: Block of each owned exterior facet.
-        corners: Coordinates of the vertices of these facets, in the order of their cells, shape
-            (num_outer, d, d).
+        corners: Coordinates of the vertices of the owned exterior facets, in the order of their
+            cells, shape (num_outer, d, d).
         frames: Reference frames of the rigid motions, the same on all ranks.
         free: Orthonormal motions that the supports allow, shape (num_blocks · modes, num_motions).
         gram: Gram matrices of the held directions, shape (num_blocks, modes, modes).
-        live: Forces of the live loads, and their moments divided by the extents, shape (num_blocks
-            · modes,).
-        dead: Forces of the permanent loads, and their moments divided by the extents.
+        live: Forces from the live loads, and their moments divided by the extents, shape
+            (num_blocks · modes,).
+        dead: Forces from the permanent loads, and their moments divided by the extents, same shape.
         facets: Joint facets; None on ranks other than 0.
     """
 
@@ -135,7 +135,10 @@ class RigidBlocks:
 
 
 def why_no_blocks(problem: Problem) -> str | None:
-    """Return why bounds of rigid blocks do not support the bodies, or None. Collective."""
+    """Return the reason why bounds of rigid blocks do not support the bodies, or None.
+
+    Collective.
+    """
     body = bound_body(problem)
     tdim = problem.bodies.gdim
     topology = problem.tagged_mesh.mesh.topology
@@ -159,7 +162,7 @@ def why_no_blocks(problem: Problem) -> str | None:
 
 
 def rigid_blocks(problem: Problem) -> RigidBlocks:
-    """Return the blocks of a supported problem. Collective."""
+    """Return the blocks of a problem that :func:`why_no_blocks` does not refuse. Collective."""
     comm, body, d = problem.comm, bound_body(problem), problem.bodies.gdim
     mesh = problem.tagged_mesh.mesh
     topology = mesh.topology
@@ -233,7 +236,7 @@ def _sizes(
 
 
 def held_directions(body: BoundBody) -> Floats:
-    """Return the directions in which supports hold the owned exterior facets; 0 where free.
+    """Return the directions in which supports hold the owned exterior facets; 0 if they are free.
 
     Returns:
         Directions, shape (num_outer, d + 1, d). The first d rows are Cartesian axes; the last row
@@ -268,7 +271,7 @@ def _left_free(gram: Floats) -> Floats:
     """Return the orthonormal free motions, shape (num_blocks · modes, num_motions)."""
     count, modes = gram.shape[:2]
     values, vectors = np.linalg.eigh(gram)
-    negligible = 1e-12  # a motion is free below this
+    negligible = 1e-12  # relative eigenvalue below which a motion is free
     most = np.maximum(values.max(axis=1, initial=0.0), np.finfo(float).tiny)
     block, number = np.nonzero(values <= negligible * most[:, None])
     found = np.zeros((count, modes, len(block)))
@@ -304,7 +307,7 @@ def _loads(
 
 
 def _joined(rows: npt.NDArray[np.void], interfaces: Sequence[Interface]) -> JointFacets:
-    """Return the facets with their opposite facets, in an order independent of the ranks."""
+    """Return the facets with their opposite facets, in an order that the ranks do not affect."""
     rows = rows[np.lexsort([rows["key"], rows["side"], rows["interface"]])]
     d = rows["normal"].shape[1]
     first, second, orders, into, alone = [rows[:0]], [rows[:0]], [], [], []

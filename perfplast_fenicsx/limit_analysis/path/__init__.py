@@ -1,1 +1,1 @@
-"""Compute limit loads with a loading path."""
+"""Compute limit loads along a loading path."""

@@ -1,15 +1,15 @@
 """Determine the limit load from the levels of a loading path, and choose the next level.
 
 The module also computes the kinematic side of a mesh's limit load from an admissible mechanism. Let
-v be a velocity that is zero on supports and does not penetrate, and let ε(v) be admissible for the
+v be a velocity that is zero on supports and without penetration, and let ε(v) be admissible for the
 law of each body. Then the limit load is at most (D(v) − L₀(v))/L₁(v), where the dissipation D is
 the support function of the yield sets (kinematic theorem of limit analysis, E. Christiansen,
-Handbook of Numerical Analysis IV, 1996). Bodies that preserve their volume require div v = 0,
-elastic bodies ε(v) = 0.
+Handbook of Numerical Analysis IV, 1996). Bodies that preserve their volume require div v = 0;
+elastic bodies require ε(v) = 0.
 
-The increments of a loading path approach such a v. The velocity after v_k is the flow with the
-viscosity η_k = D(ε_k)/‖ε_k‖², where ε_k = ε(v_k) and the norm is the one in which the law's D(ε) is
-γ‖ε‖ (Kačanov's iteration). The bound does not increase, because for L₁(v) = 1
+The displacement increments of a loading path approach an admissible velocity v. The velocity after
+v_k is the flow with the viscosity η_k = D(ε_k)/‖ε_k‖², where ε_k = ε(v_k), in the norm with which
+the law has D(ε) = γ‖ε‖ (Kačanov's iteration). The bound does not increase, because for L₁(v) = 1
 
     D(v) − L₀(v) ≤ ½ ∫ γ(‖ε(v)‖²/‖ε_k‖ + ‖ε_k‖) − L₀(v),
 
@@ -44,7 +44,7 @@ class MechanismBound:
         value: The bound; None without one.
         mechanism: Mechanism v with L₁(v) = 1; None without a bound.
         solves: Number of linear systems solved.
-        reason: Reason why there is no bound; empty if there is one.
+        reason: Reason why there is no bound; empty if there is a bound.
     """
 
     value: float | None
@@ -59,7 +59,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
     Args:
         problem: The bodies and their loads.
         velocity: Velocity near a collapse mechanism.
-        state: State at collapse; contact pairs that push in this state stay closed.
+        state: State at collapse; contact pairs with pressure in this state stay closed.
     """
     bound = KinematicBound(problem)
     try:
@@ -69,7 +69,7 @@ def dissipation_bound(problem: Problem, velocity: fem.Function, state: State) ->
 
 
 class KinematicBound:
-    """Computes upper bounds from velocities, with forms that are compiled once."""
+    """Compute upper bounds from velocities, with forms that are compiled only once."""
 
     def __init__(self, problem: Problem) -> None:
         """Compile the forms if all laws have linear admissibility conditions. Collective."""
@@ -116,7 +116,7 @@ class KinematicBound:
             return MechanismBound(None, None, 0, self.unable)
         before = flow.solves
         # Largest viscosity of regions that flow less than the mean, relative to the mean. The
-        # second value is used if rounding errors spoil a flow.
+        # method uses the second value if rounding errors spoil a flow.
         penalties = (1e4, 1e2)
         for stiff in penalties:
             flow.velocity.x.array[:] = velocity.x.array
@@ -138,7 +138,7 @@ class KinematicBound:
         return self._comm.allreduce(friction.energy(flow.slips())) if friction.count else 0.0
 
     def _enter_nothing(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Compute the flow of the bodies, and hold pairs until no open pair closes."""
+        """Compute the flow of the bodies, and hold pairs until no open pair closes. Collective."""
         most_holds = 4  # rounds of holding the pairs that a mechanism would close
         for _ in range(most_holds + 1):
             self._descend(flow, held, stiff)
@@ -150,10 +150,11 @@ class KinematicBound:
         raise NoFlow("the mechanism closes open pairs")
 
     def _descend(self, flow: ViscousFlow, held: PairFlags, stiff: float) -> None:
-        """Compute flows of the bodies until the bound no longer decreases."""
+        """Compute flows of the bodies until the bound no longer decreases. Collective."""
         bound = np.inf
         most_flows = 6  # flows from a velocity to a mechanism
-        # Change of the bound by a flow, relative to the dissipation, below which the flows end.
+        # Change of the bound in one flow, relative to the dissipation, below which the iteration
+        # ends.
         settled = 1e-5
         for _ in range(most_flows):
             self._thicken(flow, stiff)
@@ -164,7 +165,7 @@ class KinematicBound:
                 break
 
     def _thicken(self, flow: ViscousFlow, stiff: float) -> None:
-        """Set the viscosity of the bodies according to the present velocity."""
+        """Set the viscosity of the bodies from the present velocity. Collective."""
         size, density = self._values(self._size), self._values(self._density)
         mean = self._mean(size)
         if not mean > 0:
@@ -174,7 +175,7 @@ class KinematicBound:
         usual = self._mean(viscosity[viscosity > 0])
         if not usual > 0:
             raise NoFlow("nothing dissipates")
-        viscosity[viscosity == 0] = usual  # without effect at fully inadmissible rates
+        viscosity[viscosity == 0] = usual  # has no effect at fully inadmissible rates
         flow.viscosity.x.array[: self._count] = viscosity
         if self._friction.count:
             rates = norms(flow.slips())
@@ -197,7 +198,7 @@ Points = Sequence[tuple[float, float]]
 
 
 def is_flat(points: Points) -> bool:
-    """Return whether ζ has increased only a little at the last level."""
+    """Return whether ζ increased only a little at the last level."""
     if len(points) < 2:
         return False
     (_, before), (_, zeta) = points[-2:]
@@ -207,10 +208,10 @@ def is_flat(points: Points) -> bool:
 
 
 def tenfold_growth(points: Points) -> float:
-    """Return the growth of ζ, relative to its last value, over the last tenfold growth of α.
+    """Return the growth of ζ, relative to its last value, over the last tenfold increase of α.
 
     Returns:
-        The growth; 1 if α has not grown tenfold since first yield.
+        The growth; 1 if α has not increased tenfold since first yield.
     """
     alpha, zeta = points[-1]
     earlier = [z for a, z in points if a <= alpha / 10]
@@ -221,7 +222,7 @@ def extrapolated_limit(points: Points) -> float | None:
     """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through the last three points.
 
     Returns:
-        The limit; None if there are fewer than three points, or if the curve does not flatten (p
+        The limit; None if there are fewer than three points, or if the curve hardly flattens (p
         would be below 0.05).
     """
     if len(points) < 3:
@@ -281,7 +282,7 @@ def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = F
 
 
 FAR = 1e6
-"""Largest work that the search reaches, in multiples of the work at first yield."""
+"""Largest work in a search, in multiples of the work at first yield."""
 
 
 @dataclass
@@ -290,10 +291,10 @@ class Search:
 
     Attributes:
         points: Pairs (α − α₀, ζ) of the levels.
-        rest: Work α₀ at ζ = 0; None until it is known, and if there are no loads at ζ = 0.
-        estimates: Estimates of the limit load, one for each level from the first level that allows
-            an estimate.
-        upper: The smallest kinematic side so far; None without one.
+        rest: Work α₀ at ζ = 0; None until this work is known, and if there are no loads at ζ = 0.
+        estimates: Estimates of the limit load, one for each level, from the first level on that
+            allows an estimate.
+        upper: The smallest kinematic side so far; None without a kinematic side.
         levelled_off: Whether the estimate is known to the tolerance.
         ended: Whether the search has ended.
         reason: Reason for the end.
@@ -311,12 +312,12 @@ class Search:
 
     @property
     def lower(self) -> float:
-        """The largest ζ of all levels."""
+        """Return the largest ζ of all levels."""
         return max((zeta for _, zeta in self.points), default=0.0)
 
     @property
     def apart(self) -> float:
-        """Relative difference between the bounds; ∞ without an upper bound."""
+        """Return the relative difference between the bounds; ∞ without an upper bound."""
         if self.upper is None or not self.lower > 0:
             return float("inf")
         return (self.upper - self.lower) / self.lower
@@ -327,7 +328,7 @@ class Judge:
 
     Attributes:
         solves: Number of linear systems solved for bounds.
-        mechanism: Mechanism of the smallest upper bound in this run; None without one.
+        mechanism: Mechanism of the smallest upper bound in this run; None without an upper bound.
     """
 
     def __init__(self, problem: Problem, rtol: float, search: Search) -> None:
@@ -344,7 +345,10 @@ class Judge:
             self._bound.destroy()
 
     def __call__(self, state: State, before: State | None, plastic_cells: int) -> None:
-        """Add a level to the search, given its state and the previous level's. Collective."""
+        """Add a level to the search, from its state and the state of the previous level.
+
+        Collective.
+        """
         search, points = self._search, self._search.points
         if before is None and not self._problem.is_elastic_at_first():
             search.rest = state.alpha
@@ -352,24 +356,27 @@ class Judge:
         points.append((state.alpha - (search.rest or 0.0), state.zeta))
         self._look_ahead(before, state)
         self._decide(self._estimate())
-        nearly = 1 - 1e-6  # share of the largest work at which it counts as reached
+        nearly = 1 - 1e-6  # share of the largest work from which this work counts as reached
         far = points[-1][0] >= nearly * FAR * points[0][0]
-        most_levels = 60  # number of levels after which the search gives up
+        most_levels = 60  # number of levels after which the search ends
         if not search.ended and (far or len(points) == most_levels):
             self._give_up(before, state, plastic_cells)
 
     def ahead(self, reached: Reached) -> Leap | None:
-        """Return a leap along the mechanism of the last level; None without one. Collective."""
+        """Return a leap along the mechanism of the last level; None without a mechanism.
+
+        Collective.
+        """
         if not self._asked:
             solves = self.solves
-            self._look_ahead(reached.before, reached.last)  # repeats what the earlier run did,
-            self.solves = solves  # which has already counted these solves
+            self._look_ahead(reached.before, reached.last)  # the earlier run also did this,
+            self.solves = solves  # and has already counted these solves
         if self._ahead is None:
             return None
         # Smallest and largest factor by which α increases in a leap along a known mechanism. If
         # ζ_lim − ζ decreases as α^(−1/2), an n times smaller gap needs n² times the work.
         stride, leap = 10.0, 100.0
-        # most Newton steps at a level after which a leap may exceed the stride
+        # largest number of Newton steps at a level after which a leap may exceed the stride
         easy = 10
         farthest = leap if reached.newton_iterations <= easy else stride
         growth = min(max((self._search.apart / self._rtol) ** 2, stride), farthest)
@@ -387,7 +394,7 @@ class Judge:
             search.reason = f"no further level could be solved: {why}{told}"
 
     def _give_up(self, before: State | None, last: State, plastic_cells: int) -> None:
-        """End a search whose curve has been followed far enough."""
+        """End a search after the last level that the limits allow. Collective."""
         search, points, rtol = self._search, self._search.points, self._rtol
         self._conclude(collapse_mechanism(self._problem, before, last), last)
         search.ended = True
@@ -404,7 +411,10 @@ class Judge:
             search.reason = not_level(points, plastic_cells, self._problem.degree, dilates)
 
     def _conclude(self, velocity: fem.Function, last: State) -> None:
-        """Reduce the difference between the bounds as far as possible without another level."""
+        """Reduce the difference between the bounds as far as possible without another level.
+
+        Collective.
+        """
         search = self._search
         velocity = self.mechanism or velocity
         # Largest number of improvements of the last mechanism if no level follows.
@@ -421,14 +431,14 @@ class Judge:
         return f"the bounds are still {self._search.apart:.1e} of ζ apart"
 
     def _look_ahead(self, before: State | None, last: State) -> None:
-        """Compute the mechanism of the last level if ζ hardly increases."""
+        """Compute the mechanism of the last level if ζ hardly increases. Collective."""
         self._asked, self._ahead = True, None
         if is_flat(self._search.points):
             velocity = collapse_mechanism(self._problem, before, last)
             self._ahead = self._improve(velocity, last)
 
     def _improve(self, velocity: fem.Function, state: State) -> fem.Function | None:
-        """Return a mechanism close to a velocity, and store its upper bound in the search."""
+        """Return a mechanism close to a velocity, and store its upper bound. Collective."""
         if self._bound is None:
             self._bound = KinematicBound(self._problem)
         found, search = self._bound.of(velocity, state.active), self._search
@@ -450,7 +460,7 @@ class Judge:
         return estimate
 
     def _decide(self, estimate: float | None) -> None:
-        """Decide whether the estimate is known to the tolerance."""
+        """Decide whether the estimate is accurate to the tolerance."""
         rtol, search = self._rtol, self._search
         search.levelled_off = False
         if search.apart < -rtol:
@@ -470,7 +480,7 @@ class Judge:
 
 
 def collapse_mechanism(problem: Problem, before: State | None, last: State | None) -> fem.Function:
-    """Return the last displacement increment, scaled to L₁(v) = 1; zero without one.
+    """Return the last displacement increment, scaled to L₁(v) = 1; zero without an increment.
 
     Collective.
     """

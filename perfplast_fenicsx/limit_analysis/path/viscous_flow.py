@@ -1,13 +1,14 @@
-"""Compute the slow flow of viscous bodies under their loads.
+"""Compute the slow flow of viscous bodies under loads.
 
 The velocity v minimises ½∫ η‖ε(v)‖² − L₀(v) over all velocities with L₁(v) = 1 and without
 penetration. A penalty makes ε(v) nearly admissible for the laws. Further flows, under stresses in
-proportion to the inadmissible part, then remove this part by conjugate residuals. These flows need
-no exact solution. They also remove parts whose pressures an element can hardly resolve.
+proportion to the inadmissible part, then remove this part by the method of conjugate residuals.
+These flows do not need exact solutions. They also remove parts whose pressures an element can
+hardly resolve.
 
 A few solves remove the inadmissible part that the penalty leaves. With reusable factors, a large
 penalty and few solves are fastest. With CG, a smaller penalty is better, because each solve takes
-longer if the penalty is larger.
+longer with a larger penalty.
 """
 
 from typing import Protocol
@@ -48,8 +49,8 @@ class FlowSystem(Protocol):
     Attributes:
         penalty: Weight of the inadmissible part relative to the viscosity.
         exact: Share of ‖ε(v)‖ below which an inadmissible strain rate counts as zero.
-        closes: If a pair closes, all pairs whose jumps exceed this share of the largest velocity
-            are held.
+        closes: If a pair closes, the flow holds all pairs whose jumps exceed this share of the
+            largest velocity.
         large: Whether the problem is so large that an iterative solver may succeed if this solver
             fails.
     """
@@ -60,7 +61,7 @@ class FlowSystem(Protocol):
     large: bool
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether this solver suits a matrix, before the set-up. Collective."""
+        """Return before the set-up whether this solver suits a matrix. Collective."""
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
         """Set up the solver for an operator that holds the closed pairs. Collective.
@@ -79,7 +80,7 @@ class FlowSystem(Protocol):
 
         Args:
             b: The forces.
-            y: Initial value; the function overwrites it with the solution.
+            y: Initial guess; the function overwrites it with the solution.
             left: Share of the initial residual that may remain.
 
         Raises:
@@ -139,7 +140,8 @@ class IteratedFlow:
 
     penalty = 3e4
     exact = 1e-7
-    # residuals make pairs near zero open or close; this value also holds pairs that open slightly
+    # with residuals, pairs near zero may open or close; this value also holds pairs that open
+    # slightly
     closes = -1e-3
     large = False
 
@@ -153,7 +155,7 @@ class IteratedFlow:
         self._at_rest = self._supported
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return True, because this solver is used if factors do not suit."""
+        """Return True, because this solver is the alternative if factors do not suit."""
         return True
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
@@ -165,7 +167,7 @@ class IteratedFlow:
         self._multigrid.renew(flow)
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Reduce the residual to its share ``left``, without moving supports. Collective."""
+        """Reduce the residual to the share ``left``, without moving supports. Collective."""
         assert self._matrix is not None
         self._matrix.mult(y, self._residual)
         self._residual.aypx(-1.0, b)
@@ -183,19 +185,19 @@ class IteratedFlow:
 
 
 MOST_ITERATIONS, PATIENCE = 400, 20
-"""Largest number of flows that remove the inadmissible part, and the number of flows within which
-the inadmissible part must at least halve.
+"""Largest number of flows that remove the inadmissible part, and number of flows within which the
+inadmissible part must at least halve.
 """
 
 
 class ViscousFlow:
-    """Computes flows of bodies whose laws have linear admissibility conditions.
+    """Compute flows of bodies whose laws have linear admissibility conditions.
 
     Attributes:
         velocity: Velocity v, with L₁(v) = 1 after a solve.
         viscosity: Viscosity η > 0 at the points; the caller sets it before a solve.
-        drag: Viscosity of friction: force divided by slip rate, shape (num_places,); the caller
-            sets it too.
+        drag: Viscosity of friction, a force divided by a slip rate, shape (num_places,); the caller
+            also sets it before a solve.
         factorisations: Number of factorisations so far.
         solves: Number of linear systems solved so far.
     """
@@ -312,7 +314,9 @@ class ViscousFlow:
         left = self._inadmissible_at(units)
         assemble_force(self._force, self._force_form, problem.bcs)
         self._rest.set(0)
-        roughly = 0.1  # remaining share of a residual; a smaller one takes more time than it saves
+        roughly = (
+            0.1  # remaining share of a residual; a smaller share costs more time than it saves
+        )
         self._solve(self._force, self._rest, roughly)
         self._move_to(self._rest)
         step = directions.step(self._rest.array_r, self._inadmissible_at(units), left)
@@ -322,7 +326,7 @@ class ViscousFlow:
         here.destroy()
 
     def _units(self) -> list[tuple[Ints, Floats]]:
-        """Return the points of each law and √(w/η) there, the unit of inadmissible parts.
+        """Return the points of each law, with √(w/η) at the points, the unit of inadmissible parts.
 
         Collective.
 
@@ -351,14 +355,14 @@ class ViscousFlow:
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
     def _solve(self, force: PETSc.Vec, y: PETSc.Vec, left: float = 1e-2) -> None:
-        """Solve for the flow in the contact basis under nodal forces."""
+        """Solve for the flow in the jump basis under nodal forces. Collective."""
         self._problem.basis.T.multTranspose(force, self._b)
         self._b.array[self._closed] = 0
         self._system.solve(self._b, y, left)
         self.solves += 1
 
     def _combine(self) -> None:
-        """Combine the flows under permanent and live loads so that L₁(v) = 1."""
+        """Combine the flows under permanent and live loads to a flow with L₁(v) = 1. Collective."""
         self._move_to(self._rest)
         share = (1 - self._problem.loads.alpha(self.velocity.x.petsc_vec)) / self._work
         self._rest.axpy(share, self._live)
@@ -372,11 +376,11 @@ class ViscousFlow:
         v.scatter_forward()
 
     def _inadmissible(self) -> float:
-        """Return the inadmissible part relative to ‖ε(v)‖."""
+        """Return the inadmissible part relative to ‖ε(v)‖. Collective."""
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
     def hold(self, held: PairFlags) -> bool:
-        """Hold more pairs if the last flow closes any pair that is not held. Collective.
+        """Hold more pairs if the last flow closes a pair that is not held. Collective.
 
         Args:
             held: Flags of the held pairs, shape (num_pairs,); the function sets the flags of
@@ -395,13 +399,13 @@ class ViscousFlow:
         """Return the jumps of the last flow, divided by its largest velocity. Collective.
 
         Returns:
-            Jumps, shape (num_pairs,), positive where a pair closes.
+            Jumps, shape (num_pairs,), positive for pairs that close.
         """
         largest = float(self._y.norm(PETSc.NormType.NORM_INFINITY))
         return self._y.array_r[self._problem.basis.index] / (largest or 1.0)
 
     def _set_up(self, closed: Ints) -> None:
-        """Set up a suitable solver with the viscosity and the closed pairs."""
+        """Set up a suitable solver with the viscosity and the closed pairs. Collective."""
         self._assemble(closed)
         try:
             if self.factorisations or self._system.suits(self._operator.matrix):

@@ -1,1 +1,1 @@
-"""Define the questions of a limit analysis, and the results that answer them."""
+"""Define the load factors that a limit analysis can compute, and its results."""

@@ -1,4 +1,4 @@
-"""Check that problems have a limit load, and that the chosen method can find it."""
+"""Check that a problem has a limit load, and that the chosen method can find this load."""
 
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.law import carries_any_load
@@ -35,11 +35,11 @@ def check_friction_has_limits(problem: Problem) -> None:
 
 
 def check_bodies_have_limits(problem: Problem) -> None:
-    """Check that all bodies are perfectly plastic, and that more than bounds is known for them.
+    """Check that all bodies are perfectly plastic, and that no material is a pair for bounds.
 
     Raises:
-        InputError: If a body hardens, or if a material of ground represents a pair of materials for
-            bounds.
+        InputError: If a body hardens, or if the material of ground stands for a pair of materials
+            that only bounds can use.
     """
     check_flows(problem.given.materials)
     for name, material in problem.given.materials.items():
@@ -54,7 +54,7 @@ def check_flat_guides(problem: Problem) -> None:
     """Check that no support moves a curved surface along its normals.
 
     Raises:
-        InputError: If one does, which bounds do not support; the message names the first such
+        InputError: If a support does so, which bounds do not support; the message names the first
             surface.
     """
     guides = problem.guides
@@ -68,10 +68,10 @@ def check_flat_guides(problem: Problem) -> None:
 
 
 def collapses_by_loads(problem: Problem) -> bool:
-    """Return whether there are loads, and no other actions do work at collapse. Collective.
+    """Return whether there are loads, and no growing motion of supports or obstacles. Collective.
 
-    Constant displacements, overlaps and strains do no work at collapse. Supports do not move in a
-    mechanism, and self-equilibrated stresses do no work on its strain rates.
+    Constant displacements, overlaps and initial strains do no work at collapse: supports do not
+    move in a mechanism, and self-equilibrated stresses do no work on its strain rates.
     """
     return _is_loaded(problem) and not problem.motion.driven
 
@@ -105,7 +105,7 @@ def idle_pores(problem: Problem) -> list[str]:
 
 
 def ignored(problem: Problem) -> list[str]:
-    """Return a sentence on the parts of a problem that do not affect limit loads. Collective."""
+    """Return a clause on the parts of a problem that do not affect limit loads. Collective."""
     bolts = problem.shanks.bolts
     found = {
         "displacements of supports": problem.motion.moves_supports,

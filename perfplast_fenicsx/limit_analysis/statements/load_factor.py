@@ -13,12 +13,12 @@ from perfplast_fenicsx.tables import NotebookResult, Row
 
 
 class Question(StrEnum):
-    """The load factor that a limit analysis seeks.
+    """The load factor that a limit analysis computes.
 
-    If the permanent loads L₀ alone are too large, the bodies cannot carry them with any factor of
-    the live loads L₁. A second limit load measures the excess: the largest μ for which the bodies
-    carry μL₀ + λL₁ with some λ. Its mechanisms have L₀(v) = 1 and L₁(v) = 0. If μ < 1, the
-    strengths are too small by the factor 1/μ.
+    If the permanent loads L₀ are too large, the bodies cannot carry them with any factor of the
+    live loads L₁. A second limit load measures the excess: the largest μ for which the bodies carry
+    μL₀ + λL₁ with some λ. Mechanisms of this second limit load have L₀(v) = 1 and L₁(v) = 0. If μ <
+    1, the strengths are too small by the factor 1/μ.
     """
 
     LIMIT = "limit"
@@ -26,7 +26,7 @@ class Question(StrEnum):
 
     @property
     def enough(self) -> float:
-        """The load factor up to which a search does not report an unbounded load.
+        """Return the load factor up to which a search does not report an unbounded load.
 
         The bodies carry the permanent loads if their factor is at least 1. Below 1, the search must
         distinguish a small strength from no strength.
@@ -34,32 +34,32 @@ class Question(StrEnum):
         return 4.0 if self is Question.STANDS else 0.0
 
     def loads(self, live: PETSc.Vec, dead: PETSc.Vec) -> tuple[PETSc.Vec, PETSc.Vec, PETSc.Vec]:
-        """Return the loads whose factor is sought, the permanent loads, and the free loads.
+        """Return the loads with the unknown factor, the loads without a factor, and the free loads.
 
         Collective.
 
-        Vectors of loads that do not exist are zero.
+        The vector is zero if there are no such loads.
         """
         none = live.duplicate()
         none.set(0.0)
         return (live, dead, none) if self is Question.LIMIT else (dead, none, live)
 
     def of(self, live: float, dead: float) -> tuple[float, float, float]:
-        """Return numbers that belong to the loads, such as works, in the order of :meth:`loads`."""
+        """Return values for both loads, such as works, in the order of :meth:`loads`."""
         return (live, dead, 0.0) if self is Question.LIMIT else (dead, 0.0, live)
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The multiple of the permanent loads that bodies carry with the best live load factor.
+    """Bounds of the multiple of the permanent loads that bodies carry at the best live load factor.
 
     The multiple is the largest μ for which the bodies carry μL₀ + λL₁ with some λ
     (:class:`Question`). If μ < 1, the bodies cannot carry the permanent loads at any load factor.
     Yield stresses and cohesions are then too small by the factor 1/μ.
 
     Attributes:
-        lower: Multiple for which a stress was found; None if no stress was found.
-        upper: Multiple above which a mechanism exists; None if no mechanism was found.
+        lower: Multiple for which the search found a stress; None without such a stress.
+        upper: Multiple above which a mechanism exists; None if the search found no mechanism.
     """
 
     lower: float | None
@@ -67,17 +67,17 @@ class Standing:
 
     @property
     def falls(self) -> bool:
-        """Whether a mechanism shows that the permanent loads are too large."""
+        """Return whether a mechanism shows that the permanent loads are too large."""
         return self.upper is not None and self.upper < 1
 
     @property
     def stands(self) -> bool:
-        """Whether a stress shows that the bodies carry the permanent loads."""
+        """Return whether a stress shows that the bodies carry the permanent loads."""
         return self.lower is not None and self.lower >= 1
 
     @property
     def verdict(self) -> str:
-        """Verb for a sentence on the stability of the bodies."""
+        """Return the verb for a sentence on the stability of the bodies."""
         if self.falls:
             return "does not stand"
         return "stands" if self.stands else "may stand or not"
@@ -108,8 +108,8 @@ class DesignFactor:
 
     Attributes:
         zeta: Load factor of the design load.
-        lower: Multiple that the bodies are proven to carry; None without a proof.
-        upper: Multiple at which the bodies are proven to collapse; None without a proof.
+        lower: Multiple that the bodies provably carry; None without a proof.
+        upper: Multiple at which the bodies provably collapse; None without a proof.
         estimate: Multiple that the mesh carries; None if the limit load of the mesh was not found.
         name: Name of the load combination, if it has one.
     """
@@ -128,7 +128,7 @@ class DesignFactor:
         estimate: float | None,
         name: str = "",
     ) -> "DesignFactor":
-        """Return the multiples for a limit load and its bounds, given as load factors."""
+        """Return the multiples for a limit load and its bounds, which are load factors."""
 
         def over(value: float | None) -> float | None:
             return None if value is None else value / zeta
@@ -137,17 +137,17 @@ class DesignFactor:
 
     @property
     def carried(self) -> bool:
-        """Whether the bodies are proven to carry the design load."""
+        """Return whether the bodies provably carry the design load."""
         return self.lower is not None and bool(self.lower >= 1)
 
     @property
     def refused(self) -> bool:
-        """Whether the bodies are proven not to carry the design load."""
+        """Return whether the bodies provably do not carry the design load."""
         return self.upper is not None and bool(self.upper < 1)
 
     @property
     def decided(self) -> bool:
-        """Whether the bodies are proven to carry the design load, or not to carry it."""
+        """Return whether it is proven that bodies carry the design load, or that they do not."""
         return self.carried or self.refused
 
     def in_words(self) -> str:
@@ -191,9 +191,9 @@ class DruckerBounds:
     """Drucker's two bounds for a mesh with Coulomb's friction.
 
     Attributes:
-        lower: Lower bound on the limit load without friction; 0 if only friction holds the bodies.
+        lower: Lower bound on the limit load without friction; 0 if friction alone holds the bodies.
         upper: Upper bound on the limit load if surfaces with friction neither slip nor separate.
-            The value is ∞ if the load seems to be unbounded, None if no bound was found.
+            The value is ∞ if this load seems to be unbounded, and ``None`` if no bound was found.
     """
 
     lower: float
@@ -230,16 +230,16 @@ class DruckerBounds:
 
 @dataclass(frozen=True)
 class PathPoint:
-    """An equilibrium state with reduced strengths.
+    """A state of equilibrium with reduced strengths.
 
     Attributes:
         factor: Factor F by which strengths are divided.
         work: Work L(u) of all loads (energy).
         displacement: Largest displacement (length).
         duality_gap: Relative duality gap of the equilibrium.
-        newton_iterations: Newton iterations since the previous point, including iterations with
+        newton_iterations: Newton iterations since the previous point, including iterations for
             other F at this work.
-        linear_solves: Linear solves since the previous point, counted in the same way.
+        linear_solves: Linear solves since the previous point, including solves for other F.
     """
 
     factor: float
@@ -257,7 +257,7 @@ class StrengthPath(NotebookResult):
     Attributes:
         points: Points in ascending order of work.
         levelled_off: Whether F has levelled off to the tolerance.
-        reason: Reason for the end.
+        reason: Reason for the end of the curve.
     """
 
     points: tuple[PathPoint, ...]
@@ -266,7 +266,7 @@ class StrengthPath(NotebookResult):
 
     @property
     def factor(self) -> float | None:
-        """F at the last point; None if there are no points."""
+        """Return F at the last point; None if there are no points."""
         return self.points[-1].factor if self.points else None
 
     def in_words(self) -> str:
@@ -299,14 +299,13 @@ def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
     """Return the size by which differences of load factors are divided.
 
     Args:
-        dissipation: Dissipation of a mechanism with L(v) = 1, which is λ if there are no permanent
-            loads.
+        dissipation: Dissipation of a mechanism with L(v) = 1; without permanent loads it equals λ.
         load: Load factor λ.
         loose: Whether some ground without cohesion, or a joint without adhesion, dissipates
             nothing.
     """
-    # Least size, relative to the load factor. Without cohesion, or if bodies that only permanent
-    # loads hold together separate, the dissipation is zero.
+    # Least size, relative to the load factor. The dissipation is zero without cohesion, and if
+    # bodies separate that only permanent loads hold together.
     least_share = 1.0 if loose else 1e-3
     return max(abs(dissipation), least_share * abs(load))
 
@@ -339,16 +338,16 @@ class Bound:
     """A bound on a limit load, with the object for which it holds.
 
     Attributes:
-        value: The bound; None without one.
+        value: The value of the bound; None without a value.
         kind: "lower" or "upper".
         of: Whether the bound holds for the body that the mesh fills, or only for the finite
             elements.
-        why_not: Reasons why the bound does not hold for the body; empty if it does.
+        why_not: Reasons why the bound does not hold for the body; empty if it holds.
         of_rounding: Share of an upper bound that may come from rounding errors in bodies that
             hardly deform.
         doubts: Reasons why the bound may not hold, until the proof checker has judged the bound.
         faults: All faults that the proof checker found, if it has refused the bound.
-        over: The factor by which the stress of a refused bound may exceed the strength.
+        over: Factor by which the stress of a refused bound exceeds the strength.
     """
 
     value: float | None
@@ -362,27 +361,27 @@ class Bound:
 
     @property
     def strict(self) -> bool:
-        """Whether the bound holds for the body, up to rounding."""
+        """Return whether the bound holds for the body, up to rounding."""
         return self.can_be_strict and not self.doubts
 
     @property
     def can_be_strict(self) -> bool:
-        """Whether the proof checker has to judge the bound."""
+        """Return whether the bound can hold for the body, as the proof checker has to judge."""
         return self.value is not None and self.of is Scope.BODY
 
     def is_improved_by(self, value: float | None) -> bool:
-        """Return whether a value is a better bound than this one, by more than rounding."""
+        """Return whether a value is better than the value of this bound by more than rounding."""
         if self.value is None or value is None:
             return False
         gain = value - self.value if self.kind == "lower" else self.value - value
         return gain > ROUNDING * abs(self.value)
 
     def proven(self, value: float | None = None) -> "Bound":
-        """Return the bound as proven, with the value that the proof checker has proven."""
+        """Return the bound as proven, with the value of the proof checker if it is given."""
         return replace(self, value=self.value if value is None else value, doubts=())
 
     def refused(self, faults: tuple[str, ...], over: float = 1.0) -> "Bound":
-        """Return the bound as a bound of the mesh, with the checker's first fault as reason.
+        """Return the bound as a bound of the mesh, with the checker's first fault as the reason.
 
         The result has no value if the stress is not in equilibrium, or if the mechanism is not
         admissible even at the points of the mesh.
@@ -396,15 +395,15 @@ class Bound:
 
     @property
     def shown(self) -> str:
-        """The value with a few digits, rounded so that it remains a bound."""
+        """Return the value with a few digits, rounded to the safe side."""
         if self.value is None:
             return "none"
         return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
 
     def apart(self, upper: "Bound") -> float | None:
-        """Return the difference from an upper bound, divided by the smaller magnitude of both.
+        """Return the difference from an upper bound, divided by the smaller of both magnitudes.
 
-        Returns None if either bound is missing, or if 0 lies between both.
+        The result is ``None`` if either bound is missing, or if 0 lies between both bounds.
         """
         if self.value is None or upper.value is None or not self.value * upper.value > 0:
             return None
@@ -413,7 +412,7 @@ class Bound:
     def improves(self, old: "Bound") -> bool:
         """Return whether this bound replaces an old bound.
 
-        A strict bound replaces a strict bound if it is closer, and any bound that is not strict. A
+        A strict bound replaces a less close strict bound, and every bound that is not strict. A
         bound that is not strict replaces only bounds that are not strict.
         """
         if self.value is None or old.value is None:
