@@ -1,4 +1,4 @@
-"""Collect the yield sets of a problem's bodies from their laws, with coordinates of each set."""
+"""Collect the yield sets of a problem's bodies from their laws, with coordinates for each set."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -40,7 +40,7 @@ OfField: TypeAlias = Callable[[SpatialField, Longs], Floats]
 indices."""
 
 NOMINAL_SINE = 0.5
-"""Value of sin φ in the cones of ground whose friction angle varies."""
+"""Nominal value of sin φ in the cones of ground with a varying friction angle."""
 
 NO_PROOF = "a proof file cannot contain the yield set of a body"
 
@@ -54,15 +54,15 @@ class BodyCone:
 
     Attributes:
         plain: Second-order cone of the stress components in the equations; None if the body never
-            yields, or if its set is of another kind.
-        principal: Set of principal stresses, instead of ``plain``.
-        standard: The same set in standard coordinates; for other kinds of sets, a cone that
+            yields, or if its yield set is of another kind.
+        principal: Set of principal stresses, in place of ``plain``.
+        standard: The cone ``plain`` in standard coordinates; for other kinds of sets, a cone that
             encloses the set.
         shadow: Rule for the out-of-plane stress in plane strain; None otherwise.
         profile: Field that multiplies the bound c; None if the bound does not vary.
-        friction: Sine of a friction angle that varies; None if the angle does not vary. The slope q
-            here belongs to ``NOMINAL_SINE`` and is proportional to the sine.
-        other: Set of another kind, instead of ``plain``.
+        friction: Sine of a varying friction angle; None if the angle does not vary. The slope q of
+            the cone is the slope for ``NOMINAL_SINE``, and is proportional to the sine.
+        other: Set of another kind, in place of ``plain``.
     """
 
     plain: PlainCone | None
@@ -75,11 +75,11 @@ class BodyCone:
 
     @property
     def yields(self) -> bool:
-        """Whether any stress is outside the set."""
+        """Return whether some stress is outside the set."""
         return not (self.plain is None and self.principal is None and self.other is None)
 
     def whole(self, stress: Floats) -> Floats:
-        """Return stresses with the out-of-plane component that is farthest from yield added."""
+        """Return stresses with the out-of-plane component that is farthest from yield."""
         if self.shadow is None:
             return stress
         free = stress @ self.shadow.along
@@ -115,7 +115,7 @@ class BodyCones:
             of: Function that returns the values of a profile at given indices: (m, ...) for (m,).
 
         Returns:
-            Shape (n, ...), 1 where the bound does not vary.
+            Values, shape (n, ...); 1 for cones whose bound does not vary.
         """
         return _values([cone.profile for cone in self.cones], numbers, of)
 
@@ -127,7 +127,7 @@ class BodyCones:
             of: Function that returns the values of a sine at given indices: (m,) for (m,).
 
         Returns:
-            Shape (n,), 1 where the slope does not vary.
+            Factors, shape (n,); 1 for cones whose slope does not vary.
         """
         sines = _values([cone.friction for cone in self.cones], numbers, of)
         if sines is None:
@@ -137,22 +137,22 @@ class BodyCones:
 
     @property
     def isotropic(self) -> bool:
-        """Whether mean stress and deviator are the coordinates of all cones."""
+        """Return whether mean stress and deviator are the coordinates of all cones."""
         return all(cone.standard.isotropic for cone in self.cones)
 
     @property
     def dilates(self) -> bool:
-        """Whether any cone has a slope."""
+        """Return whether at least one cone has a slope."""
         return any(cone.standard.slope > 0 for cone in self.cones)
 
     @property
     def loose(self) -> bool:
-        """Whether any cone has no cohesion."""
+        """Return whether at least one cone has no cohesion."""
         return any(cone.standard.radius == 0 for cone in self.cones)
 
     @property
     def all_loose(self) -> bool:
-        """Whether no body that can yield has cohesion."""
+        """Return whether there are bodies that can yield, all without cohesion."""
         plastic = [it.standard.radius for it in self.cones if np.isfinite(it.standard.radius)]
         return bool(plastic) and not any(plastic)
 
@@ -179,7 +179,7 @@ class BodyCones:
         return matrices(rows), flat
 
     def sets_at(self, numbers: Longs, profile: Floats | None) -> tuple[PointSets, ...]:
-        """Return the sets of points without a second-order cone, one entry for each kind.
+        """Return the sets at points without a second-order cone, one entry for each kind of set.
 
         Args:
             numbers: Index of the cone of each point.
@@ -196,7 +196,7 @@ class BodyCones:
         return tuple(found)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
-        """Return γ (stress), α and t of the cells; None for t if all tilts are zero."""
+        """Return γ (stress), α and t of the cells; None in place of t if all tilts are zero."""
         forms = [cone.standard for cone in self.cones]
         radii = np.array([form.radius for form in forms])
         slopes = np.array([form.slope for form in forms])
@@ -207,7 +207,7 @@ class BodyCones:
 
 
 def _values(fields: Sequence[SpatialField | None], numbers: Longs, of: OfField) -> Floats | None:
-    """Return the values of each cone's field, 1 for cones without a field; None without fields."""
+    """Return the values of the cones' fields, 1 for cones without a field; None without fields."""
     found: Floats | None = None
     for number, field in enumerate(fields):
         if field is None:
@@ -232,7 +232,7 @@ def body_cones(problem: Problem) -> BodyCones:
 
 @once_a_problem
 def whole_cones(problem: Problem) -> BodyCones:
-    """Return the cones of all stress components, including the out-of-plane one. Not collective.
+    """Return cones of all stress components, also the out-of-plane component. Not collective.
 
     Raises:
         InputError: If the method does not support a body's yield set.
@@ -278,7 +278,7 @@ def check_cones_are_provable(problem: Problem) -> None:
     """Check that proof files can describe the yield sets of all bodies. Not collective.
 
     Raises:
-        InputError: Naming the first such body.
+        InputError: If proof files cannot describe a yield set; the message names the first body.
     """
     if are_provable(problem):
         return
@@ -306,7 +306,7 @@ def check_whole_cones(problem: Problem) -> None:
     """Check that the full stress of each body has a cone with constant numbers. Not collective.
 
     Raises:
-        InputError: Naming the first such body.
+        InputError: If a body has no such cone; the message names the first body.
     """
     _, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):
@@ -343,7 +343,7 @@ def materials_of(problem: Problem) -> Mapping[str, Material]:
 
 
 def _components(problem: Problem) -> tuple[bool, int]:
-    """Return whether no equation contains the out-of-plane stress, and the Mandel vectors' size."""
+    """Return whether no equation contains the out-of-plane stress; the size of Mandel vectors."""
     return not problem.kinematics.whole, mandel_size(problem.tagged_mesh.mesh.geometry.dim)
 
 
@@ -359,13 +359,13 @@ def _is_same(one: BodyCone, other: BodyCone) -> bool:
 def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
     """Return the cone of a body; None if the method does not support the yield set.
 
-    The numbers of the cone contain the scale of a parameter that varies; the profile is separate.
+    The numbers of the cone contain the scale of a varying parameter; the profile is separate.
 
     Args:
         material: Material of the body.
         size: Number of components of Mandel vectors.
         flat: Whether the out-of-plane stress is in no equation.
-        thin: Whether the out-of-plane stress is zero; only if ``flat``.
+        thin: Whether the out-of-plane stress is zero; only with ``flat``.
     """
     given = material.parameters()
     sines = [one for one in given.values() if isinstance(one, FrictionSine)]
@@ -430,7 +430,7 @@ def _of_numbers(
         principal = _principal(cones[0], law)
         by_matrices = not flat or np.isfinite(principal.tension)
         if by_matrices and principal.bound == 0:
-            return None  # no interior stress exists from which the iteration could start
+            return None  # the set has no interior stress from which the iteration could start
         if by_matrices:
             return BodyCone(None, principal.around(n, normal), none, principal)
         plain = principal.in_plane()

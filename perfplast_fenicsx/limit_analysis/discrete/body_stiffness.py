@@ -3,11 +3,11 @@
 The matrix of a cell is Σ (Bᵀ R)(Bᵀ R)ᵀ over its points. B contains the strain rates of the nodal
 unknowns in the coordinates of the point's cone. R is a factor of the moduli RRᵀ at the point. A
 compiled kernel adds the cell matrices to blocks of nodes; PETSc adds the blocks of the ranks. In
-three dimensions, a DOLFINx form takes more than twice as long.
+3D, a DOLFINx form takes more than twice as long.
 
-The module also generates the C source of the kernel. The kernel processes four cells at once and
-stores their corresponding entries side by side. Compilers can therefore use the vector instructions
-of any processor.
+The module also generates the C source of the kernel. The kernel processes four cells at once, and
+stores corresponding entries of these cells side by side. Compilers can therefore use the vector
+instructions of any processor.
 """
 
 import math
@@ -122,10 +122,10 @@ void body_sums(int64_t cells, int points, int nodes, int dim, int parts, const d
 
 
 class BodyStiffness:
-    """Assemble K of the bodies for given moduli.
+    """Assemble the stiffness K of the bodies for given moduli.
 
     Attributes:
-        matrix: K, with space for the entries of contact, and the identity at supports.
+        matrix: Matrix K, with space for the entries of contact, and with the identity at supports.
     """
 
     def __init__(self, problem: Problem, points: PointStrains) -> None:
@@ -174,7 +174,7 @@ class BodyStiffness:
 
 
 def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.Mat]:
-    """Return a matrix with space for these blocks, and for the zeros that contact may fill.
+    """Return a matrix with space for the blocks, and for zeros in which contact may add entries.
 
     Collective.
 
@@ -184,7 +184,7 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
         columns: Columns of the blocks, global numbers of nodes.
 
     Returns:
-        Number of zeros after the entries of the blocks; the matrix.
+        Number of zeros that follow the entries of the blocks; the matrix.
     """
     room = create_stiffness(problem)
     dim, size = room.getBlockSize(), room.getSize()[0] // room.getBlockSize()
@@ -208,7 +208,7 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
 
 
 def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
-    """Return the index of the first block of each block row, and the column of each block."""
+    """Return the index of the first block in each block row, and the column of each block."""
     pointer, columns, _ = room.getValuesCSR()
     dim = room.getBlockSize()
     starts = np.repeat(pointer[:-1:dim], np.diff(pointer)[::dim] // dim)
@@ -219,7 +219,9 @@ def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
 
 
 def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
-    """Return the nodal unknowns' strain rates in the coordinates of the points' cones. Collective.
+    """Return the strain rates of nodal unknowns, in the coordinates of the points' cones.
+
+    Collective.
 
     The rates of supported unknowns are zero.
 
@@ -244,7 +246,7 @@ def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
 
 
 class ConicStiffness(SprungMatrix):
-    """K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
+    """Stiffness K of displacements in the contact basis; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, problem: Problem, points: PointStrains) -> None:
         """Compute the sparsity pattern. Collective.
@@ -276,7 +278,7 @@ class ConicStiffness(SprungMatrix):
         self._operator.hold(held)
 
     def add_springs(self, springs: tuple[Ints, Floats]) -> None:
-        """Set springs at a few unknowns, which each later assembly adds to K.
+        """Set springs at a few unknowns; each later assembly adds them to K.
 
         Args:
             springs: See :meth:`ContactOperator.add_springs`.

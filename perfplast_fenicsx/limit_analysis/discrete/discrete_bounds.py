@@ -1,8 +1,8 @@
-"""Compute the bounds of the discrete limit load that the program prints, from any iterate.
+"""Compute the bounds of the discrete limit load that the program prints, from an iterate.
 
 A stress that is in equilibrium with λL and contact forces, and that nowhere exceeds yield, gives a
 lower bound. A velocity without penetration that preserves the volume of plastic bodies and the
-shape of elastic bodies gives an upper bound. This module corrects the iterate so that it fulfils
+shape of elastic bodies gives an upper bound. This module corrects the iterate until it satisfies
 these conditions up to rounding.
 """
 
@@ -27,7 +27,7 @@ IN_BALANCE = 1e-8
 
 
 EXACT = 1e-10
-"""Largest volume change (and strain rate of elastic bodies), relative to ‖ε(v)‖, that counts as
+"""Largest volume change (and strain rate in elastic bodies), relative to ‖ε(v)‖, that counts as
 zero."""
 
 
@@ -38,16 +38,16 @@ while each iteration leaves less than :data:`PROGRESS` of the inadmissible part.
 """
 
 PROGRESS = 0.999
-"""Share of the inadmissible part that an iteration beyond the usual number may leave."""
+"""Fraction of the inadmissible part that an iteration beyond the usual number may leave."""
 
 
 @dataclass(frozen=True)
 class StaticLoad:
-    """Load factor λ of a stress in equilibrium, scaled into the yield set if λL are the only loads.
+    """The load factor λ of a stress in equilibrium, scaled into the yield set without other loads.
 
     Attributes:
-        value: The bound; None if equilibrium was not reached, or if the stress exceeds yield with
-            permanent loads.
+        value: The bound; None if equilibrium was not reached, or if with permanent loads the stress
+            exceeds yield.
         unbalanced: Largest unbalanced force, relative to the largest load.
     """
 
@@ -57,12 +57,13 @@ class StaticLoad:
 
 @dataclass(frozen=True)
 class KinematicLoad:
-    """Dissipation of a mechanism with L(v) = 1, minus the work of permanent loads.
+    """The dissipation of a mechanism with L(v) = 1, minus the work of permanent loads.
 
     Attributes:
         value: The bound; None if no admissible mechanism was reached.
         size: Size by which differences of bounds are divided; 0 without a bound.
-        inadmissible: Remaining volume change and strain rate of elastic bodies, relative to ‖ε(v)‖.
+        inadmissible: Remaining volume change, and strain rate in elastic bodies, relative to
+            ‖ε(v)‖.
         entering: Largest penetration rate, relative to the largest velocity.
     """
 
@@ -73,7 +74,9 @@ class KinematicLoad:
 
 
 def static_load(iteration: InteriorIteration) -> StaticLoad:
-    """Bring the iterate's stress into equilibrium and scale it into the yield set. Collective.
+    """Return the load of the iterate's stress, in equilibrium and scaled into the yield set.
+
+    Collective.
 
     The function first corrects the stress with the factors of the last step. If the result is not
     balanced, the function factorises K again, with uniform moduli.
@@ -90,8 +93,7 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
         unbalanced = iteration.unbalanced()
         if not unbalanced < before:
             break
-    # with larger residuals, the function uses factors of uniform moduli, whose K is far from
-    # singular
+    # for larger residuals, the function uses uniform moduli, with which K is far from singular
     left_by_factors = 1e-10
     if not unbalanced <= left_by_factors:
         rebalance(iteration)
@@ -106,11 +108,11 @@ def static_load(iteration: InteriorIteration) -> StaticLoad:
 
 
 def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
-    """Make the velocity of the iterate, or of an earlier iterate, admissible. Collective.
+    """Make the velocity of the iterate, or of an earlier one, admissible, and return its load.
 
-    Where bodies dilate, K is closer to singular at later iterates. An earlier iterate that was
-    close enough may then give a mechanism although the last iterate does not. The function replaces
-    the velocity of the iteration by the admissible velocity.
+    If bodies dilate, K is closer to singular at later iterates. An earlier iterate within the
+    tolerance may then give a mechanism although the last iterate does not. The function replaces
+    the velocity of the iteration by the admissible velocity. Collective.
     """
     found = _admissible_load(iteration)
     earlier = iteration.earlier if iteration.program.dilates else None
@@ -128,7 +130,7 @@ def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
 def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
     """Make the iterate's velocity admissible with one or a few factorisations. Collective.
 
-    The function holds first the contact pairs that push, then the pairs that penetrate.
+    The function first holds the contact pairs with pressure, and then the pairs that penetrate.
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     jumps, inadmissible, entering = program.jumps, np.inf, np.inf
@@ -162,10 +164,10 @@ def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:
-    """Project the velocity on those that preserve volumes and shapes. Collective.
+    """Project the velocity onto the velocities that preserve volumes and shapes. Collective.
 
-    The result is the nearest such velocity in the norm of the last viscosities. The method of
-    multipliers computes it. If bodies dilate, see :func:`_centred`.
+    The result is the nearest admissible velocity in the norm of the last viscosities. The method of
+    multipliers computes this velocity. If bodies dilate, see :func:`_centred`.
 
     Args:
         iteration: The iteration with the velocity.
@@ -182,11 +184,11 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
         return _centred(iteration)
     strains = program.strains
     # The projection continues down to this inadmissible part while it converges quickly. Strict
-    # bounds and their checkers accept about `EXACT`.
+    # bounds and the proof checker accept about `EXACT`.
     better = 1e-12
     v.array[held] = 0
-    # In the projection, regions that flow less than the mean are at most this many times stiffer
-    # than the mean.
+    # Largest stiffness in the projection of regions that flow less than the mean, relative to the
+    # mean.
     stiffer = 1e3
     rates, viscosity = program.rates_of(v), np.ones(strains.count)
     for block, members in zip(program.blocks, now.members, strict=True):
@@ -224,11 +226,11 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
 def _centred(iteration: InteriorIteration) -> float:
     """Make the velocity admissible in a problem with dilating bodies. Collective.
 
-    Steps towards the centre of the cones sufficiently increase the volume of dilating bodies. Since
-    the stiffness is nearly singular, volume changes that are small but above rounding remain in
-    bodies that preserve their volume. The factors of the last step remove these changes. The moduli
-    of this step are the scaling of the cones, so each cone member changes by little compared with
-    its distance from the boundary.
+    Steps towards the centre of the cones sufficiently increase the volume of dilating bodies.
+    Because the stiffness is nearly singular, small volume changes above rounding remain in bodies
+    that preserve their volume. The factors of the last step remove these changes. The moduli of
+    this step are the scaling of the cones; each cone member therefore changes by little compared
+    with its distance from the boundary.
 
     Returns:
         The remaining inadmissible part, relative to ‖ε(v)‖.
@@ -240,7 +242,7 @@ def _centred(iteration: InteriorIteration) -> float:
     keeps = ~(program.plastic & (program.strains.slopes > 0))
     both = bool(program.comm.allreduce(bool(keeps.any()), MPI.LOR))
     # Inadmissible part that may remain without cohesion, and if some bodies preserve their volume.
-    # Strict bounds and their checkers accept about `EXACT`.
+    # Strict bounds and the proof checker accept about `EXACT`.
     better = 1e-12
     most_centrings = 3
     left = iteration.inadmissible()

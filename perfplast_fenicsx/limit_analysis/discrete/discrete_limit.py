@@ -4,16 +4,15 @@ The static and the kinematic load converge to each other in 5 to 30 factorisatio
 Both bound the limit load of the *discrete* problem: finite elements in equilibrium, with yield and
 dissipation at the quadrature points.
 
-The module also identifies bodies that lock, because no velocity on their mesh preserves volume. Few
+The module also identifies bodies that lock because no velocity on their mesh preserves volume. Few
 quadratic velocities on arbitrary tetrahedra preserve the volume at all points. The volume changes
 of the projected velocity show the bodies whose mesh is too coarse for a mechanism.
 
 The module also computes Drucker's bounds on the limit load with Coulomb's friction. No limit
 theorem holds for Coulomb's friction, because slip is not normal to the friction cone. However, the
-load is at least the limit load without friction. The load is at most the limit load with surfaces
-that can neither slip nor separate where there is friction. Both bounds are limit loads of perfect
-plasticity (D. C. Drucker, Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954),
-71).
+load is at least the limit load without friction. It is at most the limit load if surfaces with
+friction can neither slip nor separate. Both bounds are limit loads of perfect plasticity (D. C.
+Drucker, Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954), 71).
 """
 
 import math
@@ -74,7 +73,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 MOST = 0.9
-"""Share of the inadmissible part that the named bodies together contain."""
+"""Share of the inadmissible part that the named bodies contain together."""
 
 
 def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
@@ -85,13 +84,13 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
         iteration: The iteration with the velocity after the projection.
 
     Returns:
-        Names of volumes, in descending order of their part; empty if the velocity is admissible.
+        Names of volumes, in descending order of their shares; empty if the velocity is admissible.
     """
     program, tagged_mesh = iteration.program, problem.tagged_mesh
     trace, deviator = program.strains.of(iteration.velocity)
     wrong = trace**2 / program.strains.gdim
     wrong += np.where(program.plastic, 0.0, np.einsum("ni,ni->n", deviator, deviator))
-    wrong *= program.weights  # friction points come after the points of cells
+    wrong *= program.weights  # friction points follow the points of cells
     owned = tagged_mesh.mesh.topology.index_map(problem.bodies.gdim).size_local
     cells = wrong[problem.Q.dofmap.list[:owned]].sum(axis=1)
     names = sorted(tagged_mesh.volumes)
@@ -148,8 +147,8 @@ def discrete_result(
 ) -> LimitLoad:
     """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
-    ``lower`` is the load of a stress, or −∞; the bound 0 without permanent loads is not yet
-    applied.
+    In the result, ``lower`` is the load of a stress, or −∞. The caller applies the bound 0 without
+    permanent loads.
     """
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
@@ -169,14 +168,14 @@ def discrete_result(
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
-            iteration.now = iterate  # the pairs that pushed before the stress was balanced
+            iteration.now = iterate  # with the contact forces before the stress was balanced
             high = kinematic_load(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:
                 locked = locking_bodies(problem, iteration)
                 reason += f"; no admissible mechanism was found, {_remedy(problem)}"
-                # Largest inadmissible part after the projection with which a mechanism gives an
-                # estimate.
+                # Largest inadmissible part after the projection with which a mechanism still gives
+                # an estimate.
                 nearly = 1e-6
                 verdict = verdict if inadmissible <= nearly else Verdict.STALLED
         if verdict is Verdict.FOUND or upper is not None:
@@ -190,7 +189,7 @@ def discrete_result(
             reason = apart if verdict is Verdict.FOUND else f"{reason}; {apart}"
         if verdict is Verdict.FOUND and estimate is None:
             # Largest excess of a useful upper bound over the last kinematic load, relative to the
-            # dissipation; rounding in bodies too strong to flow causes larger ones.
+            # dissipation. Rounding in bodies that are too strong to flow causes larger excesses.
             polluted = 0.01
             useful = upper is not None and upper <= kinematic + polluted * power
             known = [bound for bound in (lower, upper if useful else None) if bound is not None]
@@ -221,7 +220,10 @@ def discrete_result(
 def _write_mechanism(
     problem: Problem, iteration: InteriorIteration, question: Question, mechanism: fem.Function
 ) -> None:
-    """Write the velocity, scaled to the work 1 of the loads, into a function of V. Collective."""
+    """Write the velocity into a function of V, scaled so that the loads do the work 1.
+
+    Collective.
+    """
     problem.basis.T.mult(iteration.velocity, mechanism.x.petsc_vec)
     mechanism.x.scatter_forward()
     load, _, _ = question.loads(problem.loads.live, problem.loads.dead)
@@ -232,7 +234,7 @@ def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.
     """Write the stress of the iterate into a function of S. Collective."""
     now = iteration.now
     pressure, deviator = iteration.program.whole(now.stress, now.load)
-    count = problem.Q.dofmap.index_map.size_local  # friction points come after them
+    count = problem.Q.dofmap.index_map.size_local  # friction points follow these points
     found = PointCoordinates(problem).whole(pressure[:count], deviator[:count])
     function.x.array[: found.size] = iteration.program.stress_unit * found.ravel()
     function.x.scatter_forward()
@@ -260,7 +262,7 @@ def limit_program(problem: Problem, question: Question, reserve: float) -> Conic
 def interior_point(
     problem: Problem, rtol: float = 1e-4, monitor: Callable[[InteriorStep], None] | None = None
 ) -> LimitLoad:
-    """Compute the discrete limit load, its mechanism and its stress. Collective.
+    """Return the discrete limit load with its mechanism and its stress. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -268,8 +270,8 @@ def interior_point(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, supports move, there are no loads, or the
-            method does not support a body's yield set (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, if supports move, if there are no loads, or
+            if the method does not support a body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
@@ -300,7 +302,7 @@ def _searched(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
 ) -> LimitLoad:
-    """Search, and repeat from another start while that may improve the result. Collective."""
+    """Search, and repeat from other starts while they may improve the result. Collective."""
     found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
         before = found
@@ -320,7 +322,7 @@ def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
 
 
 def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
-    """Return the result as a multiple of the permanent loads, with no load factor."""
+    """Return the result as a multiple of the permanent loads, without a load factor."""
     times = stands.lower if np.isfinite(stands.lower) else None
     standing = Standing(times, stands.upper)
     return replace(
@@ -359,7 +361,7 @@ def _search(
     start: Start,
     question: Question,
 ) -> tuple[LimitLoad, Start | None]:
-    """Search from a start; return the result and the next start, None if none. Collective."""
+    """Search from a start; return the result, and the next start or None. Collective."""
     with ExitStack() as made:
         program = limit_program(problem, question, start.reserve)
         made.callback(program.destroy)
@@ -392,8 +394,8 @@ def _search(
             return found, next_start(start, program, None, Verdict.UNBOUNDED, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
-        # The steps end at this share of rtol. The remaining share allows for the increase of the
-        # upper bound when the mechanism is made exactly admissible.
+        # The steps end at this share of rtol. The remaining share allows for an increase of the
+        # upper bound by the projection that makes the mechanism exactly admissible.
         closer = 0.1
         try:
             verdict, reason = chosen_conic()(
@@ -417,7 +419,7 @@ def _search(
 
 
 def drucker_bounds(problem: Problem) -> DruckerBounds:
-    """Compute Drucker's two bounds. Collective.
+    """Return Drucker's two bounds. Collective.
 
     Raises:
         InputError: In the cases of :func:`interior_point`.
@@ -441,7 +443,7 @@ def without_friction(problem: Problem) -> Problem:
 
 
 def without_slip(problem: Problem) -> Problem:
-    """Return a copy of the problem, with surfaces tied where there is friction. Collective."""
+    """Return a copy of the problem in which surfaces with friction are tied. Collective."""
     basis, friction = problem.basis, problem.friction
     parts = np.ones(len(basis.index), dtype=np.bool_)
     parts[friction.pair] = False

@@ -1,8 +1,8 @@
-"""Treat friction in limit analysis as further points, one for each place that can slip.
+"""Treat friction in limit analysis as further points, one point for each place that can slip.
 
 A place has the area A and a friction force c that resists the slip s. The place is a point with the
 volume A h, the strain rate s/h and the yield radius c/A, where h = A^(1/(gdim − 1)). Its yield set
-is ‖μ‖ ≤ c, an interval in two dimensions, and the place dissipates c‖s‖.
+is ‖μ‖ ≤ c, an interval in 2D, and the place dissipates c‖s‖.
 
 A place may also open by w along its normal, and pressure may increase its resistance. Then w/h is
 the trace of its strain rate. Its yield set is ‖μ‖ ≤ c − αp with the slope α, where p < 0 is
@@ -24,29 +24,30 @@ from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, Stiffness, Strains
 
 Springs = tuple[Ints, Floats]
-"""Unknowns of n small groups, shape (n, k), −1 for none, and stiffness matrices, shape (n, k,
-k)."""
+"""Unknowns of n small groups, shape (n, k), −1 for missing unknowns, and stiffness matrices, shape
+(n, k, k)."""
 
 
 class SpringStiffness(Stiffness, Protocol):
     """A stiffness that can contain springs at a few unknowns."""
 
     def add_springs(self, springs: Springs) -> None:
-        """Set springs, which each later assembly adds to K."""
+        """Set springs that each later assembly adds to K."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class SlipPlaces:
-    """Places of this rank that can slip; the jump of each is a combination of a few unknowns.
+    """Places of this rank that can slip; each jump is a linear combination of a few unknowns.
 
     Attributes:
-        index: Local (owned) unknowns, −1 for none, shape (num_places, k).
+        index: Indices of owned unknowns, −1 for missing unknowns, shape (num_places, k).
         shares: Coefficients of the unknowns in each component of the jump, shape (num_places, gdim
             − 1, k).
-        area: Area of each place (a length in two dimensions), shape (num_places,).
+        area: Area of each place (a length in 2D), shape (num_places,).
         bound: Friction force c, shape (num_places,); 0 where α > 0.
-        closing: Local (owned) unknown that equals −w, −1 for none, shape (num_places,).
+        closing: Index of the owned unknown that equals −w, shape (num_places,); −1 if the place
+            cannot open.
         slope: Slope α, shape (num_places,).
     """
 
@@ -59,7 +60,7 @@ class SlipPlaces:
 
     @classmethod
     def of(cls, friction: Friction) -> "SlipPlaces":
-        """Return the places where friction resists slip."""
+        """Return the places at which friction resists slip."""
         rubs = friction.bound > 0
         index = friction.index[rubs]
         if friction.shares is None:
@@ -74,20 +75,20 @@ class SlipPlaces:
         return cls(index, shares, area, bound, np.full(len(area), -1), np.zeros(len(area)))
 
     def and_those(self, others: "SlipPlaces") -> "SlipPlaces":
-        """Return these places followed by others, whose jumps have equally many unknowns."""
+        """Return these places, followed by other places whose jumps have as many unknowns."""
         names = (it.name for it in fields(self))
         both = (np.concatenate([getattr(self, it), getattr(others, it)]) for it in names)
         return SlipPlaces(*both)
 
     def shared_out(self, pressure: Floats, slips: Floats) -> Floats:
-        """Return shear stresses with as much as possible at pressed places and the rest at others.
+        """Return shear stresses that use friction under pressure first, and adhesion for the rest.
 
         Args:
             pressure: Pressure p at the places, shape (num_places,), at most 0 in compression.
             slips: Shear stresses at the places, shape (num_places, gdim − 1).
 
         Returns:
-            Shear stresses with the same sums at each node, same shape.
+            Shear stresses with the same sums at each node, of the same shape.
         """
         pressed = np.flatnonzero(self.slope > 0)
         adheres = np.flatnonzero(self.slope == 0)
@@ -106,12 +107,12 @@ class SlipPlaces:
 
     @cached_property
     def unknowns(self) -> Ints:
-        """Return all unknowns of w and the jump, −1 for none, shape (num_places, 1 + k)."""
+        """Return the unknowns of w and of the jump, −1 if missing, shape (num_places, 1 + k)."""
         return np.column_stack([self.closing, self.index]).astype(np.int32)
 
     @cached_property
     def rows(self) -> Floats:
-        """Return the matrices from ``unknowns`` to (w, jump), shape (num_places, gdim, 1 + k)."""
+        """Return matrices that map ``unknowns`` to (w, jump), shape (num_places, gdim, 1 + k)."""
         count, size, k = self.shares.shape
         found: Floats = np.zeros((count, 1 + size, 1 + k))
         found[:, 0, 0] = np.where(self.closing >= 0, -1.0, 0.0)
@@ -119,7 +120,7 @@ class SlipPlaces:
         return found
 
     def jumps(self, array: Floats) -> Floats:
-        """Return w and the jumps, given a local array of unknowns, shape (num_places, gdim)."""
+        """Return w and the jumps from a local array of unknowns, shape (num_places, gdim)."""
         if not self.index.size:
             return np.zeros((len(self.area), 1 + self.shares.shape[1]))
         values = np.where(self.unknowns >= 0, array[self.unknowns], 0.0)
@@ -136,7 +137,7 @@ class SlipPlaces:
 
 
 class FrictionStrains:
-    """ε(v) at points of bodies and s/h at places; see :class:`discretisation.Strains`."""
+    """Rates ε(v) at points of bodies, and s/h at places; see :class:`discretisation.Strains`."""
 
     def __init__(self, points: Strains, places: SlipPlaces) -> None:
         self._points, self._places = points, places
@@ -190,7 +191,7 @@ class FrictionStrains:
         self._places.add(share[:, None] * stress, out.array)
 
     def springs(self, moduli: Moduli) -> Springs:
-        """Return the unknowns of friction points, and the springs that their moduli give."""
+        """Return the unknowns of friction points, and springs from the moduli of these points."""
         of_places, rows = moduli.beyond(self._points.count).matrices(), self._places.rows
         of_places = of_places[:, : rows.shape[1], : rows.shape[1]]
         share = self.weights[self._points.count :] / self.length**2
@@ -199,15 +200,15 @@ class FrictionStrains:
 
     @property
     def _size(self) -> int:
-        """Number of components of a jump."""
+        """Return the number of components of a jump."""
         return int(self._places.shares.shape[1])
 
 
 class FrictionStiffness:
-    """K with friction; see :class:`discretisation.Stiffness`."""
+    """Stiffness K with friction; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: SpringStiffness, strains: FrictionStrains, count: int) -> None:
-        """Take ownership of the bodies' K; the bodies have ``count`` points."""
+        """Take ownership of the K of bodies, which have ``count`` points."""
         self._bodies, self._strains, self._count = bodies, strains, count
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
         self.factorise, self.solve = bodies.factorise, bodies.solve

@@ -1,4 +1,4 @@
-"""Define the result of a limit load search, and choose the method for a problem."""
+"""Define the result of a search for a limit load, and choose the method for a problem."""
 
 import math
 from collections.abc import Sequence
@@ -38,10 +38,10 @@ class LimitLoad(NotebookResult):
         method: The method that found the result.
         lower: Static side of the mesh, not a bound of the body. It is the load factor of a stress
             that is in equilibrium on the mesh and within yield, or the largest ζ(α) of the path.
-            With permanent loads, it is −∞ if no such stress is known.
+            With permanent loads, it is −∞ if no stress of this kind is known.
         estimate: Limit load of the mesh, between both sides, as an estimate for the body. None
             without a result, or if there is neither a kinematic side nor a plateau.
-        residual: Relative change of the estimate with the last level; None without two estimates.
+        residual: Relative change of the estimate at the last level; None without two estimates.
         upper: Kinematic side of the mesh, not a bound of the body: (D(v) − L₀(v))/L₁(v) of a
             mechanism that is incompressible on the mesh; None without a mechanism.
         alpha: Work at the end of the path; None without a path.
@@ -52,9 +52,9 @@ class LimitLoad(NotebookResult):
         linear_solves: Linear systems solved for both sides together.
         factorisations: Factorisations of the interior point method.
         mechanism: Collapse velocity v, normalised to L₁(v) = 1.
-        levels: The loading path; after a restart, only the levels since then.
+        levels: The levels of the loading path; after a restart, only the levels since the restart.
         stress: Stress σ of the static side, Mandel vectors at the quadrature points; None for a
-            path, where each level contains its stress.
+            path, because each level of a path contains its stress.
         contact_forces: Contact forces in equilibrium with this stress, at the pairs hosted by this
             rank.
         unbalanced: Largest unbalanced force of this stress, relative to the largest load; ∞ without
@@ -63,18 +63,18 @@ class LimitLoad(NotebookResult):
             bodies, relative to ‖ε(v)‖; None for a path.
         verdict: Verdict of the interior point method; None for a path.
         steps: Steps of the interior point method; empty for a path.
-        theorem: Whether limit theorems hold. With Coulomb's friction they do not
+        theorem: Whether limit theorems hold. With Coulomb's friction they do not hold
             (:mod:`limit_search`). ``lower`` is then the largest load among the levels of this path,
             and ``estimate`` is the same load if the search has ended. ``upper`` is the least load
             at which no equilibrium was found. These numbers describe only this path and are no
             bounds.
-        drucker: Drucker's two bounds with Coulomb's friction; None if not sought.
+        drucker: Drucker's two bounds with Coulomb's friction; None if they were not computed.
         locked: Bodies whose locking prevented a mechanism, if the interior point method found no
             mechanism.
-        question: The loads whose factor was sought. These are the permanent loads if no load grows,
+        question: The loads with the unknown factor. These are the permanent loads if no load grows,
             or if the bodies cannot carry the permanent loads at any load factor. The mechanism then
             belongs to the permanent loads.
-        standing: Multiple of the permanent loads that the bodies can carry, if it was sought.
+        standing: Multiple of the permanent loads that the bodies can carry; None if not computed.
     """
 
     method: LimitMethod
@@ -104,7 +104,7 @@ class LimitLoad(NotebookResult):
 
     @property
     def collapses(self) -> bool:
-        """Whether the result contains a mechanism, possibly only the final velocity of a path."""
+        """Return whether the result has a mechanism, possibly only the last velocity of a path."""
         known: tuple[float | None, ...] = (self.upper, self.estimate)
         if self.question is Question.STANDS and self.standing is not None:
             known = (self.standing.upper,)
@@ -120,7 +120,7 @@ class LimitLoad(NotebookResult):
     def rows(self) -> list[Row]:
         """Return a row for each level of a path, or for each step of the interior point method.
 
-        Columns are those of :class:`~report.LevelReport` or of :class:`InteriorStep`.
+        The columns are the fields of :class:`~report.LevelReport` or of :class:`InteriorStep`.
         """
         if self.method is LimitMethod.PATH:
             return LoadingPath(self.levels).rows()
@@ -163,7 +163,7 @@ def method_for(problem: Problem) -> LimitMethod:
 
 
 def resisted(found: LimitLoad) -> LimitLoad:
-    """Return the result unchanged, provided that something resists the loads.
+    """Return the result unchanged if the bodies resist the loads.
 
     Raises:
         InputError: If no stress can balance the loads.

@@ -1,9 +1,9 @@
-"""Evaluate strain rates at points in the coordinates of their cones, and forces of stresses.
+"""Evaluate strain rates at points in the coordinates of the points' cones, and forces of stresses.
 
 Strain rates and stresses are in the coordinates of the points' cones (:mod:`standard_cones`). If
 the axis of all cones is hydrostatic, the coordinates are the trace and the deviator of Mandel
 vectors. In plane strain, the coordinates describe the in-plane components. No equation contains the
-out-of-plane stress, which takes its most favourable value.
+out-of-plane stress, and this stress takes its most favourable value.
 
 :class:`StressFrames` transforms stresses and strain rates to these coordinates.
 
@@ -14,10 +14,11 @@ strain, isotropic coordinates are in-plane vectors with four stored components.
 for dilating ground. For the strain rates ε of u, r²ε is quadratic in a cell of the section
 (:func:`~perfplast_fenicsx.mesh.ring_polynomials.ring_rates`). The admissible strain rates of a
 yield set form a convex cone, and Bernstein polynomials are not negative. Therefore r²ε lies in the
-cone everywhere in the cell if its six coefficients q_i do. The dissipation D is convex and
-homogeneous of degree one, so ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r. Each coefficient is therefore a point of
-the cell. The strain rate of the point is q_i/ρ_i with the coefficient ρ_i of r, and its weight is
-ρ_i ∫ B_i/r. On the axis, ρ_i and q_i are zero; the program treats such a point as elastic.
+cone everywhere in the cell if its six coefficients q_i lie in the cone. The dissipation D is convex
+and homogeneous of degree one, so ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r. Each coefficient is therefore treated
+as a point of the cell. The strain rate at the point is q_i/ρ_i with the coefficient ρ_i of r, and
+the weight is ρ_i ∫ B_i/r. On the axis, ρ_i and q_i are zero; the program treats points on the axis
+as elastic.
 """
 
 import math
@@ -57,7 +58,7 @@ class StressFrames:
     """The transformation x = F (p, s) at points, grouped by cones.
 
     Attributes:
-        size: Number of components of s; components that a cone does not have are zero.
+        size: Number of components of s; components that a cone lacks are zero.
     """
 
     def __init__(self, cones: BodyCones, of_points: Longs, size: int | None = None) -> None:
@@ -66,7 +67,7 @@ class StressFrames:
         Args:
             cones: Cones of the bodies.
             of_points: Index of the cone of each point.
-            size: Number of components of s; by default the largest of all cones.
+            size: Number of components of s; by default the largest number over all cones.
         """
         frames = [cone.standard.frame for cone in cones.cones]
         self.size = max(F.shape[1] - 1 for F in frames) if size is None else size
@@ -108,12 +109,12 @@ class PointCoordinates:
         numbers: Index of the cone of each point of this rank, shape (count,).
         radii: Yield radius γ (stress) of the points of this rank, ∞ in elastic bodies, shape
             (count,).
-        profile: Factor by which γ varies in space, shape (count,); None if no strength varies.
+        profile: Spatially varying factor of γ, shape (count,); None if no strength varies.
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None where all are zero.
-        sets: Yield sets of the points without a second-order cone.
+        sets: Yield sets at points without a second-order cone.
         isotropic: Whether the coordinates are the trace and the deviator at all points.
-        dilates: Whether any cone has a slope.
+        dilates: Whether at least one cone has a slope.
         normal: Number of normal stresses in the equations, two in plane strain.
         among: Indices of the Mandel components in the equations.
         frames: Frames of the cones.
@@ -124,7 +125,8 @@ class PointCoordinates:
 
         Args:
             problem: The bodies and the points.
-            cones: Cones of the bodies; by default those of the stress components in the equations.
+            cones: Cones of the bodies; by default the cones of the stress components in the
+                equations.
 
         Raises:
             InputError: If the method does not support a body's yield set.
@@ -152,7 +154,7 @@ class PointCoordinates:
         self.frames = StressFrames(cones, numbers, self._size)
 
     def sets_of(self, copies: int) -> tuple[PointSets, ...]:
-        """Return the sets of the points for ``copies`` copies of all points in sequence."""
+        """Return the sets at ``copies`` consecutive copies of all points."""
         profile = None if self.profile is None else np.tile(self.profile, copies)
         return self._cones.sets_at(np.tile(self.numbers, copies), profile)
 
@@ -190,7 +192,7 @@ COUNT = 6
 """Number of coefficients of a quadratic function in a triangle."""
 
 PARTS = 8
-"""Number of parts into which the integrals of B_i/r divide each edge of a cell."""
+"""Number of parts of each edge of a cell for the integrals of B_i/r."""
 
 
 def has_coefficients(problem: Problem) -> bool:
@@ -207,8 +209,8 @@ def nodes_of_cells(problem: Problem, count: int) -> tuple[Ints, Ints]:
         count: Number of cells; the function uses the first ``count`` cells.
 
     Returns:
-        Local node numbers, shape (count, 6); the positions of these nodes in a cell's node list,
-        shape (6,).
+        Local node numbers, shape (count, 6); the positions of these nodes in the node list of a
+        cell, shape (6,).
     """
     layout = problem.V.dofmap.dof_layout
     columns = [layout.entity_dofs(of, i)[0] for of in (0, 1) for i in range(3)]
@@ -219,8 +221,8 @@ class RingCoefficients:
     """Strain rates q_i/ρ_i of velocities v = ru; see :class:`Rates` for the methods.
 
     Attributes:
-        weights: Weights, shape (count,); the weight of a point on the axis is a sixth of its cell's
-            volume.
+        weights: Weights of the points, shape (count,); the weight of a point on the axis is a sixth
+            of its cell's volume.
         on_axis: Flags of the points on the axis, where strain rates are zero, shape (count,).
     """
 
@@ -295,14 +297,15 @@ class Rates(Protocol):
 
     Attributes:
         weights: Volume of each point of this rank, shape (count,).
-        on_axis: Flags of the points where strain rates are zero for all velocities, shape (count,).
+        on_axis: Flags of the points at which strain rates are zero for all velocities, shape
+            (count,).
     """
 
     weights: Floats
     on_axis: PairFlags
 
     def of(self, v: fem.Function) -> Floats:
-        """Return ε(v) as Mandel vectors, shape (count, m); the ghosts of v must be up to date.
+        """Return ε(v) as Mandel vectors, shape (count, m), for v with up-to-date ghosts.
 
         Collective.
 
@@ -320,7 +323,7 @@ class Rates(Protocol):
         ...
 
     def of_unknowns(self) -> Floats:
-        """Return ε for unit nodal unknowns in each cell that this rank owns. Collective.
+        """Return ε for each unit nodal unknown in each cell that this rank owns. Collective.
 
         Returns:
             Shape (num_cells, num_points, m, num_unknowns).
@@ -410,7 +413,7 @@ class PointStrains:
         return self.of_function(self._u)
 
     def of_function(self, v: fem.Function) -> tuple[Floats, Floats]:
-        """Return trace and deviator of ε(v); the ghosts of v must be up to date. Collective."""
+        """Return the trace and the deviator of ε(v), for v with up-to-date ghosts. Collective."""
         return self.coordinates.rates(self.rates.of(v))
 
     def power_rates(self, v: fem.Function) -> Floats:
@@ -419,7 +422,7 @@ class PointStrains:
         Collective.
 
         If the coordinates are the trace and the deviator, the result omits the volume change of
-        bodies that preserve their volume, because it is a rounding error.
+        bodies that preserve their volume, because this change is a rounding error.
 
         Args:
             v: Admissible velocity with updated ghosts.
@@ -434,8 +437,7 @@ class PointStrains:
         """Yield the strain rates for each unit nodal unknown in this rank's cells. Collective.
 
         Yields:
-            Trace and deviator, zero where the unknown is supported, shape (num_cells, num_points, 1
-            + m).
+            Trace and deviator, shape (num_cells, num_points, 1 + m), zero for supported unknowns.
         """
         problem, e = self._problem, self.rates.of_unknowns()
         points, nodes = problem.Q.dofmap.list[: len(e)], problem.V.dofmap.list[: len(e)]
@@ -485,7 +487,7 @@ def forces_of_pairs(
 ) -> Floats:
     """Return the contact forces in equilibrium with a stress and the loads. Collective.
 
-    Unless the points are Bernstein coefficients, the function returns the result of
+    If the points are not Bernstein coefficients, the function returns the result of
     :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`.
     """
     if not has_coefficients(problem):

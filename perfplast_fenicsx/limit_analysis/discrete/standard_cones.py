@@ -1,21 +1,22 @@
-"""Represent yield sets of one second-order cone, and transform them to standard coordinates.
+"""Represent yield sets that are second-order cones, and transform them to standard coordinates.
 
 For n Mandel components x of stress and a matrix M of rank n − 1 or n, the set ‖Mx‖ ≤ c − q·x is
 
     x = F (p, s),    ‖s + γt‖ ≤ γ − αp,    α ≥ 0,  ‖t‖ < 1,  and t = 0 where α > 0,
 
-with the strain rates ε' = Fᵀε, so that σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is the
-component along ν. Then α > 0 if q·ν ≠ 0; otherwise nothing bounds p. If M has rank n, all stresses
-are bounded and the set has no p; the column of F for p is then zero. If q = Mᵀr with ‖r‖ < 1, the
-set is an ellipsoid (or a cylinder over one) whose centre is not at zero stress. The tilt t
-describes the shift.
+with the strain rates ε' = Fᵀε and σ:ε = p ε'₀ + s·ε'₁. If M has a null vector ν, p is the component
+along ν. In this case α > 0 if q·ν ≠ 0; otherwise p is unbounded. If M has rank n, all stresses are
+bounded and the set has no p; the column of F for p is then zero. If q = Mᵀr with ‖r‖ < 1, the set
+is an ellipsoid (or a cylinder over an ellipsoid) whose centre is not at zero stress. The tilt t
+describes the shift of the centre.
 
-In plane strain, no equation contains the out-of-plane stress, and the set is projected on the other
-components. Let e be the unit vector of this free component, a = Me, b = q·e and β = b/‖a‖. Then
+In plane strain, no equation contains the out-of-plane stress, and the set is projected onto the
+other components. Let e be the unit vector of the free (out-of-plane) component, a = Me, b = q·e and
+β = b/‖a‖. Then
 
     min_τ ‖M(x + τe)‖ − c + q·(x + τe) = √(1 − β²)‖Py‖ − c + q·x − β a·y/‖a‖,    y = Mx,
 
-where P projects on the complement of a. If |β| ≥ 1, the projection contains all x.
+where P projects onto the complement of a. If |β| ≥ 1, the projection contains all x.
 """
 
 import math
@@ -26,8 +27,8 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 
 ROUNDING = 1e-12
-"""Largest difference between matrix entries of about 1, or largest share of the greatest singular
-value, that counts as zero.
+"""Largest difference between matrix entries of about 1, or largest fraction of the greatest
+singular value, that counts as zero.
 """
 
 
@@ -36,7 +37,7 @@ class PlainCone:
     """The cone ‖matrix·x‖ ≤ bound − slope·x, as numbers.
 
     Attributes:
-        bound: Bound c ≥ 0 (stress); 0 without cohesion, for which the slope must not be zero.
+        bound: Bound c ≥ 0 (stress); 0 without cohesion, and the slope must then not be zero.
         slope: Vector q, shape (n,).
         matrix: Matrix M of full row rank, shape (k, n).
     """
@@ -47,7 +48,7 @@ class PlainCone:
 
     @property
     def is_cone(self) -> bool:
-        """Whether the shapes, the signs and the rank describe a cone that contains zero stress."""
+        """Return whether shapes, signs and rank describe a cone that contains zero stress."""
         numbers = (np.array([self.bound]), self.slope, self.matrix)
         if self.matrix.ndim != 2 or self.slope.shape != self.matrix.shape[1:]:
             return False
@@ -60,7 +61,7 @@ class PlainCone:
         return 0 < k <= n and bool(values[-1] > ROUNDING * values[0])
 
     def normalised(self) -> "PlainCone":
-        """Return the same set, scaled to a geometric mean of the matrix's singular values of 1."""
+        """Return the same set, with a matrix whose singular values have the geometric mean 1."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         size = float(np.exp(np.log(values).mean()))
         slope, matrix = (np.asarray(it / size, np.float64) for it in (self.slope, self.matrix))
@@ -77,9 +78,9 @@ class Shadow:
     """The projection of a cone along a free component of the stress.
 
     Attributes:
-        cone: Cone of the other components; None if these components are not bounded.
-        along: Vector in along·x − share·‖Mx‖, the free component that is farthest from yield, shape
-            (n − 1,). M is the matrix of ``cone``, and x are the other components.
+        cone: Cone of the other components; None if these components are unbounded.
+        along: Vector in the formula along·x − share·‖Mx‖ for the free component that is farthest
+            from yield, shape (n − 1,). M is the matrix of ``cone``, and x are the other components.
         share: Coefficient ``share`` in the same formula.
     """
 
@@ -89,13 +90,13 @@ class Shadow:
 
 
 def shadow(cone: PlainCone, at: int, usual: Floats) -> Shadow:
-    """Return the projection of a cone on all components except a free component.
+    """Return the projection of a cone onto all components except a free component.
 
     Args:
         cone: Cone of all components.
         at: Index of the free component.
-        usual: Value of ``along`` to use if the cone does not determine the free component, shape (n
-            − 1,).
+        usual: Value for ``along`` if the cone does not determine the free component, shape (n −
+            1,).
     """
     a, b = cone.matrix[:, at], float(cone.slope[at])
     rest, q = np.delete(cone.matrix, at, axis=1), np.delete(cone.slope, at)
@@ -154,7 +155,7 @@ class PlainPrincipal:
     Attributes:
         bound: Bound b ≥ 0 (stress); if it is 0, the sine must be positive.
         sine: Sine s in [0, 1).
-        tension: Tensile strength f > 0 (stress), ∞ without one.
+        tension: Tensile strength f > 0 (stress), ∞ without a tensile strength.
     """
 
     bound: float
@@ -164,7 +165,7 @@ class PlainPrincipal:
     def in_plane(self) -> PlainCone:
         """Return the cone of the in-plane stresses, with the out-of-plane stress free.
 
-        An out-of-plane stress between the in-plane principal stresses is farthest from yield, so it
+        An out-of-plane stress between the in-plane principal stresses is farthest from yield, and
         does not affect the bound.
         """
         half = 1 / math.sqrt(2)
@@ -173,7 +174,7 @@ class PlainPrincipal:
         return PlainCone(half * self.bound, slope, matrix)
 
     def around(self, n: int, normal: int) -> StandardCone:
-        """Return a cone about the hydrostatic axis that contains the set.
+        """Return a cone about the hydrostatic axis that encloses the set.
 
         With friction, the result is the narrowest cone with the same apex. With a tensile strength
         and no friction, the slope of the cone is 1.
@@ -190,9 +191,9 @@ class PlainPrincipal:
 
 
 def standard_cone(cone: PlainCone, normal: int) -> StandardCone | None:
-    """Return a cone in standard coordinates; None for sets that have no such form.
+    """Return a cone in standard coordinates; None for sets without standard coordinates.
 
-    Sets without standard coordinates are hyperboloids, or are unbounded in several directions.
+    Such sets are hyperboloids, or are unbounded in several directions.
 
     Args:
         cone: Normalised cone (:meth:`PlainCone.normalised`).

@@ -1,11 +1,11 @@
-"""Approximate spatially varying strengths by linear functions, and give advice on strengths.
+"""Bound spatially varying strengths by linear functions, and give advice on strengths.
 
 The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. For a lower bound,
 each cell has a linear function that is nowhere above the profile. For a linear stress, the left
-side is then convex in position and the right side linear. So the stress is within yield in the
+side is then convex in position, and the right side is linear. So the stress is within yield in the
 whole cell if it is within yield at the vertices. For an upper bound, each cell has a linear
-function that is nowhere below the profile; the true dissipation of a mechanism is then not larger
-than the computed one. Both bounds are strict.
+function that is nowhere below the profile; the computed dissipation of a mechanism is then at least
+the true dissipation. Both bounds are strict.
 
 A slope q that varies with the friction angle has one value for each cell
 (:mod:`varying_friction`).
@@ -33,7 +33,7 @@ Side = Literal["below", "above"]
 """Side of a profile on which a linear function lies."""
 
 PLACE = "the strength of a body"
-"""Name that messages give to a profile."""
+"""Name of a profile in messages."""
 
 
 def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
@@ -46,8 +46,8 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
         side: Side on which the functions lie.
 
     Returns:
-        Values at the vertices, shape (n, k), 1 where the bound does not vary; None if no bound
-        varies.
+        Values at the vertices, shape (n, k), 1 for cones whose bound does not vary; None if no
+        bound varies.
 
     Raises:
         InputError: If no linear function on this side of a profile is known.
@@ -60,16 +60,16 @@ def profiles_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side)
 
 
 def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side) -> Floats | None:
-    """Return the smallest or largest factors of the slopes in simplices. Not collective.
+    """Return the smallest or the largest factors of the slopes in simplices. Not collective.
 
     Args:
         cones: Cones of the bodies.
-        numbers: Number of the cone of each simplex, shape (n,).
+        numbers: Index of the cone of each simplex, shape (n,).
         simplices: Vertices of the simplices, shape (n, k, d).
         side: Whether the least or the largest is requested.
 
     Returns:
-        Factors, shape (n,), 1 where the slope does not vary; None if no slope varies.
+        Factors, shape (n,), 1 for cones whose slope does not vary; None if no slope varies.
 
     Raises:
         InputError: If no bound of a varying sine in a simplex is known.
@@ -110,10 +110,10 @@ def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
 def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     """Return the profiles at the points of this rank, shape (num_points,). Collective.
 
-    At points at the vertices v of a cell (:mod:`stress_cells`), the value is (c_v + Σ_w c_w)/(d +
-    2). Here c is a linear function that is nowhere below the profile, and the sum is over all
-    vertices of the cell. For any linear function f, the mean over the vertices of this value times
-    f is then the mean of c f in the cell.
+    If the points are the vertices v of a cell (:mod:`stress_cells`), the value is (c_v + Σ_w
+    c_w)/(d + 2). Here c is a linear function that is nowhere below the profile, and the sum is over
+    all vertices of the cell. For any linear function f, the mean over the vertices of this value
+    times f then equals the mean of c f in the cell.
 
     Args:
         problem: The bodies.
@@ -129,12 +129,12 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
 def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     """Return factors of the slopes at the points of this rank, shape (num_points,). Collective.
 
-    Points at the vertices of a cell have the largest factor in the cell, because an upper bound
-    needs the largest.
+    Points at the vertices of a cell have the largest factor in the cell, because upper bounds need
+    the largest factor.
 
     Args:
         problem: The bodies.
-        numbers: Number of the cone of each point.
+        numbers: Index of the cone of each point.
     """
     return _at_points(
         problem, numbers, steepness_of_cells, lambda most: most[:, None], BodyCones.steepness
@@ -156,7 +156,7 @@ def _at_points(
         of_cells: Function that returns the quantity in cells, on one side.
         at_vertices: Function that converts the quantity in cells to values at the vertices of the
             cells.
-        values: Method of the cones that evaluates the quantity, given a function that evaluates
+        values: Method of the cones that evaluates the quantity with a function that evaluates
             fields.
     """
     cones = body_cones(problem)
@@ -216,7 +216,7 @@ def check_profiles(problem: Problem) -> None:
 
 
 def profiles_in_words(problem: Problem) -> tuple[str, ...]:
-    """Return sentences that explain how bounds approximate nonlinear strengths. Collective."""
+    """Return clauses on how bounds approximate nonlinear strengths. Collective."""
     if not body_cones(problem).varies or has_curved_cells(problem.tagged_mesh.mesh):
         return ()
     low, high = profiles_of_cells(problem, "below"), profiles_of_cells(problem, "above")
@@ -254,16 +254,16 @@ def varying_of(problem: Problem) -> dict[str, dict[str, SpatialField]]:
 
 
 NOTICED = 1e-3
-"""Largest share of an upper bound that may come from rounding without advice being given."""
+"""Largest share of an upper bound that may come from rounding without a message to the user."""
 
 RESOLVED = 1e5
-"""Ratio of strengths up to which the unbalanced forces in weak bodies are far below 1e-9 of their
-strength. The rounding errors of strong bodies (1e-15) limit this accuracy.
+"""Ratio of strengths up to which the unbalanced forces in weak bodies are far below 1e-9 of the
+weak bodies' strength. The rounding errors of strong bodies (1e-15) limit this accuracy.
 """
 
 
 def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
-    """Return advice if a large share of an upper bound may come from rounding; otherwise nothing.
+    """Return advice if a large share of an upper bound may come from rounding; otherwise no text.
 
     Collective.
     """
@@ -282,7 +282,7 @@ def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
 def weak_bodies(problem: Problem) -> tuple[str, ...]:
     """Return advice if weak bodies prevent a lower bound because of rounding. Collective.
 
-    The result is empty if there are no such bodies.
+    The result is empty if no body is too weak.
     """
     radii = _radii(problem)
     largest = max(radii.values(), default=0.0)
@@ -297,9 +297,9 @@ def weak_bodies(problem: Problem) -> tuple[str, ...]:
 
 
 def held_bodies(problem: Problem) -> tuple[str, ...]:
-    """Return advice on bodies that cannot deform and whose supports resist the loads on them.
+    """Return advice on bodies that cannot yield and whose own supports resist their loads.
 
-    Such a body carries any load, for example a rigid wall whose toe shares nodes with supported
+    These bodies carry any load. An example is a rigid wall whose toe shares nodes with supported
     ground. Collective.
     """
     V, comm = problem.V, problem.comm
@@ -334,11 +334,11 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
 def _radii(problem: Problem, least: float = np.finfo(float).tiny) -> dict[str, float]:
     """Return the smallest yield radius of each body that can yield. Collective.
 
-    Cohesionless sand has a radius of 0, because its strength depends on the pressure.
+    Cohesionless ground has a radius of 0, because its strength depends on the pressure.
 
     Args:
         problem: The bodies.
-        least: Smallest radius of a body that is included.
+        least: Smallest radius of bodies in the result.
     """
     found, (of_cells, *_) = {}, body_cones(problem).at_cells()
     profile = profiles_of_cells(problem, "below")
@@ -359,12 +359,12 @@ def _told(ratios: dict[str, float]) -> str:
 
 
 def _them(ratios: dict[str, float]) -> str:
-    """Return "it" for one body, "them" for several."""
+    """Return "it" for one body and "them" for several bodies."""
     return "it" if len(ratios) == 1 else "them"
 
 
 def check_cohesion(problem: Problem) -> None:
-    """Check that loads determine the strength of ground without cohesion. Collective.
+    """Check that constant loads determine the strength of ground without cohesion. Collective.
 
     Raises:
         InputError: If no body has cohesion, unless some loads are permanent and others grow.

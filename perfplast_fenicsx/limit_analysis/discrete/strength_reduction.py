@@ -1,4 +1,4 @@
-"""Divide the strengths of bodies by a factor, and check whether a problem has such a factor."""
+"""Divide the strengths of bodies by a factor, and check that a problem has strengths to divide."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -38,7 +38,7 @@ def weakened(problem: Problem, factor: float) -> Problem:
 
 
 class Weakening:
-    """A problem in which all loads grow and whose strengths can be divided by a factor in place.
+    """A problem whose loads all grow, and whose strengths can be divided by a factor in place.
 
     Attributes:
         problem: The problem with the strengths divided by the last factor; initially with the given
@@ -46,7 +46,7 @@ class Weakening:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Create the problem with separate copies of laws and friction. Collective.
+        """Create the problem with its own copies of laws and friction. Collective.
 
         Raises:
             InputError: If a load grows, if the strength of a body cannot be divided, if no body
@@ -81,7 +81,7 @@ class Weakening:
         """Set the strengths to the given strengths divided by a factor. Collective.
 
         Raises:
-            InputError: If the law of a body changes.
+            InputError: If the factor changes the law of a body.
         """
         problem, mesh = self.problem, self.problem.tagged_mesh
         materials: Mapping[str, Material] = _reduced(self._materials, factor)
@@ -120,7 +120,7 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
 
 
 def _less(rubs: Rubs, factor: float) -> Rubs:
-    """Return a contact or obstacle with its friction divided by a factor, if F divides it."""
+    """Return a contact or obstacle, with its friction divided by a factor if F divides it."""
     if not rubs.reduced:
         return rubs
     tresca, coulomb = (
@@ -137,7 +137,7 @@ def is_divided(one: object) -> bool:
 def divided_strengths(
     materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
 ) -> list[str]:
-    """Return the names of the strengths that a factor of safety divides, as phrases.
+    """Return the strengths that a factor of safety divides, as phrases.
 
     See :func:`kept_strengths` for the arguments.
     """
@@ -154,7 +154,7 @@ def _friction_on(it: Contact | Obstacle) -> str:
 def kept_strengths(
     materials: Mapping[str, object], rubbing: Sequence[Contact | Obstacle]
 ) -> list[str]:
-    """Return the names of the strengths that ``reduced = false`` leaves unchanged, as phrases.
+    """Return the strengths that ``reduced = false`` keeps unchanged, as phrases.
 
     Args:
         materials: Materials of the bodies by name.
@@ -172,7 +172,7 @@ def check_all_divided(
     """Check that no material or contact has ``reduced = false`` without a strength factor.
 
     Raises:
-        InputError: If one has; the message names the first such body or contact.
+        InputError: If a material or contact has it; the message names the first of them.
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(
@@ -194,8 +194,8 @@ def check_stands(
         rubbing: Contacts and obstacles.
 
     Raises:
-        InputError: If a load grows, or if no strength is divided; the message names the first such
-            load or the reason.
+        InputError: If a load grows, or if F divides no strength; the message gives the first
+            growing load, or the reason.
     """
     rubs = any(it.rubs and is_divided(it) for it in rubbing)
     if all_elastic(materials.values()) and not rubs:

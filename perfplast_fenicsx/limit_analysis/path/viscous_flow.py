@@ -314,9 +314,7 @@ class ViscousFlow:
         left = self._inadmissible_at(units)
         assemble_force(self._force, self._force_form, problem.bcs)
         self._rest.set(0)
-        roughly = (
-            0.1  # remaining share of a residual; a smaller share costs more time than it saves
-        )
+        roughly = 0.1  # remaining share of a residual; a smaller share would take more time
         self._solve(self._force, self._rest, roughly)
         self._move_to(self._rest)
         step = directions.step(self._rest.array_r, self._inadmissible_at(units), left)

@@ -1,1 +1,1 @@
-"""Compute shakedown loads: the largest range of varying loads to which bodies shake down."""
+"""Compute shakedown loads: the largest ranges of varying loads to which bodies shake down."""

@@ -1,7 +1,7 @@
-"""Formulate shakedown as a limit load, with a cone at each point for each load domain corner.
+"""Formulate shakedown as a limit load, with a cone at each point for each corner of a load domain.
 
-Let σ_k be the elastic stress at corner k, σ₀ the elastic stress due to permanent loads, and ρ a
-residual stress in equilibrium with zero loads. Melan's theorem states the problem
+Let σ_k be the elastic stress at corner k, σ₀ the elastic stress from permanent loads, and ρ a
+residual stress in equilibrium with zero loads. Melan's theorem leads to the problem
 
     max λ    with  τ_k = λσ_k + σ₀ + ρ within yield at each point, for each corner k = 0, 1, ….
 
@@ -13,14 +13,14 @@ the corners:
 The shakedown load is therefore the limit load of a body with the velocities y = (v, p₁, p₂, …).
 Each point occurs once for each corner, with the strain rate ε(v) − p₁ − p₂ − … at corner 0 and p_k
 at corner k > 0. The loads do the work L(y) = Σ w σ_k:p_k. Equilibrium for all p_k makes τ_k − λσ_k
-equal at all corners, and equilibrium for all v makes this stress self-equilibrated up to the
+the same at all corners, and equilibrium for all v makes this stress self-equilibrated up to the
 permanent loads. With alternating plasticity, v is zero.
 
-The plastic strains of a point occur in no equations of other points, and the stiffness eliminates
-them. With the moduli D_k of a point at the corners, the modulus (Σ D_k⁻¹)⁻¹ remains for v. Inverses
-use triangular factors of roots of the moduli (QR), which lose half as many digits as the moduli
-would. In plane strain, the out-of-plane residual stress is the same at all corners, so the cones
-contain all stress components.
+The plastic strains of a point do not occur in the equations of other points, and the stiffness
+eliminates them. With the moduli D_k of a point at the corners, the modulus (Σ D_k⁻¹)⁻¹ remains for
+v. Inverses use triangular factors of roots of the moduli (QR), which lose half as many digits as
+the moduli would lose. In plane strain, the out-of-plane residual stress is the same at all corners,
+so the cones contain all stress components.
 """
 
 from mpi4py import MPI
@@ -48,7 +48,7 @@ class Frames:
     Attributes:
         columns: Matrix Q of (tr ε, dev ε) = Q q with orthonormal columns, shape (count, 1 + m, m).
         of_rates: Matrix E of q = E ε, shape (count, m, m).
-        of_stresses: Matrix E⁻ᵀ of the stresses that do work on q, shape (count, m, m).
+        of_stresses: Matrix E⁻ᵀ for the stresses that do work on q, shape (count, m, m).
     """
 
     def __init__(self, at: PointCoordinates, size: int) -> None:
@@ -80,9 +80,9 @@ class Frames:
 class CornerStrains:
     """Strain rates at points and corners; see :class:`discretisation.Strains`.
 
-    The points of each corner are consecutive. Velocities are v in the contact basis, followed by ℓ
-    p_k in the coordinates of :class:`Frames`. The factor ℓ, the mean size of a point's volume,
-    makes the forces on these unknowns about as large as the forces on v.
+    The points of each corner are consecutive. The unknowns are v in the contact basis, followed by
+    ℓ p_k in the coordinates of :class:`Frames`. The factor ℓ is the mean size of a point's volume.
+    With this factor, the forces on ℓ p_k are about as large as the forces on v.
 
     Attributes:
         problem: The bodies.
@@ -92,7 +92,7 @@ class CornerStrains:
     """
 
     def __init__(self, problem: Problem, points: PointStrains, corners: int) -> None:
-        """Store the points of a problem; the caller keeps their ownership. Collective."""
+        """Store the points of a problem; the caller still owns the points. Collective."""
         at, comm = points.coordinates, problem.comm
         self.problem, self.points, self.corners = problem, points, corners
         self.frames = Frames(at, points.size)
@@ -214,7 +214,7 @@ class CornerStrains:
 
 
 class CornerStiffness:
-    """K of y, solved with the factors of K of v; see :class:`discretisation.Stiffness`."""
+    """Stiffness of y, solved with the factors of K for v; see :class:`discretisation.Stiffness`."""
 
     def __init__(self, bodies: ConicStiffness, strains: CornerStrains) -> None:
         """Take ownership of the stiffness of v."""
@@ -276,17 +276,18 @@ class CornerStiffness:
         x.array[own:] = (strains.length * flows).ravel()
 
     def _refine(self, flows: Floats, rates: Floats, pushes: Floats) -> None:
-        """Refine plastic rates so that the residual stress is equal at all corners.
+        """Refine plastic rates until the residual stress is the same at all corners.
 
         The moduli of a point that flows at several corners differ by many orders of magnitude.
-        Inverses then lose as many digits, which refinement recovers.
+        Inverses then lose as many digits, and refinement recovers these digits.
 
         Args:
-            flows: Plastic rates, overwritten, shape (corners − 1, num_points, m).
+            flows: Plastic rates, which the function changes, shape (corners − 1, num_points, m).
             rates: Rates ε(v), shape (num_points, m).
-            pushes: Excess of the stresses over the stress of the first corner, shape as ``flows``.
+            pushes: Excess of the stresses over the stress at the first corner, with the shape of
+                ``flows``.
         """
-        # number of refinements; relative difference of stresses that may remain
+        # largest number of refinements; relative difference of stresses that may remain
         most, enough = 4, 1e-12
         for _ in range(most):
             whole = np.concatenate([(rates - flows.sum(axis=0))[None], flows])

@@ -1,14 +1,14 @@
 """Define the domain of varying loads, and compute the elastic stress due to each load.
 
-In straight quadratic cells, stresses are linear and are evaluated at the vertices. If the stress is
-within yield at all vertices, it is within yield in the whole cell. The cell includes the surface of
-the bodies, where elastic stresses are largest. With linear shape functions λ_v and linear strain
-rates, the equation
+In straight quadratic cells, stresses are linear, and the module evaluates them at the vertices. If
+the stress is within yield at all vertices, it is within yield in the whole cell, also at the
+surface of the bodies, where elastic stresses are largest. With linear shape functions λ_v and
+linear strain rates, the equation
 
     ∫ σ:ε = Σ_v |T|/(d + 1) σ_v:ε(x_v),    x_v = (2 x_v + Σ other vertices)/(d + 2),
 
 is exact. The stress at a vertex thus does work on the strain at a point between the vertex and the
-centre of the cell. Temperatures are approximated by linear functions in each cell.
+centre of the cell. Linear functions in each cell approximate temperatures.
 """
 
 import itertools
@@ -48,12 +48,12 @@ from perfplast_fenicsx.problem.variant import variant
 
 @dataclass(frozen=True, eq=False)
 class StressPoints:
-    """The problem with the points of stresses, and with the points where stresses do work.
+    """The problem with the points of stresses, and the problem with the points of strains.
 
     Attributes:
-        known: Problem at whose points the stresses are evaluated.
-        working: Problem at whose points the conjugate strains are evaluated, in the same order.
-        linear: Whether the stresses are evaluated at the vertices of cells; otherwise both sets of
+        known: Problem whose points are the points of the stresses.
+        working: Problem whose points are the points of the conjugate strains, in the same order.
+        linear: Whether the points of the stresses are the vertices of cells; otherwise both sets of
             points are the quadrature points.
     """
 
@@ -96,17 +96,17 @@ def stress_points(problem: Problem) -> StressPoints:
 def elastic_stresses(
     problem: Problem, names: Sequence[str], points: StressPoints, strains: PointStrains
 ) -> tuple[Floats, Floats]:
-    """Return the elastic stresses due to varying loads and to permanent loads. Collective.
+    """Return the elastic stresses from varying loads and from permanent loads. Collective.
 
-    Stresses due to varying loads are those at the factor 1. Stresses from temperatures that are not
-    named, and initial stresses, are in equilibrium with zero loads; the residual stress contains
-    them.
+    The stresses from varying loads are for the factor 1. Stresses from temperatures without a name
+    in ``names``, and initial stresses, are in equilibrium with zero loads; the residual stress
+    contains these stresses.
 
     Args:
         problem: The bodies and their loads.
         names: Names of loads and temperatures that vary.
         points: Points of the stresses.
-        strains: Strains at the points where stresses do work.
+        strains: Strains at the points at which stresses do work.
 
     Returns:
         Mandel vectors, shapes (num_names, count, m) and (count, m).
@@ -172,7 +172,7 @@ class _Elastic:
 
 
 def _elastic_moduli(problem: Problem, strains: PointStrains) -> Moduli:
-    """Return C at the points of a problem, in the coordinates of its cones."""
+    """Return Hooke's tensor C at the points of a problem, in the coordinates of its cones."""
     frames, hooke = Frames(strains.coordinates, strains.size), hooke_at_points(problem)
     to = frames.columns @ frames.of_stresses
     values, axes = np.linalg.eigh(hooke)
@@ -184,7 +184,7 @@ def _elastic_moduli(problem: Problem, strains: PointStrains) -> Moduli:
 
 
 def hooke_at_points(problem: Problem) -> Floats:
-    """Return C at the points of this rank, shape (count, m, m). Not collective."""
+    """Return Hooke's tensor C at the points of this rank, shape (count, m, m). Not collective."""
     tagged_mesh, size = problem.tagged_mesh, problem.S.dofmap.index_map_bs
     count, cells = problem.Q.dofmap.index_map.size_local, problem.Q.dofmap.list
     found: Floats = np.zeros((count, size, size))
@@ -199,10 +199,10 @@ def hooke_at_points(problem: Problem) -> Floats:
 
 
 def check_elastic(materials: Mapping[str, object]) -> None:
-    """Check that no body is rigid, because rigid bodies have no elastic stresses.
+    """Check that no body is rigid, because a rigid body has no elastic stresses.
 
     Raises:
-        InputError: Naming the first rigid body.
+        InputError: If a body is rigid; the message names the first rigid body.
     """
     rigid = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     if rigid:
@@ -214,7 +214,7 @@ def check_elastic(materials: Mapping[str, object]) -> None:
 
 
 def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Sequence[str]) -> None:
-    """Check that the names that vary exist, and that all loads that grow vary.
+    """Check that the names of varying loads exist, and that all growing loads vary.
 
     Args:
         problem_loads: The loads.
@@ -222,7 +222,7 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
         names: Names of loads and temperatures that vary.
 
     Raises:
-        InputError: If a name is invalid, or a load that grows does not vary; the message contains
+        InputError: If a name is invalid, or if a growing load does not vary; the message contains
             the name.
     """
     growing = [called(load) for load in problem_loads if not load.constant]
@@ -248,7 +248,7 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
 
 @dataclass(frozen=True)
 class LoadDomain:
-    """The convex hull of corners; each corner has a factor for every name.
+    """The convex hull of corners; each corner has a factor for each name.
 
     Attributes:
         names: Names of loads and temperatures that vary.
@@ -291,7 +291,7 @@ class LoadDomain:
     def of_corners(corners: Sequence[Mapping[str, float]]) -> "LoadDomain":
         """Return the convex hull of given corners.
 
-        Names that a corner does not contain have the factor 0.
+        A name that a corner does not contain has the factor 0 at this corner.
 
         Raises:
             InputError: If there are fewer than two different corners, or if a factor is not finite.

@@ -1,6 +1,6 @@
 """Compute the shakedown load of a load domain, and a Bree diagram of two varying loads.
 
-The result holds for the mesh, because elastic stresses and equilibrium are those of its finite
+The result holds for the mesh, because the elastic stresses and the equilibrium are those of finite
 elements. It is therefore an estimate for the bodies and not a bound. Stresses are within yield
 everywhere in each straight cell (:mod:`elastic_stresses`). If elastic stresses are infinite, for
 example at a re-entrant corner, the load tends to zero as the mesh is refined.
@@ -78,7 +78,7 @@ class Failure(StrEnum):
 
     @staticmethod
     def of(accumulated: float) -> "Failure":
-        """Return the failure, given the share of the flow that remains at a cycle's end."""
+        """Return the kind of failure, from the share of the flow that remains after a cycle."""
         if accumulated <= 0.05:
             return Failure.ALTERNATING
         return Failure.COLLAPSE if accumulated >= 0.5 else Failure.BOTH
@@ -90,17 +90,17 @@ class ShakedownLoad(NotebookResult):
 
     Attributes:
         domain: The load domain.
-        problem: Problem whose points are those of the stresses.
-        linear: Whether the points are the vertices of cells, in which stresses are linear.
+        problem: Problem with the points of the stresses.
+        linear: Whether the points are the vertices of cells with linear stresses.
         load: Factor λ from Melan's theorem, an estimate for the bodies; None if no factor was
             found.
-        upper: Factor from Koiter's theorem, which differs from ``load`` by at most the tolerance if
-            converged.
-        over: Largest yield ratio at any corner and point, 1 up to rounding.
-        unbalanced: Largest unbalanced force of the residual stress, as a relative value.
-        first_yield: Factor of the domain at which a point first yields at a corner, without
+        upper: Factor from Koiter's theorem, which differs from ``load`` by at most the tolerance
+            after convergence.
+        over: Largest yield ratio over all corners and points, 1 up to rounding.
+        unbalanced: Largest unbalanced force of the residual stress, relative to the largest load.
+        first_yield: Factor of the domain at which the first point yields at a corner, without
             residual stress; None with permanent loads.
-        accumulated: Share of a cycle's plastic flow that remains at the end of the cycle.
+        accumulated: Share of the plastic flow in a cycle that remains at the end of the cycle.
         failure: Kind of failure above the load.
         mechanism: Displacement that remains after a cycle, up to a factor.
         dissipation: Dissipation of a cycle at the points, up to the same factor.
@@ -108,8 +108,8 @@ class ShakedownLoad(NotebookResult):
         steps: Number of steps of the interior point method.
         factorisations: Total number of factorisations.
         linear_solves: Total number of linear solves.
-        converged: Whether the static and the kinematic value have met.
-        reason: Reason for the end.
+        converged: Whether the static and the kinematic value agree to the tolerance.
+        reason: Reason for the end of the search.
     """
 
     domain: LoadDomain
@@ -155,7 +155,7 @@ class ShakedownLoad(NotebookResult):
         return rows
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the load domain and its multiple to which the bodies shake down.
+        """Draw the load domain, and the multiple of it to which the bodies shake down.
 
         Raises:
             InputError: If more than two loads vary.
@@ -227,7 +227,7 @@ def shakedown_load(
     rtol: float = 1e-4,
     monitor: Callable[[InteriorStep], None] | None = None,
 ) -> ShakedownLoad:
-    """Return the largest λ such that bodies shake down to λ times a load domain. Collective.
+    """Return the largest λ for which the bodies shake down to λ times a load domain. Collective.
 
     Args:
         problem: The bodies and their loads; constant loads act all the time.
@@ -236,8 +236,8 @@ def shakedown_load(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If bodies touch, a name is unknown, supports move, or a law has no suitable
-            cone.
+        InputError: If bodies are in contact, if a name is unknown, if supports move, or if a law
+            has no suitable cone.
     """
     _check(problem, domain, rtol)
     points = stress_points(problem)
@@ -266,12 +266,12 @@ def shakedown_load(
 
 
 def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) -> None:
-    """Check that :func:`shakedown_load` accepts a problem, without solving. Collective.
+    """Check without solving that :func:`shakedown_load` accepts a problem. Collective.
 
     Args:
         problem: The bodies.
         domain: Factors of varying loads and temperatures.
-        rtol: Largest relative difference between both values.
+        rtol: Largest relative difference between the static and the kinematic value.
 
     Raises:
         InputError: In the cases of :func:`shakedown_load`, except if the loads cause no stress in a
@@ -304,14 +304,14 @@ def _check_bonds(problem: Problem) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Varying:
-    """The points of the bodies, and the elastic stresses due to varying and permanent loads.
+    """The points of the bodies, and the elastic stresses from varying and permanent loads.
 
     Attributes:
         domain: Factors of varying loads and temperatures.
         points: Points of the stresses.
-        working: Strain rates at the points where stresses do work.
+        working: Strain rates at the points at which stresses do work.
         live: Elastic stresses at the corners, Mandel vectors, shape (num_corners, count, m).
-        dead: Elastic stress due to permanent loads, shape (count, m).
+        dead: Elastic stress from permanent loads, shape (count, m).
     """
 
     domain: LoadDomain
@@ -353,7 +353,7 @@ def _search(
     monitor: Callable[[InteriorStep], None] | None,
     start: Start,
 ) -> tuple[ShakedownLoad, Start | None]:
-    """Search from a start; return the result and the next start, or None. Collective."""
+    """Search from a start; return the result, and the next start or None. Collective."""
     with ExitStack() as made:
         strains, program = varying.program(start.reserve)
         made.callback(program.destroy)
@@ -445,9 +445,9 @@ def _found(
 
 
 def _accumulated(varying: Varying, strains: CornerStrains, flows: Floats) -> float:
-    """Return the share of a cycle's flow that remains at the cycle's end. Collective.
+    """Return the share of the flow in a cycle that remains at the end of the cycle. Collective.
 
-    The share is 0 for alternating plasticity, and 1 if each point flows at one corner only.
+    The share is 0 for alternating plasticity, and 1 if each point flows only at one corner.
     """
     tensors, weights = strains.tensors(flows), strains.points.weights
     left = weights @ np.linalg.norm(tensors.sum(axis=0), axis=1)
@@ -467,10 +467,10 @@ class Direction:
     """The shakedown load for one ratio of two varying loads.
 
     Attributes:
-        angle: Arc tangent of the ratio of the second load to the first (degrees), each divided by
-            its shakedown load alone; 0 if only the first load varies.
+        angle: Arc tangent of the ratio of the second load to the first (degrees), each relative to
+            its shakedown load without the other; 0 if only the first load varies.
         first: Factor of the first load at the shakedown limit; None if no limit was found.
-        second: Factor of the second load at this limit; None if no limit was found.
+        second: Factor of the second load at the shakedown limit; None if no limit was found.
         failure: Kind of failure beyond the limit.
     """
 
@@ -481,10 +481,11 @@ class Direction:
 
 
 def check_directions(domain: LoadDomain, directions: int) -> None:
-    """Check that a domain has two loads, as a diagram requires.
+    """Check that a domain has two varying loads, as a diagram requires.
 
     Raises:
-        InputError: If the domain does not have two loads, or if there are too few directions.
+        InputError: If the domain does not have two varying loads, or if there are too few
+            directions.
     """
     if directions and (directions < 3 or len(domain.names) != 2):
         raise InputError(
@@ -506,7 +507,7 @@ def shakedown_diagram(
     Args:
         problem: The bodies.
         domain: Domain with two names; each direction scales the factors of both.
-        directions: Number of directions in a quarter circle.
+        directions: Number of directions within a quarter circle.
         rtol: As for :func:`shakedown_load`.
         monitor: Called on every rank after each direction.
         steps: Called on every rank after each step of the interior point method.
