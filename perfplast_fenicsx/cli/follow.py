@@ -1,6 +1,6 @@
 """Implement ``perfplast plot --follow DIR``: print and draw the results of a run in progress.
 
-One process reads the files. The run does not depend on it and may be on another machine.
+One process reads the files. The run does not depend on this process, and may be on another machine.
 """
 
 import json

@@ -427,9 +427,9 @@ def _add_check(commands: Any, scripts: argparse.ArgumentParser) -> None:
         "check",
         parents=[scripts],
         help="check a case without solving it: print and draw how the program reads it",
-        description="Make all tests that 'perfplast run' makes before its first solve, except the "
-        "test for memory. Print which faces each load and each support covers, which faces "
-        "touch and which are free, and draw these faces.",
+        description="Perform all tests that 'perfplast run' performs before its first solve, "
+        "except the test for memory. Print which faces each load and each support covers, which "
+        "faces touch and which are free, and draw these faces.",
     )
     check.add_argument("case", metavar="CASE.toml", help="the case to check")
     check.add_argument(

@@ -154,8 +154,8 @@ def run_refined(
 ) -> int:
     """Solve a case twice, the second time with elements of half the size. Collective.
 
-    The arguments are those of :func:`run.run`. The results of the finer mesh are in the subfolder
-    ``half``.
+    The arguments are the same as for :func:`run.run`. The results of the finer mesh are in the
+    subfolder ``half``.
 
     Returns:
         The larger of both exit statuses.

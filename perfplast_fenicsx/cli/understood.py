@@ -37,11 +37,11 @@ PICTURE = "case.png"
 """Name of the picture that ``check`` draws next to a case file."""
 
 MOST = 6
-"""Largest number of sides or names in a list; of further ones only the number is printed."""
+"""Largest number of sides or names in a list; for the rest only the number is printed."""
 
 
 DRAWN = 1e-9
-"""Relative difference up to which the area of a surface counts as equal to that in the drawing."""
+"""Relative difference up to which the areas of a surface in mesh and drawing count as equal."""
 
 
 @dataclass

@@ -44,8 +44,8 @@ from perfplast_fenicsx.solvers.load_stepping import Reached, load_path, rests_fi
 def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
     """Discard the partial result of an inner search if a signal stops the search.
 
-    An inner search uses loads or strengths that differ from those of the case, so its partial
-    result does not answer the case.
+    An inner search uses loads or strengths that differ from the case, so its partial result is no
+    result for the case.
 
     Args:
         known: The answer so far, which is reported instead of the partial result.

@@ -30,13 +30,13 @@ class ShakedownControl(OfBody):
 
     The control computes the largest multiple of these ranges for which the bodies shake down: by
     Melan's theorem, they respond elastically after some plastic flow. The result is an estimate,
-    because the elastic stresses are those of the mesh. Bodies in contact must be tied. Constant
-    loads act all the time.
+    because the elastic stresses come from the finite element solution. Bodies in contact must be
+    tied. Constant loads act all the time.
 
     Args:
         ranges: Smallest and largest factor of each load and change of temperature, by its name. A
-            load without a name has the name of its surface, and a temperature that of its volume.
-            Each load varies independently.
+            load without a name has the name of its surface; a temperature without a name has the
+            name of its volume. Each load varies independently.
         corners: Alternative to ``ranges``: factors that act together, one table for each corner of
             the load domain. A load that a table does not name is zero at that corner. All
             combinations in the convex hull of the corners also occur.

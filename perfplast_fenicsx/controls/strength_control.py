@@ -17,8 +17,9 @@ from perfplast_fenicsx.problem.problem import Problem
 class StrengthControl(OfBody):
     """No loading: bounds of the factor by which strengths may be divided before collapse.
 
-    The factor divides yield stresses, cohesions and friction coefficients, also those of contacts
-    and obstacles. Strengths with ``reduced = false`` do not change. All loads are constant.
+    The factor divides yield stresses, cohesions and friction coefficients, including the friction
+    of contacts and obstacles. Strengths with ``reduced = false`` do not change. All loads are
+    constant.
 
     Args:
         limit_tolerance: Relative distance of each factor from the root of its bound, between 0 and

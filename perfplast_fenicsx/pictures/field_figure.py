@@ -36,7 +36,7 @@ def draw_fields(
         path: The PNG file.
         largest_dissipation: Largest dissipation of all cells, given only for mechanisms. The
             picture then shows the ``dissipation`` instead of the displacement.
-        state: Factors of loads and obstacles; by default those of ζ = 0.
+        state: Factors of loads and obstacles; by default the factors at ζ = 0.
         unique: Whether the stress is unique, as at a level. The stress of a limit load is not
             unique.
 

@@ -194,7 +194,7 @@ def draw_stroke(
             axes.axvline(report.zeta, color=LIMIT, linestyle="--", label=label)
     if now is not None:
         axes.plot(*now, "o", color="black", markersize=9, zorder=5)
-    bracket = f" (work for each 1 of ζ, {unit})" if unit else ""
+    bracket = f" (work per unit of ζ, {unit})" if unit else ""
     axes.set(xlabel="load factor ζ of the motion", ylabel=f"driving force{bracket}")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")

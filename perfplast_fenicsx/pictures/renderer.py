@@ -264,7 +264,7 @@ def compose(
 
 @dataclass(frozen=True)
 class Acting:
-    """Return the collapse mechanism, if the limit load has been found.
+    """Factors of the loads and obstacles in a state of the bodies.
 
     Attributes:
         zeta: Load factor.

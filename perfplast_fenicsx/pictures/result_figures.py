@@ -262,7 +262,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
         surface: The last level, if there is any.
 
     Returns:
-        The velocity with a stress (that of the last level, or the mechanism's own), the largest
+        The velocity with a stress (of the last level, or of the mechanism), the largest
         dissipation, and a caption. None if there is only one level or no plastic cell.
     """
     found = reader.mechanism(surface)
@@ -308,7 +308,7 @@ def _collapse(limit: StoredLimit) -> str:
     if lower is not None and upper is not None:
         zeta = f"ζ = {rounded_down(lower)} to {rounded_up(upper)}"
     elif upper is not None:
-        zeta += f"; that of the bodies is {rounded_up(upper)} at most"
+        zeta += f"; limit load of the bodies at most {rounded_up(upper)}"
     return f"collapse mechanism at {zeta}"
 
 

@@ -192,7 +192,7 @@ class CaseWords:
         if self._given.get("contacts") or self._given.get("obstacles"):
             listed.append("Surfaces in contact can push and separate, but not pull.")
         if self._given.get("ties"):
-            listed.append("Surfaces that are glued together never part, whatever they carry.")
+            listed.append("Glued surfaces never separate, whatever force they transmit.")
         if not any(self._units.values()):
             listed.append(
                 "The case names no units; its numbers must belong to one consistent system."

@@ -223,8 +223,8 @@ def _meshes(summary: Summary) -> str:
     ]
     heads = ["mesh", "cells", "carried", "collapsed", "gap of the best bounds so far"]
     note = (
-        "<p>The bounds of each mesh when it was solved. The verdict has the best bounds, which the"
-        " checker has proven.</p>"
+        "<p>These are the bounds at the time when each mesh was solved. The verdict gives the"
+        " best bounds, which the checker has proven.</p>"
     )
     return _section("meshes", "Meshes", note + table(heads, rows))
 
@@ -324,7 +324,7 @@ def _combinations(reader: ResultReader) -> str:
     for line, row in zip(shown, rows, strict=True):
         if row["combination"] == name:
             line[0] += " (this page)"
-    note = "<p>Each row has the ζ that is carried for certain, and the ζ of certain collapse.</p>"
+    note = "<p>Each row lists the ζ that is certainly carried, and the ζ of certain collapse.</p>"
     return _section("combinations", "All combinations", table(heads, shown) + note)
 
 

@@ -95,7 +95,7 @@ QUANTITIES = (
     Quantity("mean size of the cells", lambda a: a.summary.element_size or None, unit="length"),
     Quantity("ζ that the bodies carry, proven", _of_body("lower"), rounded_down, is_load=True),
     Quantity("ζ at which they collapse, proven", _of_body("upper"), rounded_up, is_load=True),
-    Quantity("distance of these bounds", _width, "{:.2%}".format),
+    Quantity("distance between these bounds", _width, "{:.2%}".format),
     Quantity("limit load of the mesh, estimate", _of_limit("estimate"), is_load=True),
     Quantity("solved levels", _solved),
     Quantity("ζ of the last solved level", last_load, is_load=True),

@@ -101,7 +101,7 @@ def _of_envelope(table: Mapping[str, Any]) -> Verdict:
     says = (
         f"A {noun} ({', '.join(letters)}) is {', '.join(times[:-1])} and {times[-1]}. The inner"
         f" region is the hull of {noun}s that strict lower bounds prove. Each side of the outer"
-        f" region is a mechanism of a strict upper bound. path.csv has both for {degrees}."
+        f" region is a mechanism of a strict upper bound. path.csv lists both for {degrees}."
     )
     first = "_".join([DIRECTIONS, *["000.00"] * (len(letters) - 1)]) + ".h5"
     proof = (
@@ -123,8 +123,8 @@ def _of_shakedown(table: Mapping[str, Any]) -> Verdict:
         f"The load domain is the convex hull of: {corners}. In addition, all constant loads act.",
         "By Melan's theorem the bodies respond elastically after some plastic flow if a "
         "self-equilibrated stress keeps all corners within yield. The run seeks such a stress "
-        "on this mesh, with the elastic stresses of this mesh. They are within yield "
-        f"{where}. The result is an estimate, and no bound for the bodies.",
+        "on this mesh, with the elastic stresses of this mesh. The sum is within yield "
+        f"{where}. The result is an estimate, not a bound for the bodies.",
     ]
     if table["load"] is None:
         return Verdict("open", table["in_words"], [*says, FINER])
@@ -183,7 +183,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             "one-sided",
             f"The bodies collapse at ζ = {rounded_up(upper)} at the latest.",
             [
-                "This bound is strict. No load is proven that the bodies carry for certain:",
+                "This bound is strict. No lower bound is proven:",
                 *reasons,
                 *beside,
                 known,
@@ -195,7 +195,7 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             "one-sided",
             f"The bodies carry ζ = {rounded_down(lower)} for certain.",
             [
-                "This bound is strict. No load is proven at which the bodies collapse for certain:",
+                "This bound is strict. No upper bound is proven:",
                 *reasons,
                 *beside,
                 known,

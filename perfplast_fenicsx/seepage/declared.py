@@ -18,8 +18,8 @@ class Head:
         presses: Whether the water presses on the surface, as the water of a reservoir does. Give
             false if the ground continues beyond the surface.
         drawdown: Level (length) to which the water outside has fallen so quickly that no water has
-            left the ground. The pore pressure is that of the steady flow, minus the pressure that
-            the water vertically above has lost outside (A. W. Bishop, 1954, with B = 1).
+            left the ground. The pore pressure is the pressure of the steady flow, minus the loss of
+            outside water pressure vertically above the point (A. W. Bishop, 1954, with B = 1).
         name: Name in messages and tables; by default the name of the surface.
     """
 

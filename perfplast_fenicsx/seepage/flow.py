@@ -59,7 +59,7 @@ ROUNDING = 1e-9
 """Discharge of a surface that counts as zero, relative to the largest discharge."""
 
 MOST_COMPARED = 50_000
-"""Largest number of cells for which the flow is compared with that on a finer mesh."""
+"""Largest number of cells for which the flow is compared with the flow on a finer mesh."""
 
 MOST_ITERATIONS = 100
 """Largest number of Newton steps; usually 5 to 20 suffice."""

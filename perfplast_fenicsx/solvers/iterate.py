@@ -3,9 +3,9 @@
 All algorithms share this module; they differ in their steps.
 
 Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Vectors in
-nodal unknowns have names of u: displacements, their change δu
-(:attr:`quadrature_fields.Direction.du`), forces. Vectors in the jump unknowns of the jump basis
-have names of y: y = M u, and ``delta_y`` with δu = T δy. Forces in jump unknowns are Tᵀ times the
+nodal unknowns are named after u: displacements, their change δu
+(:attr:`quadrature_fields.Direction.du`), forces. Vectors in the jump unknowns of the jump basis are
+named after y: y = M u, and ``delta_y`` with δu = T δy. Forces in jump unknowns are Tᵀ times the
 forces in nodal unknowns.
 
 The line search finds the length of a Newton step at which the derivative φ'(β) of the energy along
@@ -90,8 +90,8 @@ def step_length(
 
     Args:
         slope: Function that returns φ'.
-        noise: Function that returns the rounding error of φ' as a sum, and the rounding error that
-            includes those of its terms; called only if the errors decide.
+        noise: Function that returns two rounding errors of φ': of the sum alone, and of the sum
+            with its terms; called only if rounding errors decide.
         longest: Function that returns the largest step length; None for a largest length of 1.
         kinked: Whether the energy has kinks that the step may not account for. If the energy then
             rises from the start, β is 0, and the next step has better information.
@@ -171,7 +171,7 @@ def _bisected(slope: Slope, low: float, high: float, enough: float) -> float:
 
 
 ROUNDING = 1e-13
-"""Slopes below this fraction of the terms whose difference they are count as rounding errors."""
+"""A slope is a difference of terms; below this fraction of the terms it is a rounding error."""
 
 
 class Iterate:

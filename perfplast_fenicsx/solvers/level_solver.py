@@ -32,7 +32,7 @@ from perfplast_fenicsx.solvers.tightening import tighten
 from perfplast_fenicsx.solvers.verdicts import no_convergence
 
 MOST_DOUBTS = 60
-"""Number of times that a level continues if its steps become small at a state that is no
+"""Number of times that a level continues if its steps become small at a state that is not a valid
 solution."""
 
 
@@ -219,8 +219,9 @@ class LevelSolver(Stepper, ABC):
 
         Args:
             value: Load factor ζ or work α (energy), whichever the algorithm prescribes.
-            start: Initial state, such as that of a smaller load, or an extrapolation; the solver
-                removes penetrations. None starts from u = 0 with all pairs of zero gap closed.
+            start: Initial state, such as the state at a smaller load, or an extrapolation; the
+                solver removes penetrations. None starts from u = 0 with all pairs of zero gap
+                closed.
             monitor: Function that is called on every rank after each step.
 
         Returns:

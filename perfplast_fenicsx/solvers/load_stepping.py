@@ -3,9 +3,9 @@
 :func:`load_path` follows given values of ζ or α; :func:`work_path` chooses the steps in α itself,
 from the elastic slope to the plateau of ζ(α).
 
-Steps in α end where gaps close. If a body has reached a limit load of its own, ζ(α) is constant
-until a gap closes and another body supports it. The line through the last two levels predicts where
-the gap closes; beyond that point the curve ζ(α) is a different one.
+Steps in α end where gaps close. If one body has reached its own limit load, ζ(α) is constant until
+a gap closes and another body supports this body. The line through the last two levels predicts
+where the gap closes; beyond that point the line no longer approximates ζ(α).
 
 In :func:`work_path`, α grows by a factor that decreases where ζ(α) bends or a level needs many
 steps. The factor increases on the plateau, where a collapse mechanism may allow a longer step.
@@ -142,8 +142,8 @@ def next_work(
         leap: Leap along a mechanism, if one is known; else None.
 
     Returns:
-        The work α. The earlier of the two states whose line gives the start, or the last state to
-        start from it. The leap, or None if a gap closes first.
+        The work α; the earlier of the two states whose line gives the start, or the last state if
+        the level starts from it; and the leap, or None if a gap closes first.
     """
     last, before, rest = reached.last, reached.before, reached.rest
     if before is not None and has_closed(problem, before, last):
@@ -247,7 +247,7 @@ def work_path(
     reached: Reached | None = None,
     ahead: Ahead | None = None,
 ) -> Iterator[Level]:
-    """Solve levels of growing work without end, from first yield; the caller stops. Collective.
+    """Solve levels of growing work from first yield, until the caller stops. Collective.
 
     With moving supports or constant loads, the first level is ζ = 0, and α − α₀ grows instead of α.
 
@@ -358,12 +358,12 @@ def extrapolate(
 ) -> State | None:
     """Return the state at a prescribed value on the line through two states.
 
-    Its active set and history are those of the later state.
+    The result has the active set and the history of the later state.
 
     Args:
         problem: Problem of the states.
         before: The earlier state; None for the unloaded state.
-        last: The later state; None returns None.
+        last: The later state; without it, the function returns None.
         value: Prescribed ζ or α.
         prescribes: The prescribed quantity.
         longest: Largest distance from the later state, relative to the distance between the states.
@@ -387,7 +387,7 @@ def extrapolate(
 
 
 GROWTH = 1.5
-"""Ratio of each load factor to the one before it."""
+"""Ratio of each load factor to the previous load factor."""
 
 
 def stroke(solver: LevelSolver, until: float) -> list[float]:

@@ -106,8 +106,8 @@ class Newton(LevelSolver):
             return None
         far = BEYOND * self._first_work
         descends = self.iterate.descends_until(far, zeta)
-        # Every this many steps the whole displacement is tested as a collapse mechanism too,
-        # because the last step may involve only a few pairs.
+        # Interval, in steps, at which the whole displacement is also tested as a collapse
+        # mechanism, because the last step may involve only a few pairs.
         look_around = 5
         if not descends and len(history) % look_around == 0:
             self.iterate.aim(self.iterate.y)
@@ -253,7 +253,7 @@ class WorkNewton(LevelSolver):
         return Newton(self.problem, self.options, lender=self).solve(0.0, None, monitor)
 
     def first_step(self, rest: State) -> float:
-        """Return the first increment of work beyond α₀: the live loads alone would yield there.
+        """Return the first work increment beyond α₀, at which the live loads alone cause yield.
 
         Collective.
 
@@ -345,7 +345,7 @@ class BorderedNewton(WorkNewton):
 
 
 def diverges(history: Sequence[Iteration]) -> bool:
-    """Return whether an increment after the second step was larger than the one before it."""
+    """Return whether any increment after the second step was larger than the previous increment."""
     sizes = [record.increment for record in history[1:]]
     return any(a < b for a, b in pairwise(sizes))
 

@@ -62,10 +62,7 @@ def _solved(
     start: State | None,
     monitor: Monitor | None,
 ) -> Level:
-    """Return the level at a time. Bolts are tightened first if its stage requires it.
-
-    Collective.
-    """
+    """Return the level at a time, with the bolt forces that its stage requires. Collective."""
 
     def solve() -> Level:
         history.go_to(time)

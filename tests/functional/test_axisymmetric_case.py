@@ -67,7 +67,7 @@ def test_forces_are_told_to_be_of_the_full_turn(
     assert main(["info", str(case)]) == SOLVED
     out, _ = capsys.readouterr()
     if comm.rank == 0:
-        assert "those of the full turn" in out
+        assert "refer to the full turn" in out
     summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
     assert summary["model"]["kind"] == "axisymmetric"
     assert summary["model"]["axes"] == "rz"

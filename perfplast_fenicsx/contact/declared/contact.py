@@ -87,7 +87,7 @@ class Contact(FrictionTerms):
             surface.
 
     Raises:
-        InputError: If friction is negative, or if an overlap should grow that does not exist.
+        InputError: If friction is negative, or if ``constant`` is false without an overlap.
     """
 
     primary: str

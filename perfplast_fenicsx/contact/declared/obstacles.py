@@ -30,7 +30,7 @@ class Plane(_NamedFriction):
     Args:
         on: Physical name of the surface that cannot penetrate the obstacle.
         point: A point on the plane (length; 2 or 3 numbers).
-        normal: Direction out of the obstacle, towards the body; of any nonzero length.
+        normal: Direction out of the obstacle, towards the body; a vector of any nonzero length.
         move: Translation at ζ = 1 (length; 2 or 3 numbers); by default none.
         tresca: Shear stress at which slip begins (Tresca), not negative; needs a ``name``.
         coulomb: Coefficient of friction (Coulomb), not negative; needs a ``name``. Together with
@@ -109,7 +109,7 @@ class Cylinder(_NamedFriction):
     Args:
         on: Physical name of the surface that cannot penetrate the obstacle.
         point: A point on the axis of the cylinder (length).
-        axis: Direction of the axis, of any nonzero length.
+        axis: Direction of the axis; a vector of any nonzero length.
         radius: Radius > 0 of the cylinder (length).
         hollow: Whether the obstacle is the outside of the cylinder, with the body inside.
         move: Translation at ζ = 1 (length; 2 or 3 numbers); by default none.

@@ -34,7 +34,7 @@ class NodeToNode:
     """The rows (u_a − u_b)·n ≤ g for each primary node a and its opposite secondary node b.
 
     The normal n is the mean of the normals of both surfaces, so it does not depend on their order.
-    The host is a, unless supports hold a along n, or rows of other contacts have taken more
+    The host is a, unless supports hold a along n, or rows of other contacts already use more
     directions of a than of b. Two normals at a node may coincide along a curve where three bodies
     meet. If supports hold b along n as well, there is no row.
 

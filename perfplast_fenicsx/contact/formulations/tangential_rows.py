@@ -48,7 +48,7 @@ def tangential_rows(
 
     Args:
         V: Displacement space.
-        constraints: The contact rows, whose sources have the friction.
+        constraints: The contact rows, whose sources contain the friction parameters.
         contacts: The declared contacts. No surface may have both friction and a tie.
         obstacles: The declared obstacles.
         ties: The ties; a tied surface cannot have friction.
@@ -126,7 +126,7 @@ def _check_ties(
 
 
 def _places(comm: MPI.Intracomm, constraints: Constraints) -> Longs:
-    """Return the contact rows with friction: those whose hosts have one row only. Collective."""
+    """Return the contact rows with friction whose hosts have only one row. Collective."""
     rows = rows_that_rub(comm, constraints)
     hosts, counts = np.unique(constraints.host, return_counts=True)
     return rows[counts[np.searchsorted(hosts, constraints.host[rows])] == 1]

@@ -26,8 +26,8 @@ def tied_rows(
 ) -> Constraints:
     """Return the rows of all ties. Collective.
 
-    If a support or another tie holds a component of a node, the node is not host of a row for it.
-    Its neighbours take over its dual function, as in contact.
+    If a support or another tie holds a component of a node, the node hosts no row for this
+    component. Its neighbours take over its dual function, as in contact.
 
     Args:
         V: Displacement space.

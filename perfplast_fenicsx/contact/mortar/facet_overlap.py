@@ -40,7 +40,7 @@ class Overlaps:
         pair: Number of the pair of pieces for each simplex, shape (n,).
         host: Barycentric coordinates of the corners in the host, shape (n, corners, gdim).
         guest: Barycentric coordinates of the corners in the guest, same shape.
-        share: Length or area of the simplex, relative to that of the host, shape (n,).
+        share: Length or area of the simplex, relative to the host, shape (n,).
     """
 
     pair: Longs
@@ -255,7 +255,7 @@ def rule(gdim: int, degree: int) -> tuple[Floats, Floats]:
 
 
 def area_elements(x: Floats, at: Floats) -> Floats:
-    """Return the ratio of length or area elements to those of the reference facet, shape (n, q)."""
+    """Return length or area elements, relative to the reference facet, shape (n, q)."""
     tangents = _tangents(x, at)
     if len(tangents) == 1:
         return np.asarray(np.linalg.norm(tangents[0], axis=2))

@@ -286,7 +286,8 @@ def joined(
 def stacked(V: fem.FunctionSpace, parts: Sequence[Constraints]) -> Constraints:
     """Return the rows of all parts, one part after the other on each rank. Collective.
 
-    The sources are those of the first part; the numbers in ``surface`` must differ between parts.
+    The result has the sources of the first part; the numbers in ``surface`` must differ between
+    parts.
     """
     count = sum(len(part.host) for part in parts)
     rows = (count, V.mesh.comm.allreduce(count))

@@ -146,7 +146,7 @@ def norms(vectors: Floats) -> Floats:
 
 
 def shrunk(vectors: Floats, bound: Floats) -> Floats:
-    """Return the vectors, shortened to the largest norms.
+    """Return the vectors, shortened where they exceed their largest norms.
 
     Args:
         vectors: Vectors, shape (n, k).

@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
 STILL = 1e-3
-"""Points whose displacement, relative to that of all points, is smaller lie on a rotation axis."""
+"""A point lies on a rotation axis if its displacement, relative to all points, is smaller."""
 
 
 log = logging.getLogger(__name__)

@@ -124,7 +124,7 @@ class RigidMotions:
 
 
 def rigid_jumps(V: fem.FunctionSpace, bodies: Bodies, B: PETSc.Mat) -> Floats:
-    """Return B R: the jump of each pair on this rank in each rigid motion of each body. Collective.
+    """Return B R: the jump of each pair on this rank in each body's rigid motions. Collective.
 
     Returns:
         Jumps, shape (num_pairs, bodies.count * bodies.num_modes).
@@ -443,7 +443,7 @@ class FreeMotions:
         u.x.scatter_forward()
 
     def words(self, some: npt.NDArray[np.integer]) -> str:
-        """Return the names of the bodies that move in the given motions, and of the motions."""
+        """Return the names of the given motions, and of the bodies that move in these motions."""
         each = self.basis.reshape(self.bodies.count, self.bodies.num_modes, -1)
         told: dict[tuple[int, ...], list[str]] = {}
         for number in some:

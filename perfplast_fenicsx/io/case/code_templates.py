@@ -1,4 +1,4 @@
-"""Contain templates of ``[design]`` and ``[[combination]]`` for checks of design codes.
+"""Define templates of ``[design]`` and ``[[combination]]`` for checks of design codes.
 
 A template lists the factors that a check requires, with their clauses in the code. A factor has a
 number if a public source quotes the number with standard and clause. Other factors are open: the

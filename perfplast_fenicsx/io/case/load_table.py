@@ -177,7 +177,7 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         told.append(f"These loads have their full value at any load factor: {', '.join(dead)}.")
     if case.scene.axisymmetric:
         told.append(
-            "Forces and works in results are those of the full turn; pressures and tractions are "
+            "Forces and works in results refer to the full turn; pressures and tractions are "
             "per area, and body forces per volume."
         )
     if units.in_words():

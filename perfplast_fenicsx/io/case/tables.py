@@ -144,8 +144,8 @@ class ModelOptions:
     In axisymmetry x is the radius (x ≥ 0), y is the axis of revolution, and the stress component zz
     is the hoop stress, also in an initial stress. Points on the axis do not move radially, even
     without a support. Loads are per area and per volume, as in other models. All forces and works
-    in results are those of the full turn. The column r of a force is the sum of outward forces
-    around the axis, not a vector resultant.
+    in results refer to the full turn. The column r of a force is the sum of outward forces around
+    the axis, not a vector resultant.
 
     In plane stress, triangles are sheets whose thickness is free to change. The law must be von
     Mises, Hill or elastic. All forces and works in results are per unit of thickness.

@@ -114,7 +114,7 @@ def _goes_on(new: object, old: object) -> bool:
 
 
 def _changed(key: str, new: object, old: object) -> str:
-    """Return the new and the old value in words; for lists those of the first changed entry."""
+    """Return the new and the old value in words; of a list, the first changed entry."""
     if not (isinstance(new, list) and isinstance(old, list)):
         return f"{key} = {shown(new)}, but was {shown(old)}"
     pairs = enumerate(zip_longest(new, old, fillvalue=NOTHING), start=1)
@@ -231,7 +231,7 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
         name: Name of the case file, for messages.
 
     Raises:
-        InputError: If the case differs from that of the checkpoint; the message has the first
+        InputError: If the case differs from the checkpoint's case; the message gives the first
             difference.
     """
     difference = first_difference(table, read_header(folder).case)

@@ -7,8 +7,8 @@ ParaView opens ``fields.vtkhdf.series``; in PyVista one line shows a level::
 
     pyvista.HDFReader("results/fields/level_0001.vtkhdf").read().plot(scalars="yield_ratio")
 
-Fields at the quadrature points are written as VTKHDF files of single points. At these points the
-stress is that of the solver, not a cell mean. The points are in the order of the cells in the
+Fields at the quadrature points are written as VTKHDF files of single points. The stress at these
+points is the solver's stress, not a cell mean. The points are in the order of the cells in the
 input, and within a cell in the order of the quadrature rule, whatever the number of ranks.
 """
 

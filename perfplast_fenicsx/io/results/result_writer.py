@@ -143,7 +143,7 @@ class ResultWriter:
             steps: Next steps for the user, each a sentence without a full stop.
             design: Comparison of the limit load with the design load.
             answer: Meaning of the bounds in words, if the bounded quantity is not a load factor.
-            fields: Whether to write the mechanism. If it belongs to another mesh than the levels,
+            fields: Whether to write the mechanism. If its mesh differs from the mesh of the levels,
                 the fields of the levels are removed.
             proven: Whether to write the proofs of the bounds.
 
@@ -348,7 +348,7 @@ def verdict_of(limit: LimitLoad, body: BodyBounds | None = None) -> str:
 
 
 def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
-    """Return the table ``body`` of ``summary.json``; its bounds are only strict ones."""
+    """Return the table ``body`` of ``summary.json``, which contains only strict bounds."""
     lower, upper = body.limits
     standing = None
     if body.question is Question.STANDS:

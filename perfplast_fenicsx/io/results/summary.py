@@ -15,7 +15,8 @@ class Summary:
         mesh: Numbers of cells, vertices and displacement unknowns (dofs).
         element_size: Mean over the cells of the longest edge of each cell (length).
         model: The ``kind`` of the model, and the ``axes`` of the components of ``reactions``.
-            ``forces`` states whether forces and works are per unit of depth or of the full turn.
+            ``forces`` states whether forces and works are per unit of depth or refer to the full
+            turn.
         given: Materials, supports, loads and other input (:func:`result_folder.given_table`).
         seepage: Discharges of water by surface, and iterations of SNES-VI; None without seepage.
         loads: Force and moment of each load at ζ = 1 (:class:`resultants.LoadResultant`).

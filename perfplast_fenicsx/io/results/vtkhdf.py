@@ -275,7 +275,7 @@ class FieldWriter:
         corners = block(cells, number[dofmap.list[:owned]][:, to_vtk])
         body = np.zeros(len(dofmap.list), dtype=np.int32)
         body[tagged_mesh.cell_tags.indices] = tagged_mesh.cell_tags.values
-        last = comm.rank == comm.size - 1  # the number of offsets is that of the cells plus one
+        last = comm.rank == comm.size - 1  # there is one offset more than there are cells
         offsets = per_cell * np.arange(cells.first, cells.first + cells.count + last)
         # VTK's type numbers of simplices by dimension and degree
         cell_types = {(2, 1): 5, (2, 2): 22, (3, 1): 10, (3, 2): 24}

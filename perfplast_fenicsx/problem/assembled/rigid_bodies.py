@@ -89,7 +89,7 @@ def rigid_bodies(
     if tagged_mesh.axisymmetric:
         raise InputError(
             "a body of revolution has law = 'rigid', which levels do not support; give law = "
-            "'elastic' with a young that is 1e5 times that of the adjacent bodies."
+            "'elastic', and make young 1e5 times as large as in the adjacent bodies."
         )
     count, of_node = _find(V, tagged_mesh, materials)
     rows = []
@@ -117,7 +117,7 @@ def check_touching(
     """
     comm, fdim = V.mesh.comm, V.mesh.topology.dim - 1
     remedy = (
-        "give one of the bodies law = 'elastic' with a young that is 1e5 times that of the"
+        "give one of the bodies law = 'elastic', and make young 1e5 times as large as in the"
         " adjacent bodies"
     )
 

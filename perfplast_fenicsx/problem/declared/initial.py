@@ -18,7 +18,7 @@ class Bolt:
         on: Physical name of the volume: the bolt, or only its shank.
         preload: Force in the shank when the bolt is tightened without any load (force; per unit of
             depth in plane strain, for the full turn in axisymmetry). The force refers to the part
-            in the mesh: if a plane of symmetry halves the bolt, give half the force.
+            in the mesh: if a plane of symmetry cuts the bolt in half, give half the force.
         axis: Direction of the shank, of any length and either sign; in axisymmetry the direction of
             the axis of revolution.
         shank: Two coordinates along the axis (length). Between them the shank is shortened, and its

@@ -263,7 +263,7 @@ class CellField(Protocol):
 
 @dataclass(frozen=True)
 class FieldPores(PorePressure):
-    """Pore pressure as a field on a mesh, such as that of seepage.
+    """Pore pressure as a field on a mesh, such as the pressure in seepage.
 
     Args:
         on: Physical name of the volume.

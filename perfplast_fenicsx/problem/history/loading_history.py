@@ -133,7 +133,7 @@ def _check_parted(
 
 
 class LoadingHistory:
-    """Sets the loads, the motion and e₀ of a problem to those at a time in the stages.
+    """Sets the loads, the motion and e₀ of a problem for any time in the stages.
 
     Attributes:
         problem: The problem that is loaded.

@@ -76,8 +76,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
 
     The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩. At the
     solution it equals −inf J_ζ, so the sum of J_ζ and the dual functional is the duality gap. The
-    gap vanishes only at the solution, and is relative to |Ψ| + ½‖σ‖². The contact gaps are those of
-    the basis, reduced by the closing that u_D causes.
+    gap vanishes only at the solution, and is relative to |Ψ| + ½‖σ‖². The contact gaps are the gaps
+    in the basis, reduced by the closing that u_D causes.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()

@@ -48,7 +48,7 @@ class Resultants:
 
     Attributes:
         forces: Force of each source, one number for each direction. In plane strain it is per unit
-            of depth. In axisymmetry it is that of the full turn; its radial number is the sum of
+            of depth. In axisymmetry it refers to the full turn; its radial number is the sum of
             outward forces around the axis, not a vector resultant. The sources are ``loads``,
             ``support NAME``, ``rigid surface NAME`` if its motion is prescribed, ``obstacle NAME``
             and ``contact PRIMARY SECONDARY``. The force of a contact acts on the body of the
@@ -171,7 +171,7 @@ def _moments(
 
 
 def _add_contact(problem: Problem, contact: Floats, friction: Floats, forces: PETSc.Vec) -> None:
-    """Set forces to those of contact and friction on nodes. Collective."""
+    """Set ``forces`` to the contact and friction forces on nodes. Collective."""
     rows = problem.constraints.B.createVecLeft()
     rows.array[:] = -contact
     problem.constraints.B.multTranspose(rows, forces)

@@ -214,7 +214,7 @@ def sides_of(
     _, patch = _joined(count, pairs[flat])
     bends = pairs[~flat & (turn >= SHARP)]
     curved, smooth = _curved(patch, bends, gdim)
-    # The direction and position of each patch are those of its largest facet, so that errors do not
+    # Each patch has the direction and position of its largest facet, so that errors do not
     # accumulate.
     largest = np.lexsort((facets.area, patch))
     ends = np.searchsorted(patch[largest], np.arange(patch.max(initial=-1) + 1), side="right") - 1

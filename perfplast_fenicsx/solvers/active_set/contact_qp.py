@@ -119,7 +119,7 @@ def openings(stiffness: Floats, forces: Floats) -> Floats:
     Args:
         stiffness: S, shape (n, n): the force on each pair for a unit opening of each pair. It is
             symmetric positive definite, apart from rounding errors.
-        forces: g, shape (n,): the energy gained per small opening of each pair.
+        forces: g, shape (n,): the energy gained per unit of a small opening of each pair.
 
     Returns:
         z times the square roots of the diagonal of S, shape (n,).
@@ -149,7 +149,7 @@ class ContactStep:
         delta: δ in the jump basis; valid until the next solve.
         active: Whether each pair hosted by this rank is closed with a compressive force, shape
             (num_pairs,).
-        settled: Whether the active set is that of the solution. If not, δ is feasible but not the
+        settled: Whether the active set belongs to the solution. If not, δ is feasible but not the
             solution, and the Newton iteration must not end with it.
         iterations: Number of active sets whose QP was solved.
         multiplier: Multiplier of the work equality; 0 if work is not prescribed.

@@ -61,8 +61,8 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 DRAG = 1e-8
-"""Stiffness, relative to that of the bodies, of springs that resist changes of slip along the slip
-in a step. They hold a body that slips everywhere, and their forces vanish with the last step."""
+"""Stiffness, relative to the bodies, of the springs that resist changes of slip along the slip in a
+step. They hold a body that slips everywhere, and their forces vanish with the last step."""
 
 
 @dataclass(frozen=True)

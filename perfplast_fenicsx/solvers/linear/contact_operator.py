@@ -1,11 +1,11 @@
 """Define the operator of a step in the jump basis, A = TᵀKT, and its matrix with held unknowns.
 
 Products with vectors use K and T, so only one matrix is stored in addition. This matrix is for
-linear solves; in it, the rows and columns of held unknowns are those of a scaled identity.
+linear solves; a scaled identity replaces its rows and columns at held unknowns.
 
-The rows of A differ from those of K only at contact nodes and their neighbours; elsewhere T is the
-identity. So only these few rows are multiplied. A is K with these rows replaced, if K has space for
-their entries.
+A and K differ only in the rows of contact nodes and their neighbours; elsewhere T is the identity.
+So only these few rows are multiplied. A is K with these rows replaced, if K has space for their
+entries.
 """
 
 from petsc4py import PETSc
@@ -20,7 +20,7 @@ from perfplast_fenicsx.profiling import phase
 
 
 class ContactRows:
-    """The rows of A that differ from those of K."""
+    """The rows in which A differs from K."""
 
     def __init__(self, problem: Problem) -> None:
         """Find the rows. Collective."""

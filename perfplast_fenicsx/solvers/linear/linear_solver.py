@@ -31,8 +31,8 @@ class SetUp:
     """The state of the current set-up (a factorisation or a preconditioner).
 
     Attributes:
-        usual: Krylov iterations per decimal digit in a full solve with the last set-up that was
-            new; 0 if there is none.
+        usual: Krylov iterations per decimal digit in a full solve with the last new set-up; 0 if
+            there is none.
         due: Whether nothing has been solved with the set-up yet.
         kept: Whether the set-up belongs to an earlier matrix.
         rate: Krylov iterations per decimal digit in the first full solve with the set-up, or
@@ -320,7 +320,7 @@ def _method(problem: Problem) -> Method:
 
 
 def _types(preset: Mapping[str, object]) -> tuple[str, str]:
-    """Return the types of PETSc's KSP and PC: those of the preset, unless the user gives others."""
+    """Return the types of PETSc's KSP and PC: the user's types, or else the types of the preset."""
     options = PETSc.Options()
     ksp = options.getString(LINEAR + "ksp_type", str(preset["ksp_type"]))
     return ksp, options.getString(LINEAR + "pc_type", str(preset["pc_type"]))

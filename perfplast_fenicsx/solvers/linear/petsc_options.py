@@ -1,4 +1,4 @@
-"""Manage PETSc options: presets that options of the user override; test these before a run.
+"""Manage PETSc options: presets, and the user's options, which are tested before a run.
 
 The module tests the user's PETSc options on tiny solvers, to report unknown options before a run.
 PETSc itself reports unused options only at the end of a run, and unknown types only when it creates

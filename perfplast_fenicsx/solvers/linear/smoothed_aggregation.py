@@ -2,18 +2,18 @@
 
 In the jump basis, the operator couples the bodies. Aggregates that mix bodies would need more than
 the rigid motions of one body (for example the in-plane slip of frictionless contact). So the
-aggregates are those of the stiffness K in nodal unknowns, in which bodies are uncoupled and 6
+aggregates are formed from the stiffness K in nodal unknowns, in which bodies are uncoupled and 6
 motions (in 2D 3) suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K
 Q. In the jump basis y = M u, the finest interpolation is M P without the rows of held unknowns. At
 a closed pair, the host follows the normal displacement of its guest, and slides along it. Coarser
 levels use their own operators in the same way. A set-up forms the coarse operators PᵀAP.
 
-For quadratic elements, the first coarse space is that of linear elements (:class:`LinearElements`),
-which M maps in the same way, and the vertices are aggregated.
+For quadratic elements, the first coarse space consists of linear elements
+(:class:`LinearElements`), which M maps in the same way, and the vertices are aggregated.
 
-Plastic flow hardly changes the volume of a body. Motions of rigid pieces do change the volume, and
-so have a much larger energy. Therefore the last Newton increment can be added as a motion of every
-aggregate.
+Plastic flow hardly changes the volume of a body. Motions in which each aggregate moves as a rigid
+body change the volume, and so have a much larger energy. Therefore the last Newton increment can be
+added as a motion of every aggregate.
 
 :class:`Aggregates` stores the aggregates of nodes on a multigrid level and their motions. Each
 column of a tentative interpolation Q is a motion of one aggregate, and zero elsewhere; the columns
@@ -379,8 +379,8 @@ class CoarseSpaces:
         """Form the operators PᵀAP of all levels. Collective.
 
         Args:
-            A: Operator of the finest level; its rows and columns at ``held`` are those of a scaled
-                identity.
+            A: Operator of the finest level, with a scaled identity in the rows and columns at
+                ``held``.
             held: Local owned indices of unknowns that are zero.
             pc: Preconditioner of type "mg" with the same number of levels. It receives
                 interpolations and coarse operators; the solver sets its finest operator.

@@ -1,7 +1,7 @@
 """Divide the cells of each rank into subdomains, with their stiffness and its generalised inverse.
 
-A piece is connected through facets, so its only strain-free motions are those of one rigid body.
-Its nodes are copies of the mesh nodes, torn from the nodes of other pieces.
+A piece is connected through facets, so its only strain-free motions are rigid motions of the whole
+piece. Its nodes are copies of the mesh nodes, torn from the nodes of other pieces.
 
 :class:`TornStiffness` stores K of all pieces on a rank, torn from each other, and its generalised
 inverse K⁺. The pieces are uncoupled. One sparse matrix on this rank contains the stiffness of all

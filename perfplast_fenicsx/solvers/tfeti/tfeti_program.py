@@ -151,7 +151,8 @@ MOST_EXCHANGES, MOST_SEARCHES = 20, 8
 find."""
 
 FIRST, SHARPER = 1e-3, 1e-2
-"""Initial relative tolerance for finding faces, and its factor for each further face."""
+"""Initial relative tolerance for finding faces, and the factor by which every further face reduces
+it."""
 
 
 MOVES = "a body can move as a rigid body because no closed pair holds it; it may lose all contact"
