@@ -247,7 +247,7 @@ def test_refusals() -> None:
     )
     both = {"lower": Rigid(), "upper": Rigid()}
     problem = Problem(mesh, both, [Support("bottom")], [Pressure("top", 1.0)], [contact])
-    assert_refused(lambda: Newton(problem), ["rigid", "no levels", "control = 'bounds'"])
+    assert_refused(lambda: Newton(problem), ["rigid", "undefined", "control = 'bounds'"])
     beside = Problem(
         mesh,
         {"lower": STEEL, "upper": Rigid()},
