@@ -16,7 +16,7 @@ from tests.models import write_case
 
 @dataclass(frozen=True)
 class CaseRun:
-    """The result of the run of a case.
+    """The result of running a case.
 
     Attributes:
         status: Exit status of the command.
@@ -40,7 +40,7 @@ def run_case(
     capsys: pytest.CaptureFixture[str],
     *more: str,
 ) -> CaseRun:
-    """Run a case file, whose mesh may lie beside it. Collective.
+    """Run a case file, whose mesh may be in the same folder. Collective.
 
     Args:
         comm: The ranks.
@@ -65,7 +65,7 @@ def assert_case_refused(
     part: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Check that a case is refused in one sentence that contains a given part. Collective."""
+    """Check that a case is refused with one sentence that contains a given part. Collective."""
     found = run_case(comm, folder, text, capsys)
     assert found.status == BAD_INPUT
     assert part in found.err

@@ -1,4 +1,4 @@
-"""Check results; several tests share these functions."""
+"""Check results; several test modules share these functions."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,7 +12,7 @@ from perfplast_fenicsx import InputError, Level
 
 
 def assert_solved(level: Level) -> None:
-    """Check that the certificate is good."""
+    """Check that the certificate of a level is good."""
     report = level.report
     assert report.converged, report.reason
     assert abs(report.duality_gap) < 1e-9
@@ -22,12 +22,12 @@ def assert_solved(level: Level) -> None:
 
 
 def largest(comm: MPI.Intracomm, values: npt.NDArray[np.float64]) -> float:
-    """Return the largest magnitude on all ranks."""
+    """Return the largest magnitude over all ranks."""
     return float(comm.allreduce(float(np.abs(values).max(initial=0)), MPI.MAX))
 
 
 def assert_refused(call: Callable[[], object], words: Sequence[str]) -> None:
-    """Expect an error with the same sentence on all ranks, which contains these words."""
+    """Expect an error with the same sentence on all ranks; the sentence contains these words."""
     with pytest.raises(InputError) as refusal:
         call()
     sentence = str(refusal.value)

@@ -1,4 +1,4 @@
-"""Define fixtures and marks of the whole suite, which runs on one rank and under mpirun alike."""
+"""Define fixtures and marks for the whole suite, which runs on one rank and under mpirun."""
 
 import functools
 import subprocess
@@ -21,7 +21,7 @@ from tests.models import Read
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the plugin that synchronises the ranks, and the marks that it knows."""
+    """Register the plugin that synchronises the ranks, and the marks of this plugin."""
     config.pluginmanager.import_plugin("tests.parallel_plugin")
     keep_compiled_forms()
     keep_cells()
@@ -30,8 +30,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def keep_compiled_forms() -> None:
     """Make FFCx load each compiled form once per process.
 
-    FFCx lists the cache folder with thousands of files for each form of each problem, 20 in a
-    solver. This takes more time than the solution of a small problem: 0.11 of 0.19 s.
+    For each form of each problem (20 in a solver), FFCx lists the cache folder, which contains
+    thousands of files. This takes more time than the solution of a small problem: 0.11 of 0.19 s.
     """
     found: dict[tuple[str, ...], Any] = {}
     load = jit.get_cached_module
@@ -41,7 +41,7 @@ def keep_compiled_forms() -> None:
         if key in found:
             return found[key]
         loaded = load(module, objects, folder, *more)
-        if loaded[0] is not None:  # else it is to be compiled
+        if loaded[0] is not None:  # otherwise it must be compiled
             found[key] = loaded
         return loaded
 
@@ -51,7 +51,7 @@ def keep_compiled_forms() -> None:
 def keep_cells() -> None:
     """Make Basix create each kind of cell once per process.
 
-    Basix creates a cell for each query about an element, with its faces and edges: 75 objects for a
+    For each query about an element, Basix creates a cell with its faces and edges: 75 objects for a
     tetrahedron, thousands of times in a problem.
     """
     made = functools.cache(ufl.Cell)
@@ -72,7 +72,7 @@ def shared_tmp_path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Prevent run, check and mesh from drawing pictures (2 to 4 s each)."""
+    """Prevent run, check and mesh from drawing pictures, which takes 2 to 4 s each."""
     monkeypatch.setattr("perfplast_fenicsx.cli.run.draw", lambda folder: True)
     monkeypatch.setattr("perfplast_fenicsx.cli.commands.draw_case", lambda *of: False)
     monkeypatch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
@@ -80,13 +80,13 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def read(shared_tmp_path: Path) -> Read:
-    """Return a function that writes a mesh by a generator, and reads it on all ranks or on each."""
+    """Return a function that writes a mesh, and reads it on all ranks or on each rank."""
 
     def read(
         write: Callable[..., None], comm: MPI.Intracomm = MPI.COMM_WORLD, **arguments: Any
     ) -> TaggedMesh:
         path = shared_tmp_path / f"{write.__name__}.msh"
-        MPI.COMM_WORLD.barrier()  # another rank may still read what is replaced
+        MPI.COMM_WORLD.barrier()  # another rank may still be reading the old file
         if MPI.COMM_WORLD.rank == 0:
             write(path, **arguments)
         MPI.COMM_WORLD.barrier()
@@ -99,7 +99,7 @@ def read(shared_tmp_path: Path) -> Read:
 
 
 def read_here(command: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
-    """Read a sound mesh in this process, since a separate process needs 0.35 s to load gmsh.
+    """Read a valid mesh in this process, because a separate process needs 0.35 s to load gmsh.
 
     Tests of ``tests/mesh`` and of case files read meshes in separate processes, as users do.
     """

@@ -1,7 +1,7 @@
-"""Bodies whose strengths differ by up to 1e15, or that only a small part of a load moves.
+"""Define bodies whose strengths differ by up to 1e15, or of which a load moves only a small part.
 
-Limit loads are known. A stack of blocks on rollers, pressed from above, carries σ_y of its weakest
-block in space and 2σ_y/√3 = 2k in plane strain: the uniform stress is admissible, and the weakest
+Limit loads are known. A stack of blocks on rollers, pressed from above, carries σ_y of the weakest
+block in 3D and 2σ_y/√3 = 2k in plane strain: the uniform stress is admissible, and the weakest
 block flows uniformly and slides on the others. In a layer that is glued to its neighbours and at
 least twice as high as wide, a wedge of 90° moves out between two slip lines. A square under the
 pressure p from above and (1 − e) p from the side has the shear stress e p/2, and carries p = 2k/e.
@@ -39,7 +39,7 @@ SMALL = 1e-9
 
 @dataclass(frozen=True)
 class Pressed:
-    """A problem on rollers at x = 0 (and y = 0 in space) and below.
+    """A problem on rollers at x = 0 (and at y = 0 in 3D) and below.
 
     Attributes:
         problem: The whole problem.
@@ -60,7 +60,7 @@ def strengths(random: Random, count: int) -> list[float]:
 
 
 def material(yield_stress: float) -> VonMises:
-    """Return a material of which only the yield stress matters."""
+    """Return a material for tests in which only the yield stress matters."""
     return VonMises(young=1e3, poisson=0.3, yield_stress=yield_stress)
 
 
@@ -102,14 +102,14 @@ SURFACES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def glued(seed: int) -> Pressed:
-    """Return two or three layers of one mesh, each twice as high as wide."""
+    """Return two or three layers in one mesh, each twice as high as wide."""
     random = Random(2000 + seed)
     count, n = random.randint(2, 3), random.choice([2, 3])
     return layers(strengths(random, count), n)
 
 
 def layers(yields: list[float], n: int) -> Pressed:
-    """Return layers of width 1/2 and height 1, from below, with n cells along the width."""
+    """Return layers of width 1/2 and height 1, from the bottom up, with n cells along the width."""
     count = len(yields)
     volumes = {
         f"layer{i}": lambda x, i=i: (x[1] > i) & (x[1] < i + 1)  # type: ignore[misc]
@@ -128,13 +128,13 @@ def layers(yields: list[float], n: int) -> Pressed:
 
 
 def square(n: int, shake: float) -> TaggedMesh:
-    """Return a unit square with n cells along a side, and the names of its sides."""
+    """Return a unit square with n cells along a side, and the names of the sides."""
     surfaces = SURFACES | {"top": lambda x: x[1] > 1 - SMALL, "right": lambda x: x[0] > 1 - SMALL}
     return rectangle((n, n), (1.0, 1.0), {"block": lambda x: x[0] > -1}, surfaces, shake)
 
 
 def squeezed(e: float, planes: bool, n: int = 4, shake: float = 0.1) -> Pressed:
-    """Return a square under almost equal pressures, against rollers or rigid planes."""
+    """Return a square under almost equal pressures, on rollers or rigid planes."""
     obstacles, supports = [], [Support("x0", "x"), Support("y0", "y")]
     if planes:
         supports = []
@@ -146,7 +146,7 @@ def squeezed(e: float, planes: bool, n: int = 4, shake: float = 0.1) -> Pressed:
 
 
 def forces_left(it: Pressed, checked: Checked, load: float) -> float:
-    """Return the sum of all forces that a stress leaves unbalanced.
+    """Return the resultant of all forces that a stress leaves unbalanced.
 
     Args:
         it: The problem.
@@ -162,10 +162,10 @@ def forces_left(it: Pressed, checked: Checked, load: float) -> float:
     right = place[:, 0] > highest[0] - SMALL
     push[right] += load * it.side * normals[right, None]
     for axis in {0, dim - 1} | ({1} if dim == 3 else set()):
-        push[place[:, axis] < lowest[axis] + SMALL, :, axis] = 0.0  # of rollers or planes
+        push[place[:, axis] < lowest[axis] + SMALL, :, axis] = 0.0  # forces of rollers or planes
     seam = (np.abs(normals[:, -1]) > 0.5) & (place[:, -1] > lowest[-1] + SMALL) & ~top
     sizes = np.linalg.norm(push, axis=2)
-    sizes[seam] = np.linalg.norm(push[seam, :, :-1], axis=2)  # contact is without friction
+    sizes[seam] = np.linalg.norm(push[seam, :, :-1], axis=2)  # contact has no friction
     sizes[seam] += np.abs(_unequal(x[seam], push[seam, :, -1], normals[seam, -1])) / 2
     total: float = float((sizes.mean(axis=1) * _areas(x)).sum()) + checked.forces
     return total

@@ -2,8 +2,8 @@
 
     growing_folder.py FOLDER LEVELS END
 
-The process continues when the reader has made the file FOLDER/seen.N. With END = "killed" it waits
-after its last level until it is killed.
+The process continues when the reader has made the file FOLDER/seen.N. With END = "killed" the
+process waits after its last level until a signal kills it.
 """
 
 import json
@@ -14,7 +14,7 @@ from pathlib import Path
 from perfplast_fenicsx.io.results.result_files import ENDED, hold
 
 PATIENCE = 600.0
-"""Longest time for the reader (s)."""
+"""Longest time to wait for the reader (s)."""
 
 STEP = {
     **{"alpha": 0.5, "plastic_fraction": 0.25, "active_contacts": 3, "contact_pairs": 4},
@@ -23,7 +23,7 @@ STEP = {
 
 
 def grow(folder: Path, levels: int, end: str) -> None:
-    """Write the levels, each after the reader has seen the level before."""
+    """Write the levels, each after the reader has seen the previous level."""
     folder.mkdir()
     with (folder / "run.log").open("w", encoding="utf-8") as log:
         assert hold(log)

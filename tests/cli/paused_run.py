@@ -3,9 +3,10 @@
     paused_run.py RANKS LEVEL CALL COUNT ANNOUNCEMENT ARGUMENT ...
 
 RANKS are numbers, such as 0,2. The moment is before the COUNT-th call of CALL
-(``module:Class.method``) after the LEVEL-th level of this run is about to be recorded. Each of the
-ranks then writes its process number to the file ANNOUNCEMENT.RANK. If COUNT begins with "<", the
-ranks do not pause. From this moment on, files cannot become larger than COUNT (bytes).
+(``module:Class.method``) after the LEVEL-th level of this run is about to be recorded. At this
+moment, each of the ranks writes its process number to the file ANNOUNCEMENT.RANK. If COUNT begins
+with "<", the ranks do not pause. From this moment on, files cannot become larger than COUNT
+(bytes).
 """
 
 import functools

@@ -1,4 +1,4 @@
-"""``perfplast plot --follow`` shows and draws levels as they come, until the run is over."""
+"""Test that ``perfplast plot --follow`` reports and draws new levels until the run ends."""
 
 import io
 import json
@@ -109,7 +109,7 @@ def test_numbers_that_are_null_on_file(tmp_path: Path) -> None:
 def test_a_run_that_has_ended(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The real command on a real folder."""
+    """Check the real command on the folder of a run that has ended."""
     more = "[loading]\nvalues = [10.0]\n[output]\nfields = false\npictures = false\n"
     case = write_case(comm, shared_tmp_path / "case.toml", punch_case(STEEL, STEEL, more=more))
     folder = shared_tmp_path / "results"
@@ -118,7 +118,7 @@ def test_a_run_that_has_ended(
     out, _ = capsys.readouterr()
     if comm.rank == 0:
         assert out.splitlines()[-1] == "The run ended, with 1 level on file."
-        assert "\r" not in out  # nobody watches
+        assert "\r" not in out  # no reader waits
     assert (folder / "path.png").exists()
 
 

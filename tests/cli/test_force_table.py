@@ -1,4 +1,4 @@
-"""Forces and moments on the terminal."""
+"""Test the table of forces and moments on the terminal."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Environments that cannot run, and the launcher of ranks: one sentence each, before MPI starts."""
+"""Test environments that cannot run, and the launcher of ranks: one sentence before MPI starts."""
 
 import sys
 from pathlib import Path
@@ -132,12 +132,12 @@ def test_run_starts_its_ranks(tmp_path: Path) -> None:
     run = perfplast("run", "-n", "2", str(tmp_path / "none.toml"), "-o", str(tmp_path / "out"))
     lines = run.stderr.splitlines()
     assert lines[0].startswith("perfplast: 2 ranks started by /")
-    assert sum("none.toml" in line for line in lines) == 1  # rank 0 alone says it
+    assert sum("none.toml" in line for line in lines) == 1  # only rank 0 prints it
     assert run.returncode == 2
 
 
 def test_forms_that_lack_and_cannot_be_compiled_are_one_sentence(tmp_path: Path) -> None:
-    """Some forms are compiled already, so that the compiler is missed in the middle of a run."""
+    """Some forms are already compiled, so the compiler is missed in the middle of a run."""
     (tmp_path / "fenics").mkdir()
     (tmp_path / "fenics" / "libffcx_forms_of_another_case.so").touch()
     case = str(ROOT / "demos" / "block_on_plane.toml")
@@ -150,7 +150,7 @@ def test_forms_that_lack_and_cannot_be_compiled_are_one_sentence(tmp_path: Path)
 
 @pytest.mark.long
 def test_the_doctor_finds_this_environment_well() -> None:
-    """How fast this machine factorises is not asked."""
+    """The test does not measure how fast this machine factorises."""
     run = perfplast("doctor")
     lines = run.stdout.splitlines()
     assert lines[1].startswith("C compiler      ok ")

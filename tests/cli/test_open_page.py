@@ -1,4 +1,4 @@
-"""``perfplast setup DIR`` opens the page if there is a screen, or else prints its address."""
+"""Test that ``perfplast setup DIR`` opens the page if there is a screen, or prints its address."""
 
 from pathlib import Path
 

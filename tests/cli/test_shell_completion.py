@@ -1,4 +1,4 @@
-"""Completion of words by the shell on Tab."""
+"""Test the completion of words by the shell with the Tab key."""
 
 import json
 import subprocess
@@ -39,9 +39,9 @@ LINES = {
     "perfplast animate results -o ": {"old.gif", "results/"},
     "perfplast report results -o ": {"page.html", "results/"},
 }
-"""Typed texts, with all words that fit, or all of those without dashes."""
+"""Typed texts, each with all completions, or with all completions that do not begin with a dash."""
 
-# a process of its own, since argcomplete takes the file number 9 for itself
+# a separate process, because argcomplete uses the file descriptor 9
 ASK = """
 import io, json, os, sys
 from perfplast_fenicsx.cli.parser import make_parser
@@ -80,7 +80,7 @@ def test_completion(tmp_path: Path) -> None:
         cwd=tmp_path,
     )
     answers, slow = json.loads(done.stdout)
-    assert slow == []  # what takes a second to import
+    assert slow == []  # modules whose import takes a second
     found = {line: set(words) for line, words in answers.items()}
     for line, expected in LINES.items():
         typed = line.split(" ")[-1]

@@ -1,7 +1,7 @@
-"""Programs that end early: by signals at any moment, and by a full disk.
+"""Test programs that end early: by signals at any moment, and by a full disk.
 
-The moment is a place in the program (:mod:`tests.cli.paused_run`), not a time: the program waits
-there for its end.
+The moment is a place in the program (:mod:`tests.cli.paused_run`), not a time: at this place the
+program waits for the signal.
 """
 
 import os
@@ -42,7 +42,7 @@ FLUSH, RENAME = "os:fsync", "pathlib:Path.replace"
 
 @dataclass(frozen=True)
 class Moment:
-    """Where ranks pause; see :mod:`tests.cli.paused_run`."""
+    """The place at which ranks pause; see :mod:`tests.cli.paused_run`."""
 
     level: int
     call: str = LEVEL
@@ -52,7 +52,7 @@ class Moment:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Return a case with many levels, and the results of a run that nothing interrupts."""
+    """Return a case with many levels, and the results of an uninterrupted run."""
     folder = tmp_path_factory.mktemp("whole")
     case = folder / "case.toml"
     case.write_text(solved_by("newton", f"values = [{VALUES}]"), encoding="utf-8")
@@ -61,7 +61,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 class Run:
-    """``perfplast run`` on a number of ranks, in a session of its own.
+    """``perfplast run`` on a number of ranks, in a separate session.
 
     Attributes:
         process: The process, or its launcher.
@@ -86,7 +86,7 @@ class Run:
             stderr=subprocess.PIPE,
             text=True,
             cwd=ROOT,
-            # mpirun leaves its ranks a second by default
+            # by default mpirun gives its ranks a second to end
             env=os.environ | {"PRTE_MCA_odls_base_sigkill_timeout": "60"},
             start_new_session=True,
         )
@@ -113,7 +113,7 @@ class Run:
 
 @pytest.mark.long
 def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: Path) -> None:
-    """kill -9 of a rank of three, SIGTERM to one of two, and one finishes."""
+    """Kill one of three ranks by SIGKILL, end one of two by SIGTERM, and let one rank finish."""
     case, folder = whole[0], tmp_path / "results"
     run = Run(3, Moment(6, ranks=(1,)), tmp_path, case, "-o", folder)
     (rank,) = run.wait()
@@ -129,7 +129,7 @@ def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: 
     assert status == 128 + signal.SIGTERM
     assert f"perfplast run {case} --restart {folder}" in err
     assert "Traceback" not in err
-    assert len(path_of(folder)) == 5 + 3  # the level that had been solved is kept
+    assert len(path_of(folder)) == 5 + 3  # the solved level is on file
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "8 of 16 steps are found, and the run was interrupted (SIGTERM)." in page
 
@@ -138,7 +138,7 @@ def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: 
 
 
 def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
-    """A terminal sends it to the launcher and to all ranks."""
+    """A terminal sends the interrupt to the launcher and to all ranks."""
     case, folder = whole[0], tmp_path / "results"
     run = Run(1, Moment(4), tmp_path, case, "-o", folder)
     run.wait()
@@ -152,11 +152,11 @@ def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     run = Run(2, Moment(2, ranks=(0, 1)), tmp_path, case, "--restart", folder)
     run.wait()
     run.process.send_signal(signal.SIGINT)
-    status, _ = run.ended()  # what mpirun makes of it
+    status, _ = run.ended()  # the exit status that mpirun reports
     assert status != SOLVED
     assert len(path_of(folder)) < LEVELS
     *_, told, last = (folder / "run.log").read_text().splitlines()
-    if result_files.ENDED in last:  # an mpirun that is interrupted kills its ranks soon, or at once
+    if result_files.ENDED in last:  # an interrupted mpirun kills its ranks soon, or at once
         assert f"--restart {folder}" in told
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])
@@ -167,7 +167,7 @@ def test_control_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_killed_at_any_moment(whole: tuple[Path, Path], tmp_path: Path) -> None:
-    """At most the running level is lost, whatever is just being written."""
+    """The run loses at most the current level, whatever file it is writing."""
     case, folder = whole[0], tmp_path / "results"
     moments = random.Random(8)
     begin: tuple[object, ...] = ("-o", folder)
@@ -205,7 +205,7 @@ def is_whole(folder: Path, err: str, reason: str) -> None:
 @pytest.mark.long(but=["0.5"])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_files_may_grow_no_more(whole: tuple[Path, Path], tmp_path: Path, share: float) -> None:
-    """From the fifth level on, not at all or not to the size of a checkpoint."""
+    """From the fifth level on, files cannot grow, or cannot reach the size of a checkpoint."""
     case, folder = whole[0], tmp_path / "results"
     most = int(share * (whole[1] / NEWEST).stat().st_size)
     moment = Moment(5, count=f"<{most}", ranks=(0, 1))
@@ -232,16 +232,16 @@ cp -r "$2/results" "$4/results"
 
 
 def test_a_full_disk(whole: tuple[Path, Path], tmp_path: Path) -> None:
-    """A disk with room for half of the results, in a mount namespace of its own."""
+    """A disk with room for half of the results, in a separate mount namespace."""
     case, disk, out = whole[0], tmp_path / "disk", tmp_path / "out"
     disk.mkdir()
     out.mkdir()
     if not shutil.which("unshare"):
         pytest.skip("no unshare")
-    enter = ["unshare", "--mount", "--propagation", "unchanged"]  # a chroot can change none
+    enter = ["unshare", "--mount", "--propagation", "unchanged"]  # for a chroot
     if os.geteuid() != 0:
         enter = ["unshare", "--map-root-user", "--mount"]
-    # pictures are drawn in the end, and what tells of a process grows with what it has run before
+    # Pictures are drawn at the end, and the size of logs and summaries differs between runs.
     others = (".png", ".log", ".json")
     levels = [path for path in whole[1].rglob("*") if path.suffix not in others]
     pages = sum(-(-path.stat().st_size // 4096) for path in levels)
@@ -259,7 +259,7 @@ def test_a_full_disk(whole: tuple[Path, Path], tmp_path: Path) -> None:
 def test_nobody_reads_to_the_end(
     whole: tuple[Path, Path], tmp_path: Path, arguments: list[str]
 ) -> None:
-    """As in ``perfplast run ... | head -1``: the run goes on, in silence."""
+    """As with ``perfplast run ... | head -1``: the run continues without output."""
     shutil.copy(whole[0], tmp_path / "case.toml")
     program = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
     with subprocess.Popen(
@@ -307,7 +307,7 @@ sys.exit(main(["info"]))
     ],
 )
 def test_ended_at_once_with_a_sentence(name: str, then: str) -> None:
-    """By a signal that has ended a compiler as well, and by the second one; in its own process."""
+    """The signal has also ended a compiler, or a second signal follows; in a separate process."""
     found = subprocess.run(
         [sys.executable, "-c", ENDED.format(name=name, then=then)],
         env=os.environ | {"PYTHONPATH": str(ROOT)},

@@ -1,4 +1,4 @@
-"""Lines that the terminal prints on bounds."""
+"""Test the lines that the terminal prints about bounds."""
 
 import io
 from pathlib import Path
@@ -23,7 +23,7 @@ def test_next_steps_are_told_behind_what_is_proven() -> None:
 
 
 def test_rounding_errors_of_forces_are_printed_as_zero() -> None:
-    """The larger of two small components is no rounding error beside the largest one."""
+    """The larger of two small components is also a rounding error, next to the largest one."""
     reactions = {"loads": [-1.13687e-13, 0.0, -1e3], "support floor": [2e-5, -1.1e-13, 1e3]}
     report = SimpleNamespace(reactions=reactions, factors={}, zeta=2.0, balance=1e-16)
     kinematics = SimpleNamespace(whole=True, forces="")
@@ -37,7 +37,7 @@ def test_rounding_errors_of_forces_are_printed_as_zero() -> None:
 
 
 def test_control_characters_are_shown_and_not_obeyed() -> None:
-    """Names and titles may have them; only the ends of the program's own lines are left."""
+    """Names and titles may contain control characters; only line ends of the program remain."""
     stream = io.StringIO()
     terminal = Terminal(MPI.COMM_SELF, stream, live=False)
     terminal.say("\x1b]0;mine\x07\x1b[2J\rgood\u202e:\nnext")

@@ -1,4 +1,4 @@
-"""The summary of a case before it is solved: parts of sides, names, motions."""
+"""Test the summary of a case before the solution: parts of sides, names, motions."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -53,7 +53,7 @@ BODY = '[material.{}]\nlaw = "von-mises"\nyoung = 1000.0\npoisson = 0.3\nyield_s
 def side(
     axis: int, at: float, low: float = -9.0, high: float = 9.0, along: int | None = None
 ) -> Where:
-    """Return the facets at a coordinate, between two values of another coordinate."""
+    """Return the facets at one coordinate, between two values of another coordinate."""
     other = (1 - axis if axis < 2 else 0) if along is None else along
 
     def on(x: Points) -> npt.NDArray[np.bool_]:
@@ -91,12 +91,12 @@ class Body:
 
 @dataclass(frozen=True)
 class Told:
-    """A case, and the words that its summary must contain.
+    """A case, with the words that its summary must contain.
 
-    The summary contains ``words`` and none of ``never``. The surfaces in ``parts`` are marked as
-    covering only a part of a side. The tag of a facet is the first name in which the facet lies,
-    counted from 1. ``within`` has the tags of names that lie in another name. ``elastic`` are
-    bodies that do not yield.
+    The summary contains ``words`` and no word of ``never``. The picture marks the surfaces in
+    ``parts`` as covering only a part of a side. The tag of a facet is the first name that contains
+    the facet, counted from 1. ``within`` has the tags of names that lie in another name.
+    ``elastic`` are bodies that do not yield.
     """
 
     text: str
@@ -192,12 +192,12 @@ def ring(x: Points) -> Points:
 
 
 def leant(x: Points) -> Points:
-    """Incline the right side to the left by 3 to 4, which gives the normal (0.8, 0.6)."""
+    """Incline the right side to the left by 3 in 4; its normal becomes (0.8, 0.6)."""
     return np.column_stack([x[:, 0] - x[:, 0] / 4 * 0.75 * x[:, 1], x[:, 1:]])
 
 
 def closed(x: Points) -> Points:
-    """Lower the upper one of two bodies, so that both touch."""
+    """Lower the upper body, so that both bodies touch."""
     return np.column_stack([x[:, 0], x[:, 1] - 0.5 * (x[:, 1] > 2.25), x[:, 2]])
 
 
@@ -219,7 +219,7 @@ FLOOR = {"bottom": BOTTOM}
 
 
 def driven_wall(elastic: tuple[str, ...], words: tuple[str, ...], never: tuple[str, ...]) -> Told:
-    """Return a wall that is pushed into ground, whose base is held as far as the wall."""
+    """Return a wall that is pushed into ground; the base is also held below the wall."""
     return Told(
         support("bed")
         + support("under_wall", 'components = "y"')
@@ -566,7 +566,7 @@ CASES = {
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch) -> Callable[[Told], tuple[Case, Problem]]:
-    """Return the case and the problem of a row."""
+    """Return the case and the problem of an entry of the table."""
 
     def read(told: Told) -> tuple[Case, Problem]:
         names = dict.fromkeys(n for body in told.bodies for n in (body.name, body.upper) if n)
@@ -603,7 +603,7 @@ def test_case_is_told(
 
 
 def _check_marks(meant: Understood, told: Told, file: Path) -> None:
-    """A picture marks each surface that is named, and what is beside a part of a side."""
+    """The picture marks each named surface, and the rest of a side with a partial name."""
     save_arrays(file, "a case", meant, Section(), False)
     with np.load(file) as arrays:
         shown = arrays["mark"]
@@ -622,7 +622,7 @@ def _check_marks(meant: Understood, told: Told, file: Path) -> None:
 
 
 def _named(meant: Understood, told: Told) -> bool:
-    """Return whether the case names all that lies beside parts of sides, and marks it so."""
+    """Return whether the case names and marks everything next to parts of sides."""
     return any(
         meant.sides.facets.tag[meant.sides.rest(name)].min(initial=0) >= 0 for name in told.parts
     )
@@ -646,7 +646,7 @@ def test_forty_cases() -> None:
 
 @pytest.mark.serial
 def test_the_widest_name_of_what_is_left() -> None:
-    """The parts of the surface of the ground were listed, in place of its name."""
+    """The program listed the parts of the ground surface instead of its name."""
     surfaces: dict[str, int | tuple[int, ...]] = {"soil_face_1": 1, "soil_y_high": 2}
     surfaces |= {"surface": (1, 2), "soil_x_low": 3, "left": 3}
     nothing: Any = None

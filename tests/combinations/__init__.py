@@ -1,1 +1,1 @@
-"""Combinations of statements of a case with questions about it."""
+"""Combinations of statements in a case with questions about the case."""

@@ -1,4 +1,4 @@
-"""Answer questions about cases with a statement by running the program."""
+"""Answer questions about cases with a given statement by running the program."""
 
 import contextlib
 import io
@@ -38,12 +38,12 @@ class Answer:
 
     @property
     def given(self) -> bool:
-        """Whether the question is answered, completely or in part."""
+        """Whether the question has a complete or partial answer."""
         return self.status == SOLVED and not self.words.startswith("no")
 
 
 def answer(statement: Statement, question: str, folder: Path) -> Answer:
-    """Answer a question by a case file and a run. On one process."""
+    """Answer a question by writing and running a case file. On one process."""
     tables: dict[str, Any] = {
         "model": {"kind": "plane-strain"},
         "mesh": _mesh(statement.mesh, folder),
@@ -77,7 +77,7 @@ def answer(statement: Statement, question: str, folder: Path) -> Answer:
 
 
 def _of_bounds(body: Mapping[str, Any]) -> str:
-    """Return "yes", or the bound that exists and the reason why the other one does not."""
+    """Return "yes", or the bound that exists and the reason why the other bound is missing."""
     there = [kind for kind in ("lower", "upper") if body[kind] is not None]
     if len(there) == 2 and body["strict"]:
         return "yes"
@@ -86,7 +86,7 @@ def _of_bounds(body: Mapping[str, Any]) -> str:
 
 
 def _mesh(what: str | Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
-    """Return the table [mesh], after making its file if it is missing."""
+    """Return the table [mesh], and write its file if the file is missing."""
     if not isinstance(what, str):
         return what
     path = folder / f"{what}.msh"
@@ -124,7 +124,7 @@ def _write(path: Path, what: str) -> None:
 
 
 def _bulging() -> int:
-    """Give the upper block a round right side."""
+    """Give the upper block a rounded right side."""
     occ = gmsh.model.occ
     a, b, c, d = (occ.addPoint(x, y, 0.0) for x, y in [(-1, 0), (1, 0), (1, 1), (-1, 1)])
     arc = occ.addCircleArc(b, occ.addPoint(0.0, 0.5, 0.0), c)
@@ -132,7 +132,7 @@ def _bulging() -> int:
 
 
 def _toml(tables: Mapping[str, Any]) -> str:
-    """Return a case file with tables by their headings."""
+    """Return a case file from tables by their headings."""
     text = []
     for heading, table in tables.items():
         several = isinstance(table, list)
@@ -143,7 +143,7 @@ def _toml(tables: Mapping[str, Any]) -> str:
 
 
 def _value(value: object) -> str:
-    """Return a value in TOML; a table becomes an inline table."""
+    """Return a value as TOML; a table becomes an inline table."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_value(of)}" for key, of in value.items()) + " }"
     return json.dumps(value)

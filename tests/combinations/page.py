@@ -1,4 +1,4 @@
-"""The page of the documentation that shows what goes with what.
+"""Write the page of the documentation that shows which statements and questions combine.
 
 ./fenicsx python3 -m tests.combinations.page          # write the page again, in about two minutes
 """
@@ -41,12 +41,12 @@ def cell(given: Answer, notes: dict[str, int]) -> str:
 
 
 def _general(sentence: str) -> str:
-    """Return a message without its place in the case file."""
+    """Return a message without the place in the case file."""
     return re.sub(r"^(case\.toml|stacked_blocks)(, \[+[a-z_]+\]+)?: ", "", sentence)
 
 
 def table(answers: Mapping[tuple[str, str], Answer]) -> str:
-    """Return the page for all answers, by statement and question."""
+    """Return the page with all answers, by statement and question."""
     notes: dict[str, int] = {}
     lines = [" | ".join(["|", *QUESTIONS]) + " |", "|---" * (1 + len(QUESTIONS)) + "|"]
     for statement in STATEMENTS:

@@ -1,4 +1,4 @@
-"""Questions that can be asked of a case."""
+"""Define the questions that a case can contain."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -36,11 +36,11 @@ QUESTIONS: Mapping[str, Tables] = {
     },
     "shakedown, tied": {"loading": {"control": "shakedown"}},
 }
-"""Tables of each; levels and factors are those of the statement."""
+"""Tables of each question; levels and factors come from the statement."""
 
 
 def asked(question: str, statement: Statement, given: Tables) -> Tables:
-    """Return the tables of a question, with the levels at which it is asked.
+    """Return the tables of a question, with the levels that it prescribes.
 
     Args:
         question: One of :data:`QUESTIONS`.

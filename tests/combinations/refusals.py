@@ -1,4 +1,4 @@
-"""Give the reason for each refusal, and whether the program will always refuse the case."""
+"""Give the reason for each refusal, and whether the refusal is permanent."""
 
 from collections.abc import Mapping
 
@@ -26,7 +26,7 @@ REFUSALS: Mapping[str, str] = {
     "a rigid surface moves": f"{TO_COME}: prescribed motions that vary",
     "cells are curved": f"{STAYS}: bounds hold for the body that straight cells fill",
 }
-"""Words of a message, and the reason that the page gives."""
+"""Words of a message, with the reason that the page gives."""
 
 
 def remark(sentence: str) -> str:

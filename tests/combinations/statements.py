@@ -1,7 +1,7 @@
-"""Define statements that a case can make, each about the same two blocks in contact.
+"""Define statements that a case can contain, all about the same two blocks in contact.
 
 The blocks are plane. The lower block is (-1, 1)×(-1, 0), fixed at the bottom. The upper block is
-(-1, 1)×(0, 1), under a pressure. Both are held in x at the left. All statements of a case are
+(-1, 1)×(0, 1), under a pressure. Both are held along x at the left side. A statement consists of
 tables by their headings; tables that may occur several times are lists.
 """
 

@@ -1,7 +1,7 @@
-"""The page on combinations of statements and questions is true.
+"""Test that the page on combinations of statements and questions is true.
 
-``make test`` asks each question with one statement. ``PERFPLAST_FUZZ=2`` asks all questions with
-all statements, as ``make verify`` does.
+``make test`` checks each question with one statement. ``PERFPLAST_FUZZ=2`` checks all questions
+with all statements, as ``make verify`` does.
 """
 
 import os
@@ -43,7 +43,7 @@ ASKED = (
     ("hardening", "limit load by the interior point method"),
     ("a press fit", "shakedown, tied"),
 )
-"""Pairs of ``make test``: each question with a statement, and some that are refused."""
+"""Pairs for ``make test``: each question with one statement, and some refused pairs."""
 
 CASES = [
     pytest.param(statement, question, id=f"{statement.words} - {question}")
@@ -80,7 +80,7 @@ def test_no_refusal_is_left_over() -> None:
 
 
 def _note(there: str) -> str:
-    """Return the sentence to which the number in a cell refers."""
+    """Return the sentence to which the number in a table cell refers."""
     number = there[there.index("[") + 1 : there.index("]")]
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     (line,) = (line for line in lines if line.startswith(f"| {number} |"))

@@ -1,4 +1,4 @@
-"""Make two blocks on each other with separate meshes, in the plane or in space."""
+"""Make two stacked blocks with separate meshes, in 2D or 3D."""
 
 from collections.abc import Sequence
 from itertools import permutations
@@ -24,7 +24,7 @@ def block(
     seed: int,
     moved_by: float,
 ) -> tuple[Floats, Longs]:
-    """Return a block of simplices, rotated about its vertical axis, with moved inner points."""
+    """Return a block of simplices, rotated about a vertical axis, with moved inner points."""
     gdim = len(counts)
     grid = np.indices([count + 1 for count in counts]).reshape(gdim, -1).T
     share = grid / np.array(counts)
@@ -56,11 +56,11 @@ def blocks_apart(
     slope: float = 0.0,
     moved_by: float = 0.5,
 ) -> TaggedMesh:
-    """Return the unit block, and a block on it over the square of a span, with given cell counts.
+    """Return the unit block, and a block on a part of its top, with given cell counts.
 
     The seam may be inclined along x; the ends of the blocks are not inclined. Inner points are
-    moved by up to half of this share of a cell. If no points are moved, blocks with equal counts
-    match.
+    moved by up to half of the given fraction of a cell. If no points are moved, blocks with equal
+    counts match.
     """
     gdim = len(lower)
     wide = gdim - 1

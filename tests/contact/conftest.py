@@ -1,4 +1,4 @@
-"""Meshes of the tests of contact."""
+"""Define meshes for the tests of contact."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Clipping of facets: random pairs, slivers, and almost coinciding facets."""
+"""Test the clipping of facets: random pairs, slivers, and almost coinciding facets."""
 
 import os
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.serial
 
 
 def grid(counts: tuple[int, int], turn: float, degree: int, seed: int, side: float) -> Floats:
-    """Return the facets of a flat square of random triangles, rotated about its centre."""
+    """Return the facets of a flat square of random triangles, rotated about the centre."""
     random = np.random.default_rng(seed)
     n, m = counts
     x = np.stack(np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, m + 1)), axis=-1)
@@ -40,7 +40,7 @@ def area(x: Floats) -> Floats:
 
 @pytest.mark.parametrize("size", [0.0, 1e-15, 1e-12, 1e-9, 1e-6])
 def test_triangles_that_nearly_coincide(size: float) -> None:
-    """No negative area, none more than there is, and none of it lost."""
+    """Areas are not negative, do not exceed the facet, and add up to it."""
     random = np.random.default_rng(3)
     host = random.random((20_000, 3, 3))
     guest = host[:, [0, 2, 1]] + size * (random.random(host.shape) - 0.5)
@@ -53,7 +53,7 @@ def test_triangles_that_nearly_coincide(size: float) -> None:
 
 
 def test_random_triangles_against_points() -> None:
-    """The shares are those of random points that lie in both triangles."""
+    """The areas agree with the fractions of random points that lie in both triangles."""
     random = np.random.default_rng(4)
     host, guest = random.random((2, 100, 3, 3))
     host[..., 2] = guest[..., 2] = 0
@@ -65,7 +65,7 @@ def test_random_triangles_against_points() -> None:
     local = np.einsum("nqi,nij->nqj", at, np.linalg.inv(edges))
     inside = (local >= 0).all(axis=2) & (local.sum(axis=2) <= 1)
     assert np.abs(covered - inside.mean(axis=1)).max() < 0.05
-    # both parametrisations mean the same points
+    # both parametrisations refer to the same points
     for corners, of in ((found.host, host), (found.guest, guest)):
         assert (corners > -1e-9).all()
         assert corners.sum(axis=2) == pytest.approx(1.0)
@@ -121,14 +121,14 @@ def number_nodes(facets: Floats) -> int:
 
 
 PAIRS = 40 * int(os.environ.get("PERFPLAST_FUZZ", "1"))
-"""Pairs of random surfaces: 2000 with PERFPLAST_FUZZ=50."""
+"""Number of pairs of random surfaces; 2000 with PERFPLAST_FUZZ=50."""
 
 
 def test_random_pairs_of_surfaces() -> None:
-    """Area is conserved, weights are positive, and both sides of a row are in balance.
+    """Area is conserved, weights are positive, and both sides of a row are in equilibrium.
 
-    Where little of a function is covered, a row has terms of thousands that cancel: their sum is
-    right to the rounding of these.
+    If only a small part of a shape function is covered, a row has terms of thousands that cancel.
+    The sum is then accurate to the rounding errors of these terms.
     """
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     for seed in range(PAIRS):

@@ -1,4 +1,4 @@
-"""Rows with one host and three guests, as between surfaces whose nodes do not match."""
+"""Test rows with one host and three guests, as between surfaces whose nodes do not match."""
 
 from typing import Any
 
@@ -21,11 +21,11 @@ from tests.contact.test_jump_basis import assert_inverse
 from tests.models import STEEL
 
 COARSE = 3
-"""Squares along each side of the lower block's top, where the guests are."""
+"""Squares along each side of the lower block's top, which contains the guests."""
 
 
 def unlike_blocks(comm: MPI.Intracomm) -> TaggedMesh:
-    """Return two unit cubes on each other whose nodes do not match."""
+    """Return two stacked unit cubes whose nodes do not match."""
     return structured_mesh(
         comm,
         [
@@ -46,7 +46,7 @@ def unlike_blocks(comm: MPI.Intracomm) -> TaggedMesh:
 def interpolated_rows(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, fixed: npt.NDArray[np.bool_]
 ) -> Constraints:
-    """Place each lower node of the upper block on the triangle below it; weights sum to 1."""
+    """Interpolate each lower node of the upper block in the triangle below; weights sum to 1."""
     comm = V.mesh.comm
     hosts = surface_nodes(V, tagged_mesh, "upper_bottom", fixed)
     guests = surface_nodes(V, tagged_mesh, "lower_top", fixed)
@@ -71,7 +71,7 @@ def interpolated_rows(
 
 @pytest.fixture
 def pressed(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return a problem of the two blocks, in which only the rows hold the upper block."""
+    """Return a problem of the two blocks, in which only the rows support the upper block."""
 
     def find_constraints(V: Any, mesh: Any, contacts: Any, obstacles: Any, fixed: Any) -> Any:
         return interpolated_rows(V, mesh, fixed)
@@ -97,7 +97,7 @@ def test_many_guests_become_bounds(pressed: Any, comm: MPI.Intracomm) -> None:
     entries = np.diff(constraints.B.getValuesCSR()[0])
     assert comm.allreduce(int(entries.max(initial=0)), MPI.MAX) == 1 + 3
     assert_inverse(basis)
-    # K_h is the same, seen from u and from y
+    # u and y describe the same set K_h
     u = problem.create_vector()
     u.setRandom(PETSc.Random().create(comm))
     u.array[:] -= 0.5
@@ -113,7 +113,7 @@ def test_many_guests_become_bounds(pressed: Any, comm: MPI.Intracomm) -> None:
 
 
 def test_forces_of_rows_are_in_balance(pressed: Any, comm: MPI.Intracomm) -> None:
-    """Bᵀλ does no work on a rigid motion of both blocks: neither force nor moment is left."""
+    """Bᵀλ does no work on a rigid motion of both blocks: resultant force and moment vanish."""
     problem = pressed(comm)
     B, V = problem.constraints.B, problem.V
     forces, on_nodes = B.createVecLeft(), B.createVecRight()
@@ -123,7 +123,7 @@ def test_forces_of_rows_are_in_balance(pressed: Any, comm: MPI.Intracomm) -> Non
     modes = problem.bodies.rigid_modes(V.tabulate_dof_coordinates()[:owned])
     work = comm.allreduce(np.einsum("nim,ni->m", modes, on_nodes.array.reshape(-1, 3)))
     assert work == pytest.approx(np.zeros(6), abs=1e-13)
-    # each side gets as much as there is
+    # the forces on both sides agree
     shares = problem.constraints.shares
     ones, twice = shares.createVecRight(), shares.createVecLeft()
     ones.set(1.0)
@@ -133,7 +133,7 @@ def test_forces_of_rows_are_in_balance(pressed: Any, comm: MPI.Intracomm) -> Non
 
 @pytest.mark.mpi3
 def test_blocks_that_do_not_match_are_pressed_together(pressed: Any, comm: MPI.Intracomm) -> None:
-    """Certificate, resultant and pressure, and the same on one rank alone."""
+    """The certificate, the resultant and the pressure agree with a solution on one rank."""
     levels, peaks = [], []
     for problem in (pressed(comm), pressed(MPI.COMM_SELF)):
         level = Newton(problem).solve(100.0)
@@ -141,7 +141,7 @@ def test_blocks_that_do_not_match_are_pressed_together(pressed: Any, comm: MPI.I
         assert level.report.active_contacts > 20
         output = OutputFields(problem)
         pressure = output.update(level)["contact_pressure"]
-        # on the primary surface, and it points into the upper block
+        # on the primary surface, pointing into the upper block
         assert output.resultants == pytest.approx(np.array([[0.0, 0.0, 100.0]]), abs=1e-8)
         peaks.append(largest(problem.comm, pressure.x.array))
         tagged_mesh = problem.tagged_mesh
@@ -155,7 +155,7 @@ def test_blocks_that_do_not_match_are_pressed_together(pressed: Any, comm: MPI.I
 
 
 def test_parts_are_joined_row_by_row(comm: MPI.Intracomm) -> None:
-    """Rows of the second part follow those of the first on each rank, with all that they have."""
+    """On each rank, the rows of the second part follow the rows of the first part completely."""
     tagged_mesh = unlike_blocks(comm)
     V = fem.functionspace(tagged_mesh.mesh, ("P", 1, (3,)))
     index_map = V.dofmap.index_map

@@ -1,4 +1,4 @@
-"""Host facets search on where those beside them have found their partners."""
+"""Test that host facets search where neighbouring facets have found their partners."""
 
 from mpi4py import MPI
 
@@ -17,7 +17,7 @@ from tests.contact.test_clipping import area, grid
 def test_a_step_in_the_other_surface(
     comm: MPI.Intracomm, height: float, onward: bool, found_far: int
 ) -> None:
-    """Facets far in front are found, and facets far behind are not."""
+    """The search finds facets far in front of a facet, and no facets far behind it."""
     hosts = grid((4, 5), 0.0, 1, 1, 1.0)
     guests = grid((6, 6), 0.0, 1, 2, -1.0)
     guests["x"][..., 0] /= 2
@@ -44,7 +44,7 @@ def test_a_step_in_the_other_surface(
 
 @pytest.mark.parametrize("slope", [0.2, 0.5])
 def test_surfaces_that_lean_away_are_covered_in_whole(comm: MPI.Intracomm, slope: float) -> None:
-    """Wherever the first reach ends, the facets there are covered beyond it."""
+    """The search covers facets beyond its first reach, wherever this reach ends."""
     hosts, guests = grid((5, 5), 0.0, 1, 1, 1.0), grid((9, 9), 0.0, 1, 2, -1.0)
     guests["x"][..., 2] += slope * (guests["x"][..., 0] + 1)
     mine = slice(comm.rank, None, comm.size)

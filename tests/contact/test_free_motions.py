@@ -1,4 +1,4 @@
-"""Rigid motions that nothing resists: held without force, or refused if a load drives them."""
+"""Test unresisted rigid motions: fixed without force, or refused if a load drives them."""
 
 import logging
 import math
@@ -28,13 +28,13 @@ from tests.checks import assert_refused, assert_solved
 from tests.models import STEEL, Read, touching_blocks
 
 SLIDING = [Support("bottom")]
-"""The upper block may slide both ways, and turn about the vertical axis."""
+"""The upper block may slide in both directions, and rotate about the vertical axis."""
 
 UPPER = "the body 'upper' (translation in x, translation in y, rotation about z)"
 
 
 def write_round_pin(path: str | Path) -> None:
-    """Return a disc in the hole of a plane square plate; surfaces ``left``, ``right``."""
+    """Write a disc in the hole of a square plate; surfaces ``left``, ``right``."""
     with gmsh_session() as gmsh:
         occ, model = gmsh.model.occ, gmsh.model
         pin, hole = (occ.addDisk(4, 1, 0, 1, 1) for _ in range(2))
@@ -58,7 +58,7 @@ def write_round_pin(path: str | Path) -> None:
 
 
 def round_pin(read: Read, load: Traction | BodyForce, tresca: float | None = None) -> Problem:
-    """Return a pin without friction, or with very small friction."""
+    """Return a pin without friction, or with very little friction."""
     return Problem(
         read(write_round_pin),
         {"pin": STEEL, "plate": STEEL},
@@ -73,7 +73,7 @@ def round_pin(read: Read, load: Traction | BodyForce, tresca: float | None = Non
 def test_a_round_pin_without_friction(
     read: Read, load: Traction | BodyForce, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """It is solved as with a friction that is next to none, and no force holds it."""
+    """The solution is the same as with almost zero friction, and no force holds the pin."""
     with caplog.at_level(logging.WARNING):
         problem = round_pin(read, load)
     told = "of the body 'pin' (rotation), and no load"
@@ -89,7 +89,7 @@ def test_a_round_pin_without_friction(
 
 
 def test_what_turns_is_shown_as_it_was_on_average(read: Read) -> None:
-    """The one node that is held moves as its body does: none is where it is by chance."""
+    """The displayed position is an average, and does not depend on the single held node."""
     problem = round_pin(read, BodyForce("pin", (1.0, 0.0)))
     assert problem.free.count == 1
     u = Newton(problem).solve(20.0).state.u
@@ -120,7 +120,7 @@ def test_a_block_that_may_slide_by_total_feti() -> None:
 
 
 def test_limit_loads_and_bounds_of_a_block_that_may_slide() -> None:
-    """One that nothing but its own strength limits, σ_y in uniaxial stress."""
+    """Only the strength of the block limits the load: σ_y in uniaxial stress."""
     problem = touching_blocks(supports=SLIDING, degree=2)
     limit = limit_load(problem, 1e-3)
     assert limit.estimate == pytest.approx(450.0, rel=1e-3)
@@ -138,7 +138,7 @@ def test_a_load_that_drives_the_motion_is_refused() -> None:
 
 
 def test_a_load_that_comes_to_drive_it_has_no_level() -> None:
-    """Loads may be replaced, as by stages."""
+    """Loads may be replaced, as stages do."""
     problem = touching_blocks(supports=SLIDING)
     push = [Traction("top", (1.0, 0.0, 0.0))]
     pushed = touching_blocks(problem.tagged_mesh, loads=push).loads.live

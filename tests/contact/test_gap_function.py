@@ -1,4 +1,4 @@
-"""Gaps, measured along the normal or given by a formula."""
+"""Test gaps that are measured along the normal or given by a formula."""
 
 from mpi4py import MPI
 
@@ -22,7 +22,7 @@ from tests.models import STEEL, Read, touching_blocks
 
 
 def cylinders(tagged_mesh: TaggedMesh, gap: float | str | None = None, degree: int = 1) -> Problem:
-    """Return two elastic cylinders, one the mirror image of the other."""
+    """Return two elastic cylinders, each the mirror image of the other."""
     return Problem(
         tagged_mesh,
         {"upper": STEEL, "lower": Elastic(7e4, 0.3)},
@@ -35,7 +35,10 @@ def cylinders(tagged_mesh: TaggedMesh, gap: float | str | None = None, degree: i
 
 @pytest.mark.parametrize(("size", "degree"), [(0.03, 1), (0.03, 2), (0.006, 2)])
 def test_the_gap_of_mirror_images_is_twice_the_height(read: Read, size: float, degree: int) -> None:
-    """Also where the mesh is much finer than the gap, and the nearest node is no partner."""
+    """This also holds if the mesh is much finer than the gap.
+
+    Then the nearest node is not the partner.
+    """
     problem = cylinders(
         read(write_hertz_line, bodies=2, contact_size=size, order=degree), None, degree
     )

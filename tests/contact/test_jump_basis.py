@@ -1,4 +1,4 @@
-"""The basis in which contact is a bound, for rows with one guest and with many guests."""
+"""Test the basis in which contact is a bound, for rows with one guest and with many guests."""
 
 import math
 from typing import Any
@@ -40,7 +40,7 @@ def test_basis_is_inverted_and_its_unknowns_are_jumps(wedge: TaggedMesh) -> None
     assert problem.num_pairs > 20
     slope = math.atan2(0.5, 2.0)
     assert np.allclose(problem.constraints.normal, [-math.sin(slope), 0, math.cos(slope)])
-    # a rigid lift of the upper body opens every pair by the normal's z component
+    # a rigid lift of the upper body opens each pair by the z component of the normal
     u = problem.create_vector()
     owned = problem.V.dofmap.index_map.size_local
     lifted = problem.bodies.of_node[:owned] == body_of(problem, "upper")
@@ -62,15 +62,15 @@ def test_a_node_has_the_conditions_of_one_contact() -> None:
 
 
 def random_constraints(seed: int, comm: MPI.Intracomm) -> tuple[Any, Constraints, Any]:
-    """Return rows of random nodes: a third are hosts, a third hosts and guests, a third guests.
+    """Return rows of random nodes; one third each are hosts, hosts and guests, and guests.
 
-    So chains have at most two links. Some hosts have two rows with perpendicular normals. Supports
-    hold guests in some components. They hold hosts with one row in the component in which the
-    normal is smallest.
+    Chains of rows therefore have at most two links. Some hosts have two rows with perpendicular
+    normals. Supports hold guests in some components. They hold hosts with one row in the component
+    in which the normal is smallest.
     """
     V = make_spaces(stacked_blocks(comm, 3).mesh, 1).V
     index_map = V.dofmap.index_map
-    generator = np.random.default_rng(seed)  # the same on every rank, for all nodes
+    generator = np.random.default_rng(seed)  # equal on every rank, for all nodes
     count = index_map.size_global
     kind = generator.integers(3, size=count)
     normal = generator.normal(size=(count, 3))
@@ -125,7 +125,7 @@ def test_any_rows_become_bounds(seed: int, comm: MPI.Intracomm) -> None:
     back = y.duplicate()
     basis.M.mult(u, back)
     assert largest(comm, (back - y).array) < 1e-11
-    # a gradient in y is at supports what it is in u: they have no part in the change of basis
+    # at supports, gradients in y and u are equal: supported components do not change the basis
     gradient, transformed = u.duplicate(), y.duplicate()
     gradient.setRandom(PETSc.Random().create(comm))
     basis.T.multTranspose(gradient, transformed)
@@ -134,7 +134,7 @@ def test_any_rows_become_bounds(seed: int, comm: MPI.Intracomm) -> None:
 
 
 def test_rows_in_a_ring_fade_where_normals_turn(comm: MPI.Intracomm) -> None:
-    """Three nodes at the place where three bodies meet, each the guest of the one before."""
+    """Three nodes where three bodies meet, each the guest of the previous node."""
     V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V
     first, owned = V.dofmap.index_map.local_range[0], V.dofmap.index_map.size_local
     host = np.array([k for k in range(3) if 0 <= k - first < owned], dtype=np.int64)
@@ -158,7 +158,7 @@ def test_rows_in_a_ring_fade_where_normals_turn(comm: MPI.Intracomm) -> None:
 
 
 def test_rows_in_a_ring_are_refused(comm: MPI.Intracomm) -> None:
-    """Each node of the first two is the other's guest, along the same normal."""
+    """Each of the first two nodes is the guest of the other, along the same normal."""
     V = make_spaces(stacked_blocks(comm, 1).mesh, 1).V
     first = V.dofmap.index_map.local_range[0]
     host = np.array([k for k in (0, 1) if 0 <= k - first < V.dofmap.index_map.size_local])

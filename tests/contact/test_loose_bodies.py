@@ -1,4 +1,4 @@
-"""The program names bodies that only facets prevent from spinning, and no others."""
+"""Test that the program names bodies that only facets prevent from spinning, and no others."""
 
 import logging
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from tests.models import STEEL, Read, punch_problem, stack_problem, two_blocks_p
 
 
 def write_bolted(path: str | Path, order: int) -> None:
-    """Return a round pin in a plate; ``end`` is the lower end of the pin."""
+    """Write a round pin in a plate; ``end`` is the lower end of the pin."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         plate = occ.addBox(-1, -1, 0, 2, 2, 0.5)
@@ -74,7 +74,7 @@ def test_bodies_that_are_held_are_not_named(make: Callable[[int], Problem]) -> N
 
 
 def write_long_beam(path: str | Path) -> None:
-    """Return a beam that is held at its end ``wall`` and rests on a distant block."""
+    """Write a beam that is held at its end ``wall`` and rests on a distant block."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         beam, block = occ.addBox(0, 0, 1, 8, 1, 1), occ.addBox(6, 0, 0, 2, 1, 1)
@@ -88,7 +88,7 @@ def write_long_beam(path: str | Path) -> None:
 
 
 def test_a_beam_that_is_held_far_from_where_it_rests(read: Read) -> None:
-    """Its contact lets it turn about an axis in the wall, which is near and so hardly moves."""
+    """Contact allows rotation about an axis in the wall. The body hardly moves near this axis."""
     problem = Problem(
         read(write_long_beam),
         {"beam": STEEL, "block": STEEL},
@@ -100,7 +100,7 @@ def test_a_beam_that_is_held_far_from_where_it_rests(read: Read) -> None:
 
 
 def test_a_narrow_sector_is_held(read: Read, caplog: pytest.LogCaptureFixture) -> None:
-    """Three planes through the centre of a sphere, all of them near to a line through it."""
+    """Three planes pass through the centre of a sphere, and almost through one line."""
     supports = [Support("x0", "x"), Support("y0", "y"), Support("oblique", "normal")]
     loads = [Pressure("inner", 1.0)]
     with caplog.at_level(logging.WARNING):
@@ -109,7 +109,7 @@ def test_a_narrow_sector_is_held(read: Read, caplog: pytest.LogCaptureFixture) -
 
 
 def write_quarter_ring(path: str | Path) -> None:
-    """Return a thin ring whose ends lie in the planes x = 0 and y = 0."""
+    """Write a thin ring whose ends lie in the planes x = 0 and y = 0."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         outer, inner = occ.addDisk(0, 0, 0, 51, 51), occ.addDisk(0, 0, 0, 49, 49)
@@ -127,7 +127,7 @@ def write_quarter_ring(path: str | Path) -> None:
 def test_a_thin_ring_is_held_by_its_ends(
     read: Read, caplog: pytest.LogCaptureFixture, components: str
 ) -> None:
-    """However its supports are written: what they resist does not hang on facets."""
+    """For any form of the supports, their resistance does not depend on facets."""
     letters = {axis: axis if components == "letters" else "normal" for axis in "xy"}
     supports = [Support(axis, held) for axis, held in letters.items()]
     with caplog.at_level(logging.WARNING):

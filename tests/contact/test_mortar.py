@@ -1,4 +1,4 @@
-"""Dual mortar contact: patch tests on blocks with separate meshes, and refusals."""
+"""Test dual mortar contact: patch tests on blocks with separate meshes, and refusals."""
 
 from itertools import product
 from typing import Any
@@ -40,7 +40,7 @@ def on_rollers(
 def test_constant_pressure_is_transmitted(
     gdim: int, degree: int, hosts: Any, comm: MPI.Intracomm
 ) -> None:
-    """Taylor and Papadopoulos' patch test: both blocks are in uniform stress."""
+    """Patch test by Taylor and Papadopoulos: both blocks have uniform stress."""
     problem = on_rollers(gdim, degree, hosts=hosts)
     assert_inverse(problem.basis)
     assert not problem.has_gaps
@@ -49,7 +49,7 @@ def test_constant_pressure_is_transmitted(
     assert level.report.active_contacts == problem.num_pairs
     height = problem.V.tabulate_dof_coordinates()[:, gdim - 1]
     soft, hard = ((1 - body.poisson**2 * (gdim == 2)) / body.young * 100.0 for body in (SOFT, HARD))
-    # lower nodes on the seam lie at 1, upper ones are told apart by nothing but their body
+    # Lower nodes on the seam lie at 1; upper nodes differ from them only by their body.
     expected = -soft * np.minimum(height, 1) - hard * np.maximum(height - 1, 0)
     u = level.state.u.x.array.reshape(-1, gdim)[:, -1]
     assert largest(comm, u - expected) < 1e-12 * (soft + hard)

@@ -1,4 +1,4 @@
-"""Mortar contact where the exact solution is known, and where nodes match."""
+"""Test mortar contact against exact solutions, and against matching nodes."""
 
 import math
 from typing import Any
@@ -49,9 +49,9 @@ def tubes(assembly: TaggedMesh, gap: Any = None, hosts: Any = None) -> Problem:
 
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_burst_pressure_of_tube_in_tube(read: Read, hosts: Any) -> None:
-    """2k ln(b/a) for tubes whose nodes do not match; R. Hill 1950, chapter V."""
+    """The limit pressure is 2k ln(b/a) for nonmatching nodes too; R. Hill 1950, chapter V."""
     problem = tubes(read(write_thick_tube, **APART), hosts=hosts)
-    assert not problem.has_gaps  # the arcs are taken for what they are
+    assert not problem.has_gaps  # the mesh represents the arcs exactly enough
     found = limit_load(problem)
     exact = 2 / math.sqrt(3) * TUBE.yield_stress * math.log(OUTER)
     assert found.estimate == pytest.approx(exact, rel=1e-4)
@@ -72,7 +72,7 @@ def test_gap_is_a_formula_on_the_primary_surface(read: Read) -> None:
 @pytest.mark.mpi2("primary")
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_press_fit_of_tubes(read: Read, hosts: Any, comm: MPI.Intracomm) -> None:
-    """Tubes that are made too large by δ, in plane strain; S. Timoshenko, J. N. Goodier 1970, § 28.
+    """Tubes whose radii overlap by δ, in plane strain; S. Timoshenko, J. N. Goodier 1970, § 28.
 
     p = Eδ (c² − a²)(b² − c²) / (2(1 − ν²) c³ (b² − a²)) for the radii a, c, b and one material.
     """
@@ -118,8 +118,11 @@ def shells(assembly: TaggedMesh, **contact: Any) -> Problem:
 
 
 def test_curved_facets_in_space_are_as_near_as_nodes(read: Read) -> None:
-    """Lamé's pressure, on the same mesh and on one meshed apart, where Bernstein's coefficients of
-    displacements, taken along the normals of nodes, lost 3.7 and 1.7 %."""
+    """Lamé's pressure holds on matching and separate meshes.
+
+    Bernstein coefficients of displacements along the normals of nodes lost 3.7 and 1.7 % of the
+    pressure.
+    """
     exact = shrink_fit_pressure() * math.pi / 4 * SEAM_OF_SHELLS**2
     errors = []
     for size in (0.5, 0.35):
@@ -141,8 +144,11 @@ def test_curved_facets_in_space_are_as_near_as_nodes(read: Read) -> None:
 @pytest.mark.mpi3("primary")
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_rows_on_curved_facets(read: Read, hosts: Any, comm: MPI.Intracomm) -> None:
-    """Their areas are those of the curved surface, translations are no jump, and a jump along the
-    radius is one of its length; what both bodies do alike is none, to third order."""
+    """Areas are those of the curved surface.
+
+    Translations are no jump, and a radial jump has its true length. To third order, common motions
+    of both bodies are no jump.
+    """
     shape = {"interface": SEAM_OF_SHELLS, "size": 0.35, "order": 2, "finer": 1.5}
     assembly = read(write_thick_sphere, **shape)
     problem = shells(assembly, hosts=hosts)
@@ -169,7 +175,7 @@ def test_rows_on_curved_facets(read: Read, hosts: Any, comm: MPI.Intracomm) -> N
 
 
 def test_friction_on_curved_facets(read: Read, comm: MPI.Intracomm) -> None:
-    """Translations of all bodies are no slip, and forces of friction are in balance."""
+    """Common translations cause no slip, and friction forces are in equilibrium."""
     shape = {"interface": SEAM_OF_SHELLS, "size": 0.5, "order": 2, "finer": 1.5}
     problem = shells(read(write_thick_sphere, **shape), tresca=20.0)
     assert problem.friction.count
@@ -190,7 +196,7 @@ def test_straight_facets_of_curved_surfaces_are_told(read: Read) -> None:
 
 
 def test_matching_nodes_give_the_same_rows(comm: MPI.Intracomm) -> None:
-    """To rounding, and the same levels, where linear elements match."""
+    """With matching linear elements, rows and levels agree apart from rounding."""
     levels = []
     rows = []
     for formulation in ("nodes", "mortar"):

@@ -1,4 +1,4 @@
-"""Surfaces that overlap in part, not along edges of facets: patch tests, and retired nodes."""
+"""Test surfaces that overlap in part, not along facet edges: patch tests, and retired nodes."""
 
 from itertools import product
 from typing import Any
@@ -27,7 +27,7 @@ ANGLE = 0.35
 
 
 def clipped(polygon: Floats, by: Floats) -> Floats:
-    """Return the part of a polygon inside a convex anticlockwise polygon, corner by corner."""
+    """Return the part of a polygon inside a convex anticlockwise polygon, by Sutherland–Hodgman."""
     for a, b in zip(by, np.roll(by, -1, axis=0), strict=True):
         inside = [np.linalg.det([b - a, point - a]) for point in polygon]
         kept = []
@@ -52,7 +52,7 @@ def simplices(facet: Floats, span: Floats) -> list[Floats]:
 
 
 def pushed(problem: Problem, surface: str, span: Floats, slope: float = 0.0) -> fem.Function:
-    """∫(1 + slope x)N over a surface's part in the span, vertical nodal forces. Collective."""
+    """Return vertical nodal forces ∫(1 + slope x)N over a surface's part in a span. Collective."""
     V, gdim = problem.V, problem.bodies.gdim
     facets = surface_facets(V, problem.tagged_mesh, surface)
     kind = basix.CellType.interval if gdim == 2 else basix.CellType.triangle
@@ -76,7 +76,7 @@ def pushed(problem: Problem, surface: str, span: Floats, slope: float = 0.0) -> 
 
 
 def partly_covered(gdim: int, degree: int, **contact: Any) -> Problem:
-    """Return a rotated narrow block on a wide one; ζ = 1 is a vertical stress of 1 in both."""
+    """Return a rotated narrow block on a wide block; ζ = 1 is a vertical stress of 1 in both."""
     counts = {2: ((7, 2), (5, 2)), 3: ((6, 6, 1), (4, 4, 1))}[gdim]
     angle = ANGLE if gdim == 3 else 0.0
     axes = "xyz"[: gdim - 1]
@@ -139,7 +139,7 @@ def test_constant_pressure_on_part_of_a_surface(
 
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_linear_pressure_between_quadratic_elements(hosts: Any, comm: MPI.Intracomm) -> None:
-    """Bending patch in the plane: σ_yy = −(1 + 0.7x) and quadratic displacements, exactly."""
+    """Bending patch test in 2D: σ_yy = −(1 + 0.7x) and quadratic displacements are exact."""
     slope = 0.7
     lower, upper = VonMises(1e5, 0.0, 1e4), VonMises(3e5, 0.0, 1e4)
     problem = Problem(
@@ -174,7 +174,10 @@ def test_linear_pressure_between_quadratic_elements(hosts: Any, comm: MPI.Intrac
 @pytest.mark.mpi2("primary")
 @pytest.mark.parametrize("hosts", ["primary", "secondary"])
 def test_linear_pressure_in_space(hosts: Any, comm: MPI.Intracomm) -> None:
-    """Multipliers on quadratic triangles hold no linear pressure; the error falls with h² or so."""
+    """Multipliers on quadratic triangles cannot represent linear pressure.
+
+    The error decreases about as h².
+    """
     slope = 0.7
     lower, upper = VonMises(1e5, 0.0, 1e4), VonMises(3e5, 0.0, 1e4)
     errors = []

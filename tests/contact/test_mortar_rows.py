@@ -1,4 +1,4 @@
-"""Nodes that take over from nodes of which almost nothing is covered."""
+"""Test nodes that take over the forces of nodes with almost no covered area."""
 
 from mpi4py import MPI
 
@@ -14,7 +14,10 @@ pytestmark = pytest.mark.serial
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_host_has_its_share_in_its_own_row(degree: int) -> None:
-    """Slivers that host for want of others take over from nobody: the jump basis divides by it."""
+    """Slivers that host because other nodes cannot take over no forces.
+
+    The jump basis divides by their rows.
+    """
     for seed in range(60):
         random = np.random.default_rng(seed)
         counts = [(int(n), int(m)) for n, m in random.integers(2, 6, (2, 2))]

@@ -1,4 +1,4 @@
-"""Nodes of two surfaces find each other, whatever their ranks are."""
+"""Test that nodes of two surfaces find their partners on any ranks."""
 
 from mpi4py import MPI
 

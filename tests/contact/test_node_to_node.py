@@ -1,4 +1,4 @@
-"""Contact of matching nodes: inclined surfaces, hosts on either side, and refusals."""
+"""Test contact of matching nodes: inclined surfaces, hosts on either side, and refusals."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ def test_where_supports_hold_one_side_the_other_one_carries_the_jump() -> None:
     )
     bodies, rows = clamped_hosts.bodies, clamped_hosts.constraints
     assert (bodies.of_node[rows.host] == body_of(clamped_hosts, "lower")).all()
-    assert np.allclose(rows.normal, [0.0, 0.0, -1.0])  # out of the primary surface all the same
+    assert np.allclose(rows.normal, [0.0, 0.0, -1.0])  # also out of the primary surface
     assert_inverse(clamped_hosts.basis)
     level = Newton(clamped_hosts).solve(10.0)
     assert level.report.converged
@@ -87,7 +87,7 @@ def test_surfaces_that_do_not_fit_are_refused(changes: dict[str, object], words:
 
 
 def test_surfaces_that_look_the_same_way_are_refused() -> None:
-    """Two bodies in the same place: the nodes of their top faces match, the normals do not."""
+    """Two bodies occupy the same place: the nodes of their top faces match, the normals do not."""
     corners, cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), (2, 2, 2)
     names = ("one", "other")
     tagged_mesh = structured_mesh(
@@ -107,7 +107,7 @@ def test_surfaces_that_look_the_same_way_are_refused() -> None:
 
 
 def test_a_wall_meets_two_blocks_on_each_other_along_one_edge() -> None:
-    """There both blocks push along the same normal, which the wall cannot be the host of twice."""
+    """Both blocks push along the same normal there, and the wall cannot be the host of both."""
     names = ("wall", "lower", "upper")
     ends = {"wall": ((-1.0, 0.0), (0.0, 2.0)), "lower": ((0.0, 0.0), (1.0, 1.0))}
     ends["upper"] = ((0.0, 1.0), (1.0, 2.0))

@@ -1,4 +1,4 @@
-"""Rigid obstacles: distances, directions, and refusals."""
+"""Test rigid obstacles: distances, directions, and refusals."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Bodies that contact stops in one direction only: pushed away, left alone, or pressed."""
+"""Test bodies that contact stops in one direction only: pushed away, unloaded, or pressed."""
 
 import logging
 
@@ -35,7 +35,7 @@ def test_a_block_that_is_pushed_away(read: Read) -> None:
 
 @pytest.mark.mpi2
 def test_a_block_that_may_go_away(read: Read, caplog: pytest.LogCaptureFixture) -> None:
-    """It is solved, and told."""
+    """The program solves the problem and warns."""
     with caplog.at_level(logging.WARNING):
         problem = in_corner(read, 0.0, 1.0)
     assert caplog.text.count("the body 'block' may move away") == (problem.comm.rank == 0)

@@ -1,4 +1,4 @@
-"""Rigid motions of bodies: how contact restricts them, and which motions are refused."""
+"""Test rigid motions of bodies: how contact restricts them, and which motions are refused."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from tests.models import stack_problem, touching_blocks, wedge_problem
 
 @pytest.mark.mpi3
 def test_jumps_of_one_body_that_moves(wedge: TaggedMesh) -> None:
-    """Column by column against B and a vector of that motion."""
+    """Each column equals the product of B with the vector of this motion."""
     problem = wedge_problem(wedge)
     V, bodies = problem.V, problem.bodies
     jumps = rigid_jumps(V, bodies, problem.constraints.B)
@@ -29,7 +29,7 @@ def test_jumps_of_one_body_that_moves(wedge: TaggedMesh) -> None:
             u.array[:] = moved.ravel()
             expected = problem.constraints.jumps(u)
             assert jumps[:, 6 * body + motion] == pytest.approx(expected, abs=1e-13)
-    # both bodies together: nothing opens
+    # both bodies move together: nothing opens
     together = jumps[:, :6] + jumps[:, 6:]
     assert np.abs(together).max(initial=0) < 1e-13
 

@@ -1,4 +1,4 @@
-"""Nodes of surfaces and their normals: one for each smooth face."""
+"""Test nodes of surfaces and their normals: one normal for each smooth face."""
 
 import itertools
 
@@ -35,7 +35,7 @@ def test_nodes_on_the_edges_of_a_cube_have_a_normal_for_each_face(
     nodes = [degree * n - 1 for n in (2, 3, 4)]  # inside each edge
     pairs = list(itertools.combinations(nodes, 2))
     assert counts == [2 * sum(a * b for a, b in pairs), 2 * 4 * sum(nodes), 3 * 8]
-    # every normal is an axis, out of the face the node lies on
+    # every normal is parallel to an axis, and points out of the face of the node
     along = np.argmax(np.abs(faces.normal), axis=1)
     every = np.arange(len(along))
     outward = np.where(np.isclose(x[every, along], 1), 1.0, -1.0)
@@ -72,7 +72,7 @@ def test_a_corner_in_the_plane_has_two_normals(read: Read, comm: MPI.Intracomm) 
 
 
 def test_where_faces_end_depends_neither_on_the_order_nor_on_the_side() -> None:
-    """Coarse facets around a node, each near to the next one: which is asked first decides."""
+    """Coarse facets around a node are each nearly parallel to the next. The order could matter."""
     turned = np.radians(37.0 * np.arange(8))
     normals = np.stack([np.cos(turned), np.sin(turned), np.full(8, 0.2)], axis=1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Glued surfaces: two bodies act as one, whatever their nodes are, and refusals."""
+"""Test tied surfaces: two bodies act as one for any nodes, and refusals."""
 
 from itertools import product
 from typing import Any
@@ -29,7 +29,7 @@ COUNTS = {2: ((5, 3), (7, 3)), 3: ((3, 3, 2), (4, 4, 2))}
 
 
 def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
-    """Return two glued blocks on a fixed floor that are pulled sideways by ζ on top."""
+    """Return two glued blocks on a fixed floor; ζ pulls the top sideways."""
     return Problem(
         blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim]),
         {"lower": STEEL, "upper": STEEL},
@@ -50,7 +50,7 @@ def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
 def test_uniform_tension_is_transmitted(
     gdim: int, degree: int, hosts: Any, slope: float, comm: MPI.Intracomm
 ) -> None:
-    """A linear displacement of both bodies: no pressure holds them together, nor friction."""
+    """Both bodies have one linear displacement; no pressure or friction holds them together."""
     vertical = "xyz"[gdim - 1]
     sides = [f"{body}{axis}0" for axis in "xyz"[: gdim - 1] for body in ("", "upper_")]
     problem = Problem(
@@ -73,7 +73,7 @@ def test_uniform_tension_is_transmitted(
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_matching_halves_are_one_mesh(degree: int, comm: MPI.Intracomm) -> None:
-    """Glued or meshed in one piece: the same displacements, elastic and plastic."""
+    """Tied and continuous meshes have the same displacements, elastic and plastic."""
 
     def blocks(split: bool) -> Problem:
         cut = [Box("lower", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2, 2, 2))]
@@ -114,7 +114,7 @@ def test_glue_certifies_and_is_the_same_on_one_rank(gdim: int, comm: MPI.Intraco
 
 @pytest.mark.parametrize("degree", [2])
 def test_limit_load_of_glued_blocks_in_tension(degree: int) -> None:
-    """2k in plane strain, as for one block, across an inclined seam."""
+    """The limit load is 2k in plane strain, as for one block, across an inclined seam."""
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, *COUNTS[2], slope=0.4),
         {"lower": STEEL, "upper": STEEL},
@@ -146,7 +146,7 @@ def test_bad_ties_are_refused() -> None:
 
 
 def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
-    """Four blocks about an edge: each of their nodes there would be the next one."""
+    """Four blocks meet at an edge: each node there would be the guest of the next node."""
     at = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (1.0, 1.0), "d": (0.0, 1.0)}
     boxes = [Box(name, (x, 0.0, z), (x + 1, 1.0, z + 1), (1, 1, 1)) for name, (x, z) in at.items()]
     surfaces = [Surface("floor", ("a", "b"), lambda x: x[2] == 0)]
@@ -188,7 +188,7 @@ def test_supports_at_a_seam_are_told_their_own_forces(
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_glued_blocks_between_plates(degree: int, comm: MPI.Intracomm) -> None:
-    """A support that moves and holds no node of the seam: stress E'd/H, and the reaction of it."""
+    """A moving support that holds no node of the seam causes the stress E'd/H, and its reaction."""
     problem = Problem(
         blocks_apart(comm, *COUNTS[2]),
         {"lower": STEEL, "upper": STEEL},

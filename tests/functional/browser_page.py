@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 PATIENCE = 600
-"""Longest time for anything in the browser (s)."""
+"""Longest time for any action in the browser (s)."""
 
 alone = pytest.mark.skipif(
     MPI.COMM_WORLD.size > 1, reason="a process that uses MPI cannot start a browser under mpirun"
@@ -17,7 +17,7 @@ alone = pytest.mark.skipif(
 
 
 class Page:
-    """The report in a browser."""
+    """The report page in a browser."""
 
     def __init__(self, browser: Any, path: Path) -> None:
         self._browser = browser
@@ -51,7 +51,7 @@ class Page:
         ).reshape(32, 32, 4)[..., :3]
 
     def changed(self, before: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """Return the pixels once they differ from those before."""
+        """Return the pixels as soon as they differ from earlier pixels."""
         for _ in range(1000):
             now = self.pixels()
             if np.abs(now - before).max() > 20:
@@ -62,7 +62,7 @@ class Page:
         self.part(name).send_keys(*keys)
 
     def choose(self, name: str, value: str) -> None:
-        """Set a control as a user does."""
+        """Set a control of the page as a user does."""
         self._browser.execute_script(
             """const part = document.getElementById(arguments[0]);
             part.value = arguments[1];

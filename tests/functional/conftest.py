@@ -1,4 +1,4 @@
-"""Define a browser for pages, and compare refusals of check and run."""
+"""Define a browser for pages, and compare the refusals of check and run."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def browser(chromium: Any) -> Iterator[Any]:
-    """Return a new window of Chromium, since settings such as dark mode belong to a window."""
+    """Return a new window of Chromium, because settings such as dark mode belong to a window."""
     first = chromium.current_window_handle
     chromium.switch_to.new_window("window")
     chromium.set_window_size(1000, 1000)
@@ -56,7 +56,7 @@ def run_refuses_nothing_late(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fail if ``run`` refuses, before its first solve, a case that ``check`` accepts.
 
     ``check`` and ``run`` make the same tests (:func:`perfplast_fenicsx.cli.run.admitted_solver`). A
-    control may refuse a case later only for a reason that a step of an algorithm shows.
+    control may refuse a case later only for a reason that appears in a step of an algorithm.
     """
     steps: list[object] = []
     solve = cli_run._solve
@@ -67,7 +67,7 @@ def run_refuses_nothing_late(monkeypatch: pytest.MonkeyPatch) -> None:
             return solve(context, *how)
         except InputError as error:
             goes_on = context.saved.reports or context.folder.file(KNOWN).exists()
-            if not steps and not goes_on:  # of files of an earlier run check knows nothing
+            if not steps and not goes_on:  # check does not look at files of an earlier run
                 pytest.fail(f"run refuses what check has not seen: {error}")
             raise
 

@@ -1,4 +1,4 @@
-"""A case file whose mesh is adapted: a line a mesh, and bounds proven anew from the files."""
+"""Test cases with an adapted mesh: a line for each mesh, and bounds proven from the files."""
 
 import csv
 import json
@@ -93,7 +93,7 @@ def test_until_decided(
     capsys: pytest.CaptureFixture[str],
     shared_tmp_path: Path,
 ) -> None:
-    """The verdict on the design load is told in the terminal, and first on the page."""
+    """The terminal prints the verdict on the design load, and the page begins with it."""
     if comm.rank == 0:
         write_strip_footing(shared_tmp_path / "ground.msh", size=1.0, grading=1.0)
     text = CASE.replace("{ until = 0.2, cells = 800 }", '{ until = "decided", cells = 150 }')
@@ -120,7 +120,7 @@ ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
 
 
 def stacked(supports: list[Support], contact: str = CONTACT) -> str:
-    """Two blocks, one on the other, of a builder's mesh that is to be adapted."""
+    """Two stacked blocks, on the mesh of a builder that is adapted."""
     steel = dict.fromkeys(("lower", "upper"), STEEL)
     text = case_text({"builder": "stacked_blocks", "n": 1}, steel, supports)
     return text.replace("[mesh]\n", f"[mesh]\n{ADAPT}\n") + contact + BOUNDS

@@ -1,4 +1,4 @@
-"""``[model] kind = "axisymmetric"`` from the case file to every output, and what is refused."""
+"""Test ``[model] kind = "axisymmetric"`` from the case file to every output, and refusals."""
 
 import csv
 import json
@@ -44,7 +44,7 @@ LIMIT = '[loading]\ncontrol = "bounds"'
 
 
 def written(comm: MPI.Intracomm, folder: Path, text: str, inner: float = 1.0) -> Path:
-    """A case and its mesh on file."""
+    """Write a case and its mesh."""
     if comm.rank == 0:
         write_ring(folder / "ring.msh", inner=inner, size=0.5)
     return write(comm, folder, text)
@@ -84,7 +84,7 @@ def test_forces_are_told_to_be_of_the_full_turn(
 def test_bounds_are_strict_and_proven(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    """A ring of steel between its ends carries 300, and no more."""
+    """A steel ring between rigid ends carries exactly 300."""
     loading = CASE[CASE.index("[loading]") : CASE.index("[output]")]
     text = CASE.replace(loading, f"{LIMIT}\n").replace("pictures = false", "pictures = true")
     case, results = written(comm, shared_tmp_path, text), shared_tmp_path / "results"

@@ -1,4 +1,4 @@
-"""The benchmarks: E is the elastic solution, records fill the tables, goals are judged."""
+"""Test the benchmarks: E is the elastic solution, records fill the tables, goals are judged."""
 
 import json
 from pathlib import Path

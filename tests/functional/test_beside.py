@@ -1,4 +1,4 @@
-"""A page of two runs beside each other: numbers, units that differ, cases, what is refused."""
+"""Test the page that compares two runs: numbers, different units, cases, and refusals."""
 
 import re
 import shutil
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
 
 
 def ran(folder: Path, name: str, *changes: tuple[str, str]) -> Path:
-    """The results of a case with these words in place of others."""
+    """Return the results of the case after a replacement of words."""
     text = CASE
     for old, new in changes:
         assert old in text
@@ -29,7 +29,7 @@ def ran(folder: Path, name: str, *changes: tuple[str, str]) -> Path:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """One, the same with twice the preload, in other units, and up to another load."""
+    """Return runs: one, the same with twice the preload, in other units, and up to another load."""
     folder = tmp_path_factory.mktemp("runs")
     twice = (f"preload = {PRELOAD}", f"preload = {2 * PRELOAD}")
     metres = ('length = "mm"\nstress = "MPa"', 'length = "m"\nstress = "Pa"')
@@ -43,14 +43,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def row(page: str, words: str) -> list[str]:
-    """The cells of a row."""
+    """Return the cells of a row."""
     found = re.search(rf'<th scope="row">{re.escape(words)}</th>(.*?)</tr>', page)
     assert found, words
     return re.findall(r"<td>([^<]*)</td>", found[1])
 
 
 def test_two_preloads(runs: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
-    """Preloads and their lines differ; meshes and loads do not; only one run has pictures."""
+    """Preloads and their lines differ; meshes and loads agree; only one run has pictures."""
     assert main(["report", str(runs[0]), str(runs[1])]) == SOLVED
     path = runs[0] / "beside_two.html"
     assert str(path) in capsys.readouterr().out
@@ -68,7 +68,7 @@ def test_two_preloads(runs: list[Path], capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_other_units_and_loads_are_told(runs: list[Path], tmp_path: Path) -> None:
-    """No difference of what cannot be compared."""
+    """The page shows no difference of numbers that are not comparable."""
     assert main(["report", str(runs[0]), str(runs[2]), "-o", str(tmp_path / "a.html")]) == SOLVED
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     units, loads = apart([ResultReader(runs[0]), ResultReader(runs[2])])
@@ -81,7 +81,7 @@ def test_other_units_and_loads_are_told(runs: list[Path], tmp_path: Path) -> Non
 
 
 def test_other_last_loads(runs: list[Path], tmp_path: Path) -> None:
-    """Displacements at other loads are not compared."""
+    """The page does not compare displacements at different loads."""
     assert main(["report", str(runs[0]), str(runs[3]), "-o", str(tmp_path / "a.html")]) == SOLVED
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert row(page, "ζ of the last solved level") == ["20", "30", "+50 %"]
@@ -91,7 +91,7 @@ def test_other_last_loads(runs: list[Path], tmp_path: Path) -> None:
 def test_what_is_no_pair_is_refused(
     runs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One sentence each."""
+    """Each refusal is one sentence."""
     one, two = map(str, runs[:2])
     assert main(["report", one, two, one]) == BAD_INPUT
     assert "but 3 folders are given;" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""A run whose bolt is tightened: forces on file, in the terminal and on the page, and a restart."""
+"""Test a run with a tightened bolt: forces in files, terminal and page, and a restart."""
 
 import json
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def test_forces_of_a_bolt_are_told(
     run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """At rest its preload; a restart tightens it anew, and goes on alike."""
+    """At rest the force is the preload; a restart tightens the bolt again and continues equally."""
     case = write_case(comm, shared_tmp_path / "case.toml", CASE)
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole), "--report"]) == SOLVED
@@ -94,7 +94,7 @@ def test_forces_of_a_bolt_are_told(
 def test_limit_load_leaves_preload_out(
     comm: MPI.Intracomm, shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Said in a line."""
+    """The program says this in one line."""
     begin = CASE.index("[loading]")
     text = f'{CASE[:begin]}[loading]\ncontrol = "work"\nuntil = "limit"\n[element]\ndegree = 2\n'
     case = write_case(comm, shared_tmp_path / "case.toml", text)
@@ -123,7 +123,10 @@ def test_stages_tighten_anew(
     run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """In the table and in words; no restart behind it, as shortenings are not on file."""
+    """Table and text show the stage.
+
+    No restart is possible after it, because no file stores shortenings.
+    """
     text = CASE[: CASE.index("[loading]")] + STAGES
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
@@ -185,7 +188,7 @@ def test_bolts_that_are_wrong(
     status: int,
     words: list[str],
 ) -> None:
-    """One sentence, with the field and the remedy."""
+    """Each refusal is one sentence with the field and the remedy."""
     assert old in CASE
     case = write_case(comm, shared_tmp_path / "case.toml", CASE.replace(old, new))
     assert main(["run", str(case), "-o", str(shared_tmp_path / "out")]) == status

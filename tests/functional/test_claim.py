@@ -1,4 +1,4 @@
-"""``perfplast claim``, and the tools for programs: only what a file proves is called a bound."""
+"""Test ``perfplast claim`` and the tool server: only numbers that a file proves are bounds."""
 
 import asyncio
 import hashlib
@@ -30,7 +30,7 @@ COMM = MPI.COMM_WORLD
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a case, and its results in ``results``."""
+    """Return a folder with a case, and its results in ``results``."""
     folder = tmp_path_factory.mktemp("tools")
     write_strip_footing(folder / "ground.msh", size=0.4)
     text = CASE.replace("adapt = { until = 0.2, cells = 800 }\n", "")
@@ -41,7 +41,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def copied(place: Path, tmp_path: Path) -> Path:
-    """The same results, which a test may spoil."""
+    """Return a copy of the results, which a test may damage."""
     return Path(shutil.copytree(place / "results", tmp_path / "results"))
 
 
@@ -74,7 +74,7 @@ def test_a_claim(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_assumptions_of_bounds_on_one_mesh(place: Path, tmp_path: Path) -> None:
-    """The report assumes of them what the claim does."""
+    """Report and claim list the same assumptions."""
     page = tmp_path / "report.html"
     assert main(["report", str(place / "results"), "-o", str(page)]) == SOLVED
     text = page.read_text(encoding="utf-8")
@@ -97,7 +97,7 @@ def test_files_that_somebody_edited(
 
 
 def test_one_half(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A bound that is not proven is null, with the reason."""
+    """A bound without proof is null, with the reason."""
     path = copied / "summary.json"
     summary = json.loads(path.read_text(encoding="utf-8"))
     summary["limit"]["body"] |= {"lower": None, "why_not": ["lower bound: of no use"]}
@@ -116,7 +116,7 @@ def test_one_half(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_reasons_of_a_half_that_is_proven(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A factor of safety has its halves from two runs, of which each sought one bound."""
+    """The bounds on a factor of safety come from two runs, each of which computed one bound."""
     path = copied / "summary.json"
     summary = json.loads(path.read_text(encoding="utf-8"))
     summary["limit"]["body"]["why_not"] = ["lower bound: it was not requested"]
@@ -175,7 +175,7 @@ def test_a_link_out_of_the_folder(place: Path, tmp_path: Path) -> None:
 
 
 def test_a_run_by_tools(place: Path) -> None:
-    """From the case to a claim whose proof the checker confirms."""
+    """The tools lead from a case to a claim whose proof the checker confirms."""
     tools = Tools((place.resolve(),))
     assert tools.run("case.toml", "by_tools")["ok"]
     until = time.monotonic() + 600

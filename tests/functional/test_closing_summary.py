@@ -1,4 +1,4 @@
-"""scripts/test, with a stand-in for ./fenicsx: every number of ranks has its turn."""
+"""Test scripts/test with a stand-in for ./fenicsx: it runs the tests on every number of ranks."""
 
 import os
 import shutil
@@ -15,7 +15,7 @@ echo '3 passed, 1 skipped in 1.20s (0:00:01)'"""
 
 
 def run(folder: Path, alone: str, two: str, three: str, **variables: str) -> tuple[int, list[str]]:
-    """Exit status, and the lines of the summary."""
+    """Return the exit status, and the lines of the summary."""
     (folder / "scripts").mkdir()
     shutil.copy(SCRIPT, folder / "scripts")
     stand_in = folder / "fenicsx"
@@ -46,7 +46,7 @@ def test_all_pass(tmp_path: Path) -> None:
 
 
 def test_a_failure_ends_nothing_else(tmp_path: Path) -> None:
-    """On two ranks, of which the second one has the last word."""
+    """The failure is on two ranks, and the second rank prints the last line."""
     alone = f"echo 'FAILED tests/a.py::test_a - it is so'; {ALONE}; exit 1"
     two = """echo '[rank 1] ERROR tests/b.py::test_b'
 echo '[rank 1] !! the run is ended: rank 1 has failed !!'

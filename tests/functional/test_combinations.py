@@ -1,4 +1,4 @@
-"""Combinations of loads in a case file: each as if it were alone, a table, and what is refused."""
+"""Test load combinations in a case file: separate solutions, a table, and refusals."""
 
 import csv
 import json
@@ -46,13 +46,13 @@ COMBINED = {
     "3.3 Q": {"live": 3.3},
     "Q, weaker": {"live": 1.0, "strength": 1.25},
 }
-"""Factors of loads, and of strengths."""
+"""Combinations with factors on loads and on strengths."""
 BOUNDS = '[loading]\ncontrol = "bounds"\n'
 NEAR = 1e-7
 
 
 def text_of(more: str) -> str:
-    """Two blocks under loads that are combined."""
+    """Return the case of two blocks under combined loads."""
     text = case_text(
         {"builder": "stacked_blocks", "n": 1},
         {"lower": VonMises(2e5, 0.3, 330.0), "upper": VonMises(2e5, 0.3, 440.0)},
@@ -65,7 +65,7 @@ def text_of(more: str) -> str:
 
 
 def tables(combined: dict[str, dict[str, float]]) -> str:
-    """Combinations as tables of a case file."""
+    """Return combinations as tables of a case file."""
     text = ""
     for name, factors in combined.items():
         of_loads = {load: factor for load, factor in factors.items() if load != "strength"}
@@ -76,7 +76,7 @@ def tables(combined: dict[str, dict[str, float]]) -> str:
 
 
 def alone(comm: MPI.Intracomm, factors: dict[str, float], divided: float) -> Any:
-    """Bounds of one combination as a problem of its own. Collective."""
+    """Return the bounds of one combination as a separate problem. Collective."""
     weight, live = factors.get("weight", 0.0), factors.get("live", 0.0)
     loads: list[Any] = [Pressure("top", live * LIVE)] if live else []
     loads += [BodyForce("upper", tuple(weight * g for g in WEIGHT))] if weight else []
@@ -92,7 +92,7 @@ def test_each_is_as_if_it_were_alone(
     shared_tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """To the tolerance of the searches: how a mesh is distributed hangs on what was before it."""
+    """Results agree to the tolerance of the search: earlier work affects the mesh partition."""
     asked = f"{BOUNDS}limit_tolerance = {NEAR}\n"
     text = text_of(tables(COMBINED) + "[design]\nstrength = 1.1\n" + asked)
     case = write_case(comm, shared_tmp_path / "case.toml", text)
@@ -174,7 +174,7 @@ def test_refused_in_one_sentence(
 def test_one_in_which_nothing_grows(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Refused before another one is solved."""
+    """The program refuses this combination before it solves another one."""
     more = tables({"B": {"live": 1.0}}) + GOOD + '[loading]\ncontrol = "work"\nuntil = "limit"\n'
     text = text_of(more).replace('on = "upper"\nbody', 'on = "upper"\nconstant = true\nbody')
     case = write_case(comm, shared_tmp_path / "case.toml", text)
@@ -193,7 +193,7 @@ def test_one_that_is_not_refined(
 
 
 def test_loads_that_are_scaled() -> None:
-    """Numbers, formulas, and all that a load is given by."""
+    """Factors apply to numbers, formulas, and all other values of a load."""
     from perfplast_fenicsx.problem.declared.loads import Force, scaled
 
     assert scaled(Pressure("top", "2*x"), 1.5).value == "1.5*(2*x)"
@@ -223,7 +223,7 @@ strength = { ground = 3.5 }
 def test_each_combination_has_its_factor_of_safety(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """F times the partial factor of strengths is the same, to the tolerance of F."""
+    """F times the partial factor on strengths is constant, to the tolerance of F."""
     case = write_case(comm, shared_tmp_path / "case.toml", SLOPE)
     results = shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results)]) == SOLVED

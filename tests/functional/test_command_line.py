@@ -1,4 +1,4 @@
-"""``perfplast run`` and ``perfplast check``: exit statuses, messages, what a run leaves behind."""
+"""Test ``perfplast run`` and ``check``: exit statuses, messages, and files that a run leaves."""
 
 import csv
 import io
@@ -40,7 +40,7 @@ CASE = punch_case(
 
 @pytest.fixture
 def case(shared_tmp_path: Path, comm: MPI.Intracomm) -> Path:
-    """The case above on file."""
+    """Write the case above."""
     return write(comm, shared_tmp_path, CASE)
 
 
@@ -49,7 +49,7 @@ def write(comm: MPI.Intracomm, folder: Path, text: str) -> Path:
 
 
 def one_line(comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]) -> str:
-    """The only line on standard error, which rank 0 alone has written."""
+    """Return the only line on standard error, which rank 0 has written."""
     err = capsys.readouterr().err
     assert comm.rank == 0 or err == ""
     err = comm.bcast(err)
@@ -87,7 +87,7 @@ def test_run(
             *("loads", "support x0", "support y0", "support bottom"),
             "contact punch_bottom base_top",
         ]
-        assert (words[0][-1], words[3][-1]) == ("-20", "20")  # on a quarter of 1
+        assert (words[0][-1], words[3][-1]) == ("-20", "20")  # on a quarter of the area 1
         assert {len(line) for line in levels} == {len(columns)}
         assert levels[0].split()[:2] == ["1", "50"]
         assert "\r" not in out
@@ -136,7 +136,7 @@ constant = true
 def test_a_constant_load(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    """ζ = 0 is a level of its own."""
+    """The level at ζ = 0 is a separate level."""
     text = CASE.replace("[[load]]", CONSTANT.format(pressure='"30 + 0*x"'))
     case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results), "--quiet"]) == NO_SOLUTION
@@ -185,7 +185,7 @@ def test_limit_load_by_a_path(
 def test_limit_load_by_default(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    """Without a path, in few factorisations."""
+    """The default finds the limit load without a path, in few factorisations."""
     text = CASE.replace("values = [50.0, 80.0]", 'control = "work"\nuntil = "limit"')
     case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
@@ -228,7 +228,7 @@ def test_limit_load_by_default(
 def test_bounds(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    """In space, of quadratic mechanisms on a mesh that is split, which is the one on file."""
+    """In 3D, the upper bound has quadratic mechanisms on a split mesh, which is on file."""
     text = CASE.replace("values = [50.0, 80.0]", 'control = "bounds"\nlimit_tolerance = 1e-3')
     case, results = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
@@ -256,7 +256,7 @@ def test_bounds(
         assert {*file["VTKHDF/PointData"]} == {"mechanism", "contact_pressure"}
         ours = {"lower_bound_stress", "gap_share"}
         assert {*cells} == {"body", "dissipation", "stress", "yield_ratio"} | ours
-        assert np.sum(cells["gap_share"]) == pytest.approx(4)  # a share of the whole in each part
+        assert np.sum(cells["gap_share"]) == pytest.approx(4)  # fractions sum to 1 in each part
         stress = np.reshape(cells["lower_bound_stress"], (-1, 3, 3))
         assert np.allclose(stress, stress.transpose(0, 2, 1))
         assert stress[:, 2, 2].mean() < -10
@@ -445,7 +445,7 @@ def test_as_a_program(case: Path, comm: MPI.Intracomm) -> None:
 
 @pytest.mark.parametrize("option", ["--version", "--help"])
 def test_help_is_there_at_once(option: str, comm: MPI.Intracomm) -> None:
-    """It imports nothing that takes long; the time itself would be that of the machine."""
+    """The command imports no slow module; a measured time would depend on the machine."""
     if comm.size > 1:
         pytest.skip("a program that uses MPI cannot start another")
     program = (
@@ -459,7 +459,7 @@ def test_help_is_there_at_once(option: str, comm: MPI.Intracomm) -> None:
 
 
 def test_it_starts_without_what_few_commands_need(comm: MPI.Intracomm) -> None:
-    """Libraries of meshers and pictures, which have processes of their own."""
+    """Libraries of meshers and pictures, which the program uses in separate processes."""
     if comm.size > 1:
         pytest.skip("a program that uses MPI cannot start another")
     program = (
@@ -491,7 +491,7 @@ def test_live_line(
         assert found is not None
         assert float(found[1]) > 0
         assert re.match(r"\d+\.\d% plastic", found[2])
-    for line in text.split("\n"):  # what stays is what was written last over a blanked line
+    for line in text.split("\n"):  # the last text after each blanked line remains
         *_, blank, last = line.split("\r") if "\r" in line else ("", line)
         assert blank.strip() == ""
         assert "increment" not in last

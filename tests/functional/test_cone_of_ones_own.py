@@ -1,4 +1,4 @@
-"""A kind of cone that the package does not have: one file and an entry point, in whole runs."""
+"""Test a kind of cone from outside the package: one file and an entry point, in whole runs."""
 
 import json
 import math
@@ -53,7 +53,7 @@ pictures = false
 
 
 def carried(sign: float) -> float:
-    """Uniaxial strength in compression (1) or tension (−1), by the weaker cone."""
+    """Return the uniaxial strength in compression (1) or tension (−1), from the weaker cone."""
     eta, strength = DruckerPrager(1e4, 0.3, 10.0, 25.0, "compression").cone
     cones = [(strength, eta), (2 * eta * TENSION, 2 * eta)]
     limits = [c / (1 / math.sqrt(3) - sign * a / 3) for c, a in cones]

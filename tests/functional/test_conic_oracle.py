@@ -1,4 +1,4 @@
-"""Both bounds of a mesh are the best ones, by another program, where that is installed."""
+"""Test that both bounds on a mesh are optimal, with another program, if it is installed."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from tests.random_bodies import problem_of, stack, write_stack
 
 COMM = MPI.COMM_WORLD
 INSIDE = {2: 1 / 6, 3: (5 - 5**0.5) / 20}
-"""Smallest barycentric coordinate of the points of the quadrature of degree 2."""
+"""Smallest barycentric coordinate of the quadrature points of degree 2."""
 
 
 @pytest.mark.parametrize(("seed", "dim"), [(1, 2), (2, 2), (5, 2), (13, 2), (17, 2), (9, 3)])

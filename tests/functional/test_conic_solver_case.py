@@ -1,4 +1,4 @@
-"""``[solve] conic``: runs by another solver, and sentences where it cannot be used."""
+"""Test ``[solve] conic``: runs with another solver, and sentences where it is not possible."""
 
 import json
 import sys
@@ -19,7 +19,7 @@ PATH = '[loading]\ncontrol = "work"\nuntil = "limit"\nlimit_method = "path"\n'
 
 
 def case_of(comm: MPI.Intracomm, folder: Path, loading: str, solve: str) -> str:
-    """Write a case of two blocks that are pressed together."""
+    """Write the case of two blocks that are pressed together."""
     text = steel_blocks_case(f"[output]\npictures = false\n[solve]\n{solve}\n{loading}")
     return str(write_case(comm, folder / "case.toml", text))
 
@@ -46,7 +46,7 @@ def test_where_it_cannot_run(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """On several ranks, and without the package: check and run say so."""
+    """check and run refuse it on several ranks, and without the package."""
     monkeypatch.setitem(sys.modules, "clarabel", None)
     case = case_of(comm, shared_tmp_path, BOUNDS, 'conic = "clarabel"')
     said = "install it (pip install clarabel)" if comm.size == 1 else f"the run has {comm.size}"

@@ -1,4 +1,4 @@
-"""A control that the package does not have, as one class and one entry, through whole runs."""
+"""Test a control from outside the package, as one class and one entry, in whole runs."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -33,7 +33,7 @@ BLOCKS = case_text(
 
 @dataclass(frozen=True)
 class Deflection(OfLevels):
-    """Load until the largest displacement is a given one.
+    """Load until the largest displacement reaches a given value.
 
     Args:
         largest: The displacement (length).
@@ -58,7 +58,7 @@ class Deflection(OfLevels):
         given.require_load()
 
     def find(self, run: Run) -> None:
-        """Along secants. Collective."""
+        """Search along secants. Collective."""
         state, zeta = None, 1.0
         for _ in range(20):
             level = run.solver.solve(zeta, state, run.record.iteration)
@@ -71,7 +71,7 @@ class Deflection(OfLevels):
 
 @pytest.fixture(autouse=True)
 def known() -> Iterator[None]:
-    """The one entry that it takes."""
+    """Return the one entry of this control."""
     with mock.patch.dict(CONTROLS, {"deflection": Deflection}):
         yield
 

@@ -1,4 +1,4 @@
-"""Mohr and Coulomb's material, and Tresca's, in all four algorithms with contact, by the path."""
+"""Test Mohr–Coulomb and Tresca materials in all four algorithms with contact, along a path."""
 
 import math
 
@@ -32,7 +32,7 @@ TRESCA = Tresca(1e5, 0.3, COHESION)
 
 
 def tube(read: Read, angle: float, outside: float = 0.0, size: float = 0.3) -> Problem:
-    """Two tubes, one in the other, that press on each other; b/a = 2."""
+    """Return two tubes in contact, one in the other; b/a = 2."""
     tagged_mesh = read(write_thick_tube, outer=2.0, interface=1.4, size=size, order=2)
     ground = MohrCoulomb(1e5, 0.3, COHESION, angle) if angle else Tresca(1e5, 0.3, COHESION)
     loads = [Pressure("inner", 1.0), Pressure("outer", outside, constant=True)]
@@ -47,7 +47,7 @@ def tube(read: Read, angle: float, outside: float = 0.0, size: float = 0.3) -> P
 
 
 def exact(angle: float, outside: float) -> float:
-    """(p + c cot φ)(b/a)^(2s/(1 + s)) − c cot φ, or p + 2c ln(b/a)."""
+    """Return (p + c cot φ)(b/a)^(2s/(1 + s)) − c cot φ, or p + 2c ln(b/a)."""
     if not angle:
         return outside + 2 * COHESION * math.log(2)
     s, tip = math.sin(math.radians(angle)), COHESION / math.tan(math.radians(angle))

@@ -1,7 +1,7 @@
-"""The examples and demos check themselves: each demo runs here on a coarse mesh.
+"""Test the examples and demos, which check themselves, on coarse meshes.
 
 ``make test`` runs three of them, and draws no pictures of the verification. ``make verify`` runs
-all, with their pictures, and those of the verification at their full size on two ranks as well.
+all of them, with pictures. It also runs the verification at full size on two ranks.
 """
 
 import ast
@@ -28,11 +28,11 @@ from tests.parallel_plugin import EVERY_CASE
 
 FOLDER = Path(__file__).resolve().parents[2] / "demos"
 SHORT = ("bolted_ring", "press_fit", "two_blocks")
-"""Those that ``make test`` runs, on one rank."""
+"""Demos that ``make test`` runs, on one rank."""
 
 
 def marks(script: Path) -> list[pytest.MarkDecorator]:
-    """Return which runs a demo is part of."""
+    """Return the marks that determine in which runs a demo takes part."""
     serial = [] if script.parent == FOLDER else [pytest.mark.serial]
     return serial if script.stem in SHORT else [*serial, pytest.mark.long]
 
@@ -47,7 +47,7 @@ def name(path: Path) -> str:
 
 
 def load(script: Path) -> ModuleType:
-    """A demo as a module; nothing of it runs yet."""
+    """Load a demo as a module, without running it."""
     spec = importlib.util.spec_from_file_location(f"demo_{script.stem}", script)
     assert spec is not None
     assert spec.loader is not None
@@ -67,7 +67,7 @@ def test_script(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     results = shared_tmp_path / "results"
-    if comm.rank == 0:  # of a first run, which the second one replaces
+    if comm.rank == 0:  # from a first run, which the second run replaces
         results.mkdir()
         (results / "summary.json").write_text("old", encoding="utf-8")
     comm.barrier()
@@ -86,7 +86,7 @@ def test_script(
 def test_example(
     example: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
 ) -> None:
-    """Each compares its numbers with known ones; run as a module it draws nothing."""
+    """Each demo compares its numbers with known values; as a module it draws nothing."""
     monkeypatch.chdir(shared_tmp_path)
     runpy.run_path(str(example), run_name=example.stem)
     comm.barrier()
@@ -129,7 +129,7 @@ def test_case(
 
 @pytest.mark.serial
 def test_the_notebook_prints_what_it_shows() -> None:
-    """Run all cells by Jupyter's kernel; numbers may differ, as on pages of the documentation."""
+    """Run all cells with Jupyter's kernel; numbers may differ, as on pages of the documentation."""
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     shown = nbformat.read(FOLDER / "limit_load.ipynb", as_version=4)
     nbformat.validate(shown)
@@ -142,7 +142,7 @@ def test_the_notebook_prints_what_it_shows() -> None:
 
 
 def printed(notebook: Any) -> list[str]:
-    """Return what the cells of a notebook print, one text for each cell that prints."""
+    """Return the text that each printing cell of a notebook prints."""
     outputs = (cell.outputs for cell in notebook.cells if cell.cell_type == "code")
     texts = ("".join(output.get("text", "") for output in cell) for cell in outputs)
     return [text for text in texts if text]

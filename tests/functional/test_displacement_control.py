@@ -1,4 +1,4 @@
-"""A run under displacement control: levels of its own, files, a restart."""
+"""Test a run under displacement control: its levels, files, and a restart."""
 
 import json
 from collections.abc import Callable
@@ -80,7 +80,7 @@ def test_first_yield_and_growing_strokes(
     assert (values[1:] / values[:-1] > 1).all()
     assert (values[1:] / values[:-1] < GROWTH * (1 + 1e-9)).all()
     assert stroke(solver, first / 2) == pytest.approx([first / 2])
-    assert stroke(solver, -1.0) == pytest.approx([-1.0])  # upwards nothing resists
+    assert stroke(solver, -1.0) == pytest.approx([-1.0])  # nothing resists upward motion
 
 
 @pytest.mark.mpi2
@@ -90,7 +90,7 @@ def test_a_run(
     run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Force and stroke are on file and on the terminal, and a restart gives the same run."""
+    """Files and terminal contain force and stroke, and a restart gives the same run."""
     case = write_case(comm, shared_tmp_path / "case.toml", CASE)
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
     assert main(["run", str(case), "-o", str(whole)]) == SOLVED

@@ -1,4 +1,4 @@
-"""The documentation: the reference is whole, the site builds, pages do what they show."""
+"""Test the documentation: complete reference, site, and pages whose commands run."""
 
 import dataclasses
 import importlib.util
@@ -43,7 +43,7 @@ COARSE = {
     "prop --size 30": "prop --size 60",
     "until = 0.02, cells = 4000": "until = 0.2, cells = 1500",
 }
-"""Coarser meshes of the tutorials."""
+"""Coarser meshes for the tutorials."""
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -81,7 +81,7 @@ TABLES = {
 
 
 def tables(text: str) -> dict[str, str]:
-    """The reference by its headings."""
+    """Return the tables of the reference by their headings."""
     _, *parts = re.split(r"^## `?([^`\n]+)`?\n", text, flags=re.MULTILINE)
     return dict(zip(parts[::2], parts[1::2], strict=True))
 
@@ -128,7 +128,7 @@ def test_every_room_has_a_page() -> None:
 
 
 def test_the_line_for_pyvista_is_shown() -> None:
-    """The one that a test of :mod:`field_series` runs."""
+    """The page shows the line that a test of :mod:`field_series` runs."""
     (line,) = re.findall(r"^    (pyvista\..+)$", field_series.__doc__ or "", re.MULTILINE)
     assert f"\n{line}\n" in (DOCS / "howto" / "fields.md").read_text(encoding="utf-8")
 
@@ -136,7 +136,7 @@ def test_the_line_for_pyvista_is_shown() -> None:
 def test_the_readme_does_what_it_shows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its script prints what stands below it, and its case can be run."""
+    """The script prints the output shown below it, and the case runs."""
     text = (DOCS.parent / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 100
     (script,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
@@ -153,14 +153,14 @@ def test_the_readme_does_what_it_shows(
 
 
 def scripts(page: str) -> list[str]:
-    """The scripts of a page."""
+    """Return the scripts of a page."""
     text = (DOCS / page).read_text(encoding="utf-8")
     return re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
 SCRIPTS = [
     *scripts("howto/python.md"),
-    scripts("api/index.md")[0].replace("size=40.0", "size=60.0"),  # a coarser mesh is as good here
+    scripts("api/index.md")[0].replace("size=40.0", "size=60.0"),  # a coarser mesh suffices here
 ]
 
 
@@ -171,7 +171,7 @@ def test_a_script_of_few_lines(
     monkeypatch: pytest.MonkeyPatch,
     number: int,
 ) -> None:
-    """Each is complete, has few lines, and ends with a bracket or a picture."""
+    """Each script is complete, has few lines, and ends with a bracket or a picture."""
     script = SCRIPTS[number]
     assert len([line for line in script.splitlines() if line]) <= 15
     monkeypatch.chdir(tmp_path)
@@ -184,7 +184,7 @@ def test_a_script_of_few_lines(
 
 
 def test_links_lead_to_files() -> None:
-    """All pages in the repository are checked here; Sphinx checks the links of the site."""
+    """This test checks all pages in the repository; Sphinx checks the links of the site."""
     pages = [*DOCS.parent.glob("*.md"), *DOCS.rglob("*.md"), *DOCS.parent.glob("benchmarks/*.md")]
     links = [(page, match[2]) for page in pages for match in LINK.finditer(page.read_text("utf-8"))]
     files = [(page, link) for page, link in links if ":" not in link]
@@ -255,7 +255,7 @@ def test_pages_do_what_they_show(tmp_path: Path, name: str, count: int) -> None:
     page = DOCS / name
     parts = list(commands.parts(page.read_text(encoding="utf-8")))
     assert sum(isinstance(part, commands.Command) for part in parts) == count
-    # without pictures: they take most of the time, and have tests of their own
+    # without pictures, which take most of the time and have separate tests
     faults = commands.check(page, tmp_path / "clone", pictures=False, coarse=COARSE)
     assert not faults, "\n".join([*faults, f"docs/commands.py docs/{name} --write refreshes it"])
 
@@ -275,7 +275,7 @@ def test_site(tmp_path: Path) -> None:
     site = tmp_path / "site"
     assert "<math" in (site / "theory.html").read_text(encoding="utf-8")
     assert "limit_tolerance" in (site / "case_file.html").read_text(encoding="utf-8")
-    # nothing is fetched from elsewhere when a page is opened
+    # a page loads nothing from other hosts
     for page in site.rglob("*.html"):
         fetched = re.findall(
             r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page.read_text()

@@ -1,4 +1,4 @@
-"""Case files that draw their ground: bodies, names, joints, and what they come to."""
+"""Test cases that draw their ground: bodies, names, joints, and results."""
 
 import re
 from dataclasses import replace
@@ -149,7 +149,7 @@ SIDES_OF_IT = ("left", "right")
 
 @pytest.mark.mpi2
 def test_a_crack_is_open_and_its_water_presses_on_both_sides(shared_tmp_path: Path) -> None:
-    """On one mesh: a crack opens the mechanisms and takes stresses away, and water pushes."""
+    """On one mesh, a crack permits more mechanisms and fewer stresses, and water pushes on it."""
     found = []
     for more in ("", "crack = true\n", WATER_IN_IT):
         read = case(shared_tmp_path, CRACKED + more, **OF_TWO)
@@ -195,7 +195,7 @@ OF_ONE = {"a": (40.0, 10.0)}
 
 @pytest.mark.mpi2
 def test_a_crack_inside_one_region(shared_tmp_path: Path) -> None:
-    """On one mesh it opens the mechanisms, and water pushes on its sides, left and right."""
+    """On one mesh the crack permits more mechanisms, and water pushes on both its sides."""
     whole, dry, wet = (
         bounds_at_one(read := case(shared_tmp_path, IN_ONE + more, **OF_ONE))
         for more in ("", "crack = true\n", WATER_IN_IT)
@@ -218,7 +218,10 @@ def test_a_crack_inside_one_region(shared_tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("points", ["[60, 24], [62, 30]", "[50, 35], [50, 20]"])
 def test_a_crack_parts_nodes_but_those_of_its_tips(tmp_path: Path, points: str, order: int) -> None:
-    """Inside the ground both tips hold it together; from side to side it parts the body."""
+    """Inside the ground the crack tips connect both sides.
+
+    A crack from side to side divides the body.
+    """
     mesh = {}
     for crack in ("", "crack = true\n"):
         drawn = IN_ONE[: IN_ONE.index("points = [[54")] + f"points = [{points}]\n{crack}"
@@ -280,7 +283,7 @@ Physical Surface("soil") = {1};
 @pytest.mark.serial
 @pytest.mark.parametrize("curves", ["5", "5, 2", "2"])
 def test_a_crack_of_a_script_lies_inside_a_body(tmp_path: Path, curves: str) -> None:
-    """On the boundary two names are two names."""
+    """On the boundary, two names do not define a crack."""
     named = "".join(f'Physical Curve("c_{side}") = {{{curves}}};\n' for side in SIDES_OF_IT)
     script, target = tmp_path / "soil.geo", tmp_path / "soil.msh"
     script.write_text(SCRIPT + named, encoding="utf-8")
@@ -297,7 +300,7 @@ def test_a_crack_of_a_script_lies_inside_a_body(tmp_path: Path, curves: str) -> 
 
 @pytest.mark.serial
 def test_a_contact_on_a_part_of_a_glued_joint_is_refused(tmp_path: Path) -> None:
-    """It parted the rest as well, without a word."""
+    """Earlier, the contact also separated the rest of the joint, without a message."""
     contact = '[[contact]]\nprimary = "a_crack"\nsecondary = "b_crack"\n'
     read = case(tmp_path, CRACKED + contact, **OF_TWO)
     with pytest.raises(InputError, match="'a_joint_1' or 'b_joint_1'"):
@@ -314,7 +317,7 @@ def test_the_mesh_is_made_again_after_the_drawing_has_changed(tmp_path: Path) ->
 
 
 def factors(case: Case, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> list[float]:
-    """The two factors of safety that a run prints."""
+    """Return the two factors of safety that a run prints."""
     assert main(["run", str(case.path), "-o", str(tmp_path / "out"), "--force"]) == 0
     printed = capsys.readouterr().out
     (found,) = re.findall(r"stands with F = ([\d.]+).*falls at F = ([\d.]+)", printed)
@@ -333,7 +336,7 @@ def test_strata_and_regions_of_the_same_ground_have_the_same_factor(
 
 
 def bounds_at_one(case: Case) -> list[float]:
-    """Bounds of the factor of all loads on the first mesh."""
+    """Return the bounds on the factor of all loads on the first mesh."""
     problem = case.problem(MPI.COMM_WORLD)
     loads: list[Any] = list(problem.given.loads)
     live = [replace(load, constant=False) for load in loads]
@@ -344,7 +347,7 @@ def bounds_at_one(case: Case) -> list[float]:
 
 @pytest.mark.serial
 def test_a_slope_under_water_has_the_factor_of_its_buoyant_weight(tmp_path: Path) -> None:
-    """However deep the water is: the pressures differ by those of water at rest."""
+    """Any water depth gives the same factor: pressures differ by hydrostatic pressures."""
     soil = {"fill": (10.0, 15.0), "clay": (15.0, 10.0)}
     buoyant = case(tmp_path, REGIONS, **soil).text.replace("19.0", "9.19")
     found = []

@@ -1,4 +1,4 @@
-"""``[earthquake]``: the critical seismic coefficient, and factors of safety with a given one."""
+"""Test ``[earthquake]``: critical seismic coefficient, and factors of safety with a given one."""
 
 import re
 from pathlib import Path
@@ -35,7 +35,7 @@ LEFT = "direction = [-2.0, 0.0]"
 def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Loukidis' first slope, on one mesh: k_c = 0.432 of log spirals."""
+    """Loukidis' first slope, on one mesh: log spirals give k_c = 0.432."""
     found = run_case(
         comm, shared_tmp_path, slope(loading=SEISMIC, earthquake=LEFT), capsys, "--report"
     )
@@ -56,7 +56,7 @@ def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
         run = run_case(comm, shared_tmp_path, text, capsys, "--force")
         assert run.status == 0, run.err
         factor = run.summary["limit"]["strength"][side]
-        assert sign * (factor - 1) > -2e-3  # to the tolerance of F
+        assert sign * (factor - 1) > -2e-3  # within the tolerance of F
         assert factor == pytest.approx(1, abs=0.02)
 
 

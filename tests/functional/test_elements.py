@@ -1,4 +1,4 @@
-"""Quadratic elements and plane strain: the same code, the same certificates."""
+"""Test quadratic elements and plane strain: the same code and the same certificates."""
 
 import itertools
 import json
@@ -44,7 +44,7 @@ BURST = 2 * SHEAR * math.log(OUTER)
 def tube(
     path: Path, degree: int = 2, order: int = 2, comm: MPI.Intracomm = MPI.COMM_WORLD
 ) -> Problem:
-    """A tube in a tube, the inner one under pressure ζ."""
+    """Return a tube in a tube; the pressure ζ acts in the inner tube."""
     file = path / f"tube{order}.msh"
     if MPI.COMM_WORLD.rank == 0 and not file.exists():
         write_thick_tube(file, size=0.1, order=order, interface=1.15)
@@ -102,7 +102,7 @@ def test_last_steps_converge_quadratically(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_tangent_is_the_derivative_of_the_forces(shared_tmp_path: Path, dim: int) -> None:
-    """Finite differences at a state that is plastic in part."""
+    """Compare the tangent with finite differences at a partly plastic state."""
     problem = (
         tube(shared_tmp_path)
         if dim == 2
@@ -122,7 +122,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(shared_tmp_path: Path, dim:
     fixed = problem.fixed.ravel()
 
     def field(seed: int, size: float) -> np.ndarray:
-        """A smooth field with a share of its own at each node, the same on any ranks."""
+        """Return a smooth field plus a value that differs at each node, equal for any ranks."""
         waves = np.random.default_rng(seed).normal(size=(3, problem.V.dofmap.index_map_bs))
         values = size * np.sin(3 * x @ waves + random.random()).ravel()
         return np.where(fixed, 0.0, values)
