@@ -234,7 +234,11 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
 
 
 def round_of(dim: int, tag: int) -> str:
-    """Return the radius and the axis of a face's cylinder in words; "" for other faces."""
+    """Return the kind, radius and axis of a face's cylinder in words; "" for other faces.
+
+    A face that covers at least about half of its circle is a bore or a shaft, according to its
+    outward normal. Smaller faces, such as fillets, are concave or convex.
+    """
     on = cylinder_of(dim, tag)
     if on is None:
         return ""
@@ -244,4 +248,22 @@ def round_of(dim: int, tag: int) -> str:
     along = np.flatnonzero(np.abs(on.axis) > ALIKE)
     axis = np.round(on.axis, 3) + 0.0
     words = AXES[along[0]] if len(along) == 1 else f"({', '.join(f'{a:g}' for a in axis)})"
-    return f"{radius}, along {words}"
+    half = 170.0  # smallest angle of a bore or shaft (degrees); each half of a bore covers 180
+    kinds = ("bore", "shaft") if _angle_around(tag, on) >= half else ("concave", "convex")
+    return f"{kinds[int(on.radius > 0)]}, {radius}, along {words}"
+
+
+def _angle_around(tag: int, on: Cylinder) -> float:
+    """Return the angle (degrees) that a cylindrical face covers around its axis."""
+    low, high = map(np.asarray, gmsh.model.getParametrizationBounds(2, tag))
+    count = 25  # samples along each parameter, 15 degrees apart on a full cylinder
+    shares = np.linspace(0.0, 1.0, count)
+    places = low + np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 2) * (high - low)
+    normals = np.reshape(gmsh.model.getNormal(tag, places.ravel()), (-1, 3))
+    first = np.cross(on.axis, np.eye(3)[np.argmin(np.abs(on.axis))])
+    first /= np.linalg.norm(first)
+    turned = np.arctan2(normals @ np.cross(on.axis, first), normals @ first)
+    around = np.sort(np.degrees(turned))
+    gaps = np.diff(np.append(around, around[0] + 360.0))
+    step = 360.0 / (count - 1)
+    return float(360.0 if gaps.max() < 1.5 * step else 360.0 - gaps.max())

@@ -63,8 +63,8 @@ class Face:
         area: Area (in the plane length) of the mesh.
         centre: Centroid of the mesh.
         cad: Area in the file; None if it is unknown.
-        round_of: Radius and direction of the axis for a cylinder, such as "R 5, along z"; "" for
-            other faces.
+        round_of: Kind, radius and direction of the axis for a cylinder, such as "bore, R 5, along
+            z"; "" for other faces.
     """
 
     number: int

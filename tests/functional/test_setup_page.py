@@ -633,6 +633,39 @@ def test_entries_are_marked_on_the_bodies(prop: Path, browser: Any) -> None:
     assert [line["message"] for line in browser.get_log("browser")] == []
 
 
+def bored() -> None:
+    """A block with a bore of radius 0.5 and a rounded edge of radius 1."""
+    occ = gmsh.model.occ
+    block = occ.addBox(0, 0, 0, 4, 3, 2)
+    occ.synchronize()
+    (edge,) = gmsh.model.getEntitiesInBoundingBox(3.9, -0.1, -0.1, 4.1, 0.1, 2.1, dim=1)
+    ((_, rounded),) = occ.fillet([block], [edge[1]], [1.0])
+    occ.cut([(3, rounded)], [(3, occ.addCylinder(1, 1, -1, 0, 0, 4, 0.5))])
+
+
+def test_a_bore_is_told_from_a_shaft(tmp_path: Path, browser: Any) -> None:
+    """Words say what a cylinder is; arrows of a pressure go from the axis to the wall."""
+    step, folder = write(tmp_path / "bored.step", bored), tmp_path / "case"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
+        assert main(["mesh", str(step), "-o", str(folder), "--size", "1"]) == SOLVED
+    page = SetupPage(browser, folder / "setup.html")
+    words = page("Object.values(JSON.parse(document.getElementById('data').textContent).faces.words)")
+    (bore,) = [line for line in words if "cylindrical, bore, R 0.5, along z" in line]
+    assert len([line for line in words if "cylindrical, convex, R 1, along z" in line]) == 1
+    name = bore.split(":")[0]
+    page.press(name)
+    assert page.part("told").text.startswith(f"{name}: cylindrical, bore, R 0.5, along z, area")
+    page.add("pressure", pressure="1")
+    arrows = marks(browser, "load", name)[0::3]
+    away = np.linalg.norm(arrows[..., :2] - 1.0, axis=2)  # of tail and tip from the axis
+    assert len(arrows) == 24
+    assert away[:, 1] == pytest.approx(0.5, rel=0.05)
+    assert away[:, 0] == pytest.approx(0.08, abs=0.03)
+    assert np.ptp(arrows[..., 2], axis=1) == pytest.approx(0, abs=1e-3)
+    assert sorted({round(z, 2) for z in arrows[:, 0, 2].tolist()}) == [0, 1, 2]
+
+
 FORMULAS = (
     *("1 + 2 * x - y / 4", "-x**2 + 3", "2**-1 * z", "maximum(0, 8 - y) * where(x > 1, 2, 3)"),
     *("sin(pi * x) + arctan2(y, z)", "(x < 2) & (y >= 1)", "10 % 3 - -x", "1.5e-2 * abs(z - 3)"),

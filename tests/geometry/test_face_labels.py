@@ -71,7 +71,7 @@ def test_faces_of_one_label_are_one_surface(shared_tmp_path: Path) -> None:
     assert held.area == pytest.approx(2 * 4 * 2)  # at y = 0 and y = 3
     (bore,) = (face for face in survey.faces if face.name.endswith("_bore"))
     assert bore.shape == "cylindrical, 'bore'"
-    assert bore.round_of == "R 0.5, along z"
+    assert bore.round_of == "bore, R 0.5, along z"
 
 
 def test_a_label_goes_before_a_colour(shared_tmp_path: Path) -> None:

@@ -412,7 +412,7 @@ def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
     for face in found.faces:
         assert face.cad is not None
         assert face.area == pytest.approx(face.cad, rel=0.01)
-    assert {face.round_of for face in found.faces} == {"", "R 10, along z"}
+    assert {face.round_of for face in found.faces} == {"", "shaft, R 10, along z"}
     assert sum(face.cad or 0.0 for face in found.faces) == pytest.approx(1000 * math.pi)
     assert not any("areas of faces" in remark for remark in found.remarks)
     coarse = survey_of(step, mesh, MeshingOptions(size=20.0, curvature=8.0))

@@ -45,4 +45,4 @@ def test_a_cylinder_given_as_a_rational_spline(weights: list[float], shape: str)
         surface = gmsh.model.occ.addBSplineSurface(points, 3, degreeU=2, degreeV=1, weights=weights)
         gmsh.model.occ.synchronize()
         assert shape_of(2, surface) == shape
-        assert round_of(2, surface) == ("R 2, along z" if shape == "cylindrical" else "")
+        assert round_of(2, surface) == ("convex, R 2, along z" if shape == "cylindrical" else "")

@@ -1,12 +1,14 @@
 // Marks of a case on the bodies: arrows of loads, ticks of supports, outlines of contacts and ties.
 
 const MARK_COLOURS = {
-  load: [0.72, 0.05, 0.05], support: [0.05, 0.3, 0.75], contact: [0.85, 0.45, 0], tie: [0.45, 0.1, 0.55],
+  load: [0.65, 0, 0], support: [0, 0.15, 0.6], contact: [0.85, 0.45, 0], tie: [0.45, 0.1, 0.55],
 };
 const ARROW = 0.11; // length of an arrow, as a share of the bodies
 const TICK_LENGTH = 0.02;
 const HEAD_SHARE = 0.25;
 const MARKS_OF_FACE = 12;
+const RING = 8; // arrows around a bore
+const FREE_SHARE = 0.42; // of the distance to the opposite wall, as the length of an arrow from within
 
 const plus = (a, b, factor = 1) => a.map((one, k) => one + factor * b[k]);
 const norm = (a) => Math.hypot(...a);
@@ -72,6 +74,20 @@ function valueAt(given, point) {
   return Number.isFinite(found) ? found : 0;
 }
 
+/** The direction to which the normals of parts of a face are most nearly normal: a cylinder's axis. */
+function leastAlong(parts) {
+  const area = parts.reduce((sum, { size }) => sum + size, 0);
+  // powers of I - M, with the mean M of n n', have the direction of its largest eigenvalue
+  let power = [0, 1, 2].map((i) => [0, 1, 2].map((j) => Number(i === j)
+    - parts.reduce((sum, { normal, size }) => sum + (size / area) * normal[i] * normal[j], 0)));
+  for (let k = 0; k < 12; k++) {
+    const scale = Math.max(...power.flat().map(Math.abs)) || 1;
+    const half = power.map((row) => row.map((x) => x / scale));
+    power = half.map((row) => [0, 1, 2].map((j) => row.reduce((sum, x, i) => sum + x * half[i][j], 0)));
+  }
+  return unit(power.reduce((best, row) => (norm(row) > norm(best) ? row : best)));
+}
+
 /** Points of faces with outward normals, spread by area; and the ends of outlines. */
 class MarkedFaces {
   static async of(data, mesh) {
@@ -85,6 +101,7 @@ class MarkedFaces {
   constructor(data, mesh, lines, outlines) {
     Object.assign(this, { size: data.size, plane: data.plane, mesh, lines, outlines });
     this.ofFace = new Map();
+    this.pressed = new Map(); // by the numbers of faces: places of arrows
     const add = (face, corners, normal, size) => {
       if (!this.ofFace.has(face)) this.ofFace.set(face, { parts: [], size: 0 });
       const found = this.ofFace.get(face);
@@ -124,6 +141,87 @@ class MarkedFaces {
       }
     }
     return found;
+  }
+
+  /** The bore of a face: axis, a point on it, radius and ends along the axis; null for other faces. */
+  bore(face) {
+    const parts = (this.ofFace.get(face)?.parts ?? []).map(({ corners, normal, size }) => ({
+      normal, size, corners, centre: corners.reduce((sum, one) => plus(sum, one, 1 / corners.length), [0, 0, 0]),
+    }));
+    if (parts.length < 3) return null;
+    const axis = this.plane ? [0, 0, 1] : leastAlong(parts);
+    const one = across(axis);
+    const other = cross(axis, one);
+    const flat = (vector) => [one, other].map((along) => along.reduce((sum, x, k) => sum + x * vector[k], 0));
+    const area = parts.reduce((sum, { size }) => sum + size, 0);
+    const mean = (of) => parts.reduce((sum, part) => plus(sum, of(part), part.size / area), [0, 0]);
+    const [centre, normal] = [mean((part) => flat(part.centre)), mean((part) => flat(part.normal))];
+    let [above, below] = [0, 0]; // the best radius r, with centre + r normal the same for all parts
+    for (const part of parts) {
+      const [c, n] = [plus(flat(part.centre), centre, -1), plus(flat(part.normal), normal, -1)];
+      above -= part.size * (c[0] * n[0] + c[1] * n[1]);
+      below += part.size * (n[0] * n[0] + n[1] * n[1]);
+    }
+    const radius = above / below;
+    if (!(below > 0.05 * area) || !(radius > 0)) return null; // flat, or a shaft
+    const middle = plus(centre, normal, radius);
+    const misses = parts.map((part) => norm(plus(plus(flat(part.centre), flat(part.normal), radius), middle, -1)));
+    if (Math.max(...misses) > 0.35 * radius) return null; // straight edges: a hexagon is off by 0.2
+    const heights = parts.flatMap(({ corners }) => corners.map((point) => axis.reduce((sum, x, k) => sum + x * point[k], 0)));
+    const point = [0, 1, 2].map((k) => middle[0] * one[k] + middle[1] * other[k]);
+    return { axis, one, other, point, radius, parts, ends: [Math.min(...heights), Math.max(...heights)] };
+  }
+
+  /** Arrows in a bore: rings at its ends and its middle, where the face is. */
+  ring({ axis, one, other, point, radius, parts, ends: [low, high] }) {
+    const found = [];
+    for (const height of this.plane ? [0] : [low, 0.5 * (low + high), high]) {
+      for (let k = 0; k < RING; k++) {
+        const angle = (2 * Math.PI * (k + 0.5)) / RING;
+        const inwards = plus(one.map((x) => -Math.cos(angle) * x), other, -Math.sin(angle));
+        const on = (part) => part.normal.reduce((sum, x, i) => sum + x * inwards[i], 0);
+        if (!parts.some((part) => on(part) > Math.cos(Math.PI / RING))) continue;
+        found.push({ point: plus(plus(point, axis, height), inwards, -radius), normal: inwards, room: 2 * radius });
+      }
+    }
+    return found;
+  }
+
+  /** Places of the arrows of a pressure: `{ point, normal, room }`, with the free distance outwards. */
+  pressedPlaces(faces) {
+    const key = faces.join();
+    if (!this.pressed.has(key)) {
+      const bores = faces.map((face) => [face, this.bore(face)]);
+      const others = bores.filter(([, bore]) => !bore).map(([face]) => face);
+      this.pressed.set(key, [
+        ...bores.filter(([, bore]) => bore).flatMap(([, bore]) => this.ring(bore)),
+        ...this.places(others).map((place) => ({ ...place, room: this.plane ? Infinity : this.freeDistance(place) })),
+      ]);
+    }
+    return this.pressed.get(key);
+  }
+
+  /** The distance from a place on a face outwards to the next face. */
+  freeDistance({ point, normal }) {
+    const { points, triangles } = this.mesh;
+    let nearest = Infinity;
+    for (let k = 0; k < triangles.length; k += 3) {
+      const [a, b, c] = [3 * triangles[k], 3 * triangles[k + 1], 3 * triangles[k + 2]];
+      const [ux, uy, uz] = [points[b] - points[a], points[b + 1] - points[a + 1], points[b + 2] - points[a + 2]];
+      const [vx, vy, vz] = [points[c] - points[a], points[c + 1] - points[a + 1], points[c + 2] - points[a + 2]];
+      const [px, py, pz] = [normal[1] * vz - normal[2] * vy, normal[2] * vx - normal[0] * vz, normal[0] * vy - normal[1] * vx];
+      const det = ux * px + uy * py + uz * pz;
+      if (Math.abs(det) < 1e-30) continue;
+      const [sx, sy, sz] = [point[0] - points[a], point[1] - points[a + 1], point[2] - points[a + 2]];
+      const s = (sx * px + sy * py + sz * pz) / det;
+      if (s < 0 || s > 1) continue;
+      const [qx, qy, qz] = [sy * uz - sz * uy, sz * ux - sx * uz, sx * uy - sy * ux];
+      const t = (normal[0] * qx + normal[1] * qy + normal[2] * qz) / det;
+      if (t < 0 || s + t > 1) continue;
+      const distance = (vx * qx + vy * qy + vz * qz) / det;
+      if (distance > 1e-3 * this.size && distance < nearest) nearest = distance;
+    }
+    return nearest;
   }
 
   /** The centroid of faces, with the mean normal. */
@@ -187,17 +285,19 @@ function loadLines(row, faces, marked) {
   };
   const found = [];
   if ("pressure" in row || Array.isArray(row.traction)) {
-    const some = marked.places(faces).map(({ point, normal: outwards }) => ({
-      point, outwards,
+    const some = ("pressure" in row ? marked.pressedPlaces(faces) : marked.places(faces)).map(({ point, normal: outwards, room }) => ({
+      point, outwards, room,
       vector: "pressure" in row ? outwards.map((x) => -x * valueAt(row.pressure, point))
         : inSpace(row.traction.map((one) => valueAt(one, point))),
     }));
     const largest = Math.max(...some.map(({ vector }) => norm(vector)), 0);
+    const room = Math.min(...some.map((one) => one.room ?? Infinity)); // the arrows of one load can be compared
+    const longest = Math.min(length, FREE_SHARE * room);
     for (const { point, outwards, vector } of some) {
       const share = largest ? norm(vector) / largest : 0;
       if (share < 0.05) continue;
       const pushes = outwards.reduce((sum, x, k) => sum + x * vector[k], 0) < 0;
-      found.push(...arrowLines(point, unit(vector).map((x) => x * length * share), pushes));
+      found.push(...arrowLines(point, unit(vector).map((x) => x * longest * share), pushes));
     }
   }
   for (const key of ["force", "bearing_force"]) {

@@ -62,8 +62,8 @@ void main() {
     base = mix(vec3(0.25), base, 0.6 + 0.4 * smoothstep(0.2, 1.2, edge));
   }
   int mark = marked && mode == 0 ? int(shade + 0.5) : 0;
-  if ((mark & 1) != 0) base = mix(base, vec3(0.05, 0.12, 0.6), 0.8);
-  if ((mark & 2) != 0) base = mix(base, vec3(0.75, 0.08, 0.08), 0.75);
+  if ((mark & 1) != 0) base = mix(base, vec3(0.5, 0.66, 1.0), 0.85);
+  if ((mark & 2) != 0) base = mix(base, vec3(1.0, 0.6, 0.55), (mark & 1) != 0 ? 0.5 : 0.85);
   if ((mark & 4) != 0) base = mix(base, vec3(0.65, 1.0, 0.1), 0.85);
   pixel = vec4(mix(base * light, vec3(1.0, 0.85, 0.4), glow), 1.0);
 }
