@@ -650,7 +650,8 @@ def test_a_bore_is_told_from_a_shaft(tmp_path: Path, browser: Any) -> None:
         patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
         assert main(["mesh", str(step), "-o", str(folder), "--size", "1"]) == SOLVED
     page = SetupPage(browser, folder / "setup.html")
-    words = page("Object.values(JSON.parse(document.getElementById('data').textContent).faces.words)")
+    data = json.loads(page("document.getElementById('data').textContent"))
+    words = data["faces"]["words"].values()
     (bore,) = [line for line in words if "cylindrical, bore, R 0.5, along z" in line]
     assert len([line for line in words if "cylindrical, convex, R 1, along z" in line]) == 1
     name = bore.split(":")[0]
