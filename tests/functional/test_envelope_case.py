@@ -1,4 +1,4 @@
-"""An interaction diagram from a case file: levels of proof, picture, page, and what is refused."""
+"""Test interaction diagrams from a case file: proofs, picture, page, and refusals."""
 
 import csv
 import json
@@ -57,7 +57,7 @@ pictures = false
 def test_a_footing(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A pressure alone is carried to (2 + π)k, and a shear stress to k."""
+    """The ground carries a pressure alone up to (2 + π)k, and a shear stress up to k."""
     if comm.rank == 0:
         write_strip_footing(shared_tmp_path / "ground.msh", size=0.5, grading=1.0)
     run = run_case(comm, shared_tmp_path, CASE, capsys, "--report")
@@ -88,7 +88,7 @@ def test_a_footing(
 def goes_on(
     comm: MPI.Intracomm, case: Path, run: CaseRun, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A run that was killed behind three directions looks at the last of them and the rest."""
+    """A run was killed after three directions. A restart computes the last of them and the rest."""
     folder = run.folder
     kept, path, before = 3, folder / "directions.json", dict[str, Any]()
     if comm.rank == 0:
@@ -105,7 +105,7 @@ def goes_on(
         assert again["envelope"]["directions"] == directions
         assert out.count(" degrees: carried to ") == len(directions) - (kept - 1)
         for row, same in zip(again["envelope"]["rows"], before["envelope"]["rows"], strict=True):
-            # the direction that is looked at anew comes as near to its bounds as limit_tolerance
+            # the bounds in the repeated direction are as close as limit_tolerance
             assert row == pytest.approx(same, rel=1e-5, abs=1e-9)
         assert len(json.loads(path.read_text(encoding="utf-8"))) == len(directions)
         path.write_text("[{}]", encoding="utf-8")
@@ -154,7 +154,7 @@ def test_the_picture_of_a_rigid_footing(tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.serial
 def test_three_loads_of_a_rigid_footing(tmp_path: Path) -> None:
-    """V, H and M: proofs of each direction, rows, four views and the page."""
+    """V, H and M: proofs for each direction, rows, four views and the page."""
     write_footing(tmp_path / "ground.msh", size=1.0)
     head, tail = CASE[: CASE.index("[[support]]")], CASE[CASE.index("[loading]") :]
     turn = '[[load]]\nname = "M"\non = "footing"\nmoment = 2.0\n'
@@ -216,7 +216,7 @@ def test_refused_in_one_sentence(
 def test_solved_where_it_is_near_enough(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A block under pressure p and its weight w: p + w ≤ Y."""
+    """Block under a pressure p and its weight w: p + w ≤ Y."""
     text = """
         mesh = { builder = "stacked_blocks", n = 1 }
         material.lower = { law = "von-mises", young = 2e5, poisson = 0.3, yield_stress = 300.0 }

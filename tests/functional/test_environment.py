@@ -1,4 +1,4 @@
-"""The script ./fenicsx, as far as it can be tried inside the environment that it has made."""
+"""Test the script ./fenicsx, as far as possible inside the environment that it has made."""
 
 import os
 import re
@@ -50,7 +50,7 @@ def test_the_way_is_shown() -> None:
     ],
 )
 def test_why_not_by_pip(tmp_path: Path, says: str, reason: str) -> None:
-    """A Python that the wheels are not for is named with its reason."""
+    """The message gives the reason why the wheels do not fit this Python."""
     for name in ("python3", "python3.12", "python3.13", "python3.14"):
         (tmp_path / name).write_text(f"#!/bin/sh\necho '{says}'; exit 1\n", encoding="utf-8")
         (tmp_path / name).chmod(0o755)
@@ -71,7 +71,7 @@ def test_why_not_by_pip(tmp_path: Path, says: str, reason: str) -> None:
     ],
 )
 def test_why_pip_failed(tmp_path: Path, pip_says: str, reason: str) -> None:
-    """One sentence for a full disk, a proxy and a missing network, and the log for the rest."""
+    """A full disk, a proxy or a missing network gives one sentence; the log has the rest."""
     text = SCRIPT.read_text(encoding="utf-8")
     found = re.search(r"^install_by_pip\(\) \{.*?^\}", text, re.M | re.S)
     assert found is not None
@@ -98,7 +98,7 @@ def test_why_pip_failed(tmp_path: Path, pip_says: str, reason: str) -> None:
 
 
 def test_the_locked_versions_are_those_that_the_extras_ask_for() -> None:
-    """Each requirement of pyproject.toml that ./fenicsx installs has a version."""
+    """Each requirement in pyproject.toml that ./fenicsx installs has a fixed version."""
     lines = (ROOT / "share/pip/constraints.txt").read_text(encoding="utf-8").splitlines()
     locked = {re.split("==", line)[0].replace("_", "-").lower() for line in lines if "==" in line}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -117,7 +117,7 @@ def test_empty_suite_is_none() -> None:
 
 
 def test_a_suite_is_no_other() -> None:
-    """At most one of them is this system itself."""
+    """At most one of the suites is this system."""
     runs = [
         fenicsx("echo", "here", FENICSX_SUITE=suite, PERFPLAST_WAY="native")
         for suite in ("trixie", "sid")
@@ -138,7 +138,7 @@ def test_usage_names_the_suites() -> None:
 
 
 def test_the_image_sets_what_the_script_sets() -> None:
-    """Commands in the image need not go through the script."""
+    """Commands in the image may bypass the script."""
     found = re.search(r"^defaults=\((.*?)^\)", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
     assert found is not None
     defaults = set(re.sub(r"#.*", "", found[1]).split())
@@ -170,7 +170,7 @@ def test_what_killed_runs_left_half_compiled_is_removed(tmp_path: Path) -> None:
 
 
 def test_what_nothing_loads_is_removed_from_a_virtual_environment(tmp_path: Path) -> None:
-    """VTK's list of modules no longer names what is gone, so that it can be imported."""
+    """VTK's list of modules omits the removed modules, so VTK can be imported."""
     found = re.search(r"^slim\(\) \{.*?^\}", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
     assert found is not None
     packages = tmp_path / "lib" / "python3.13" / "site-packages"
@@ -190,7 +190,7 @@ def test_what_nothing_loads_is_removed_from_a_virtual_environment(tmp_path: Path
 
 
 def test_what_chooses_instructions_reaches_the_command() -> None:
-    """The clean environment of the root file system has what the numbers may depend on."""
+    """The clean environment of the root file system keeps the variables that may change numbers."""
     chosen = {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "GLIBC_TUNABLES", "PETSC_OPTIONS"}
     found = re.search(r"^passed_on\(\) \{.*?^\}", SCRIPT.read_text(encoding="utf-8"), re.M | re.S)
     assert found is not None

@@ -1,4 +1,4 @@
-"""``perfplast export`` and ``RunResults``: the files by other readers, a notebook that is run."""
+"""Test ``perfplast export`` and ``RunResults``: other readers read the files, a notebook runs."""
 
 import csv
 import shutil
@@ -24,18 +24,18 @@ LIMIT = CASE.replace("values = [50.0, 80.0]", 'control = "bounds"')
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two levels, with the points of the quadrature."""
+    """Return two levels, with the quadrature points."""
     return solved(tmp_path_factory, CASE.replace("[output]\n", "[output]\npoints = true\n"))
 
 
 @pytest.fixture(scope="module")
 def bounded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Bounds of the body."""
+    """Return bounds for the body."""
     return solved(tmp_path_factory, LIMIT)
 
 
 def solved(factory: pytest.TempPathFactory, text: str) -> Path:
-    """A run, with all that can be exported."""
+    """Return a run with everything that can be exported."""
     comm = MPI.COMM_WORLD
     place = comm.bcast(factory.mktemp("run"))
     folder = place / "results"
@@ -74,7 +74,7 @@ def test_vtk_reads_the_same_from_both(
 
 
 def test_points_of_the_quadrature(results: Path, comm: MPI.Intracomm) -> None:
-    """Their stresses have the cells' means, each in its own cell; volumes add up to the bodies."""
+    """The stresses have the means of the cells, each in its cell; volumes sum to the bodies."""
     if comm.rank:
         return
     with h5py.File(results / "fields/level_0002.vtkhdf", locking=False) as cells:
@@ -117,7 +117,7 @@ def test_tables_of_levels(results: Path, comm: MPI.Intracomm) -> None:
 
 
 def test_tables_of_bounds(bounded: Path, comm: MPI.Intracomm) -> None:
-    """Loads at a bound are the bound times those at ζ = 1; the row is that of path.csv."""
+    """Loads at a bound are the bound times the loads at ζ = 1; the row agrees with path.csv."""
     if comm.rank:
         return
     (row,) = rows(bounded / "export/bounds.csv")
@@ -194,7 +194,7 @@ CELLS = (
 
 @alone
 def test_a_notebook(results: Path, bounded: Path, tmp_path: Path, browser: Any) -> None:
-    """Jupyter's kernel runs it; what a cell shows is the report, which works in a browser."""
+    """Jupyter's kernel runs the notebook; a cell shows the report, which works in a browser."""
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     book = nbformat.v4.new_notebook()
     places = {"levels": str(results), "bounds": str(bounded)}

@@ -1,4 +1,4 @@
-"""Extensions of an installed package, which the command line finds by their entry point."""
+"""Test extensions of an installed package, which the command line finds by their entry points."""
 
 import json
 from pathlib import Path
@@ -77,15 +77,15 @@ MODELS[".tets"] = read
 
 
 def bar() -> str:
-    """Return a bar 1 x 1 x 2 of twelve tetrahedra about its axes of cubes, in the format above."""
+    """Return a bar 1 x 1 x 2 of twelve tetrahedra around the diagonals of cubes, as a file."""
     lines = [f"v {x} {y} {z}" for z in range(3) for y in range(2) for x in range(2)]
-    paths = [(1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]  # Kuhn's six of a cube
+    paths = [(1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]  # Kuhn's six in a cube
     lines += [f"t {4 * k} {4 * k + a} {4 * k + b} {4 * k + 7}" for k in range(2) for a, b in paths]
     return "\n".join([*lines, "g foot 0 1 2 3", "g head 8 9 10 11", ""])
 
 
 def test_a_mesh_format_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None:
-    """The bar is pulled: its limit load is its yield stress."""
+    """The limit load of the bar in tension is its yield stress."""
     install(tmp_path, "own_law", FORMAT, GROUP, "law = own_law")
     (tmp_path / "bar.tets").write_text(bar())
     drawing, made_in = str(tmp_path / "bar.tets"), str(tmp_path / "d")

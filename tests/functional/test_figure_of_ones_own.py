@@ -1,4 +1,4 @@
-"""A figure that the package does not have, as one file and one entry point, through a whole run."""
+"""Test a figure from outside the package, as one file and one entry point, in a whole run."""
 
 import base64
 import sys
@@ -84,7 +84,7 @@ def test_a_figure_that_is_none_is_refused(
 
 
 def test_ranks_refuse_a_figure_together(tmp_path: Path) -> None:
-    """Rank 0 looks into the folder alone, and the other one does not wait for ever."""
+    """Only rank 0 looks into the folder, and the other rank does not wait for ever."""
     install(tmp_path, "own_figure", OWN, registry.GROUP, "steps = own_figure:CURVE")
     case = str(ROOT / "demos" / "block_on_plane.toml")
     run = perfplast("run", case, "-o", str(tmp_path / "out"), ranks=2, folder=tmp_path)
@@ -93,7 +93,7 @@ def test_ranks_refuse_a_figure_together(tmp_path: Path) -> None:
 
 
 def test_figures_have_names_and_functions_of_their_own() -> None:
-    """Each entry's function exists; no two share a file."""
+    """The function of each entry exists, and no two entries share a file."""
     assert len({figure.file for figure in FIGURES}) == len(FIGURES)
     for figure in FIGURES:
         module, function = figure.source.split(":")

@@ -1,4 +1,4 @@
-"""First mistakes of users: each is accepted, or refused in one sentence with its remedy."""
+"""Test first mistakes of users: the program accepts each, or gives one sentence with a remedy."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -62,7 +62,7 @@ Told = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def told(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Told:
-    """Writes the case with changes, runs a command, and gives status and complaint."""
+    """Write the case with changes, run a command, and return the status and the message."""
 
     def run(*changes: tuple[str, str], command: tuple[str, ...] = ("check",)) -> tuple[int, str]:
         path, text = shared_tmp_path / "case.toml", CASE
@@ -132,7 +132,7 @@ def test_nothing_is_said_of_usual_numbers(told: Told) -> None:
 
 
 def test_a_mark_in_front(tmp_path: Path) -> None:
-    """Windows' Notepad writes one."""
+    """Windows' Notepad writes a byte order mark."""
     path = tmp_path / "case.toml"
     path.write_text(CASE, encoding="utf-8-sig")
     assert parse(read_text(path), "case.toml")["title"] == "a cube"
@@ -164,7 +164,7 @@ def test_long_formulas_are_cut() -> None:
 
 
 def test_restart_with_more_levels(told: Told, shared_tmp_path: Path) -> None:
-    """It goes on; an earlier level that has changed is named, and so are missing fields."""
+    """The run continues; a message names a changed earlier level, and missing fields."""
     results = str(shared_tmp_path / "results")
     quiet = (("[element]", "[output]\npictures = false\n\n[element]"),)
     assert told(*quiet, command=("run", "-o", results, "--quiet")) == (0, "")

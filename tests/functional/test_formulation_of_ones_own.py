@@ -1,4 +1,4 @@
-"""Rows of contact of a formulation that the package does not have, through whole runs."""
+"""Test contact rows of a formulation from outside the package, in whole runs."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ Rows = Callable[..., Constraints]
 
 
 def stop(on: str, d: Sequence[float], play: float, number: int, *sources: Source) -> Rows:
-    """u·d ≤ play at each node of a surface."""
+    """Return rows for u·d ≤ play at each node of a surface."""
 
     def constraints(V: Any, tagged_mesh: Any, fixed: Any) -> Constraints:
         nodes = surface_nodes(V, tagged_mesh, on, fixed)
@@ -59,7 +59,7 @@ def stop(on: str, d: Sequence[float], play: float, number: int, *sources: Source
 def run(
     monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm, shared_tmp_path: Path
 ) -> Callable[..., dict[str, Any]]:
-    """Runs the block against rows, and says what the last level is in ``summary.json``."""
+    """Run the block with these rows, and return the last level in ``summary.json``."""
 
     def run(*chosen: Rows, status: int = SOLVED) -> dict[str, Any]:
         def find(V: Any, mesh: Any, contacts: Any, obstacles: Any, fixed: Any) -> Constraints:
@@ -79,7 +79,7 @@ def run(
 
 
 def test_surfaces_are_numbered_freely(run: Callable[..., dict[str, Any]]) -> None:
-    """Two stops without sources: numbers that were taken for contacts and obstacles before."""
+    """Two stops have no sources. Earlier, their numbers counted as contacts and obstacles."""
     last = run(stop("top", (0, 0, 1), 1e-4, 7), stop("top", (1, 0, 0), 0.0, 0))
     forces = {name: np.array(force) for name, force in last["reactions"].items()}
     assert forces["loads"] == pytest.approx([20.0, 0.0, 100.0], rel=1e-9)
@@ -94,7 +94,7 @@ def test_surfaces_are_numbered_freely(run: Callable[..., dict[str, Any]]) -> Non
 def test_a_source_of_ones_own(
     friction: dict[str, float], run: Callable[..., dict[str, Any]]
 ) -> None:
-    """Its name is in the results, and it rubs as it says."""
+    """Results contain the name of the source, and its friction acts."""
     source = Source("end stop", "top", **friction)
     last = run(stop("top", (0, 0, 1), 1e-5, 0, source))
     forces = {name: np.array(force) for name, force in last["reactions"].items()}

@@ -1,4 +1,4 @@
-"""Friction and contact from a case file: pressed and pushed in stages, and what is refused."""
+"""Test friction and contact from a case file: pressed and pushed in stages, and refusals."""
 
 import json
 from pathlib import Path
@@ -92,7 +92,7 @@ def test_bad_input_is_one_sentence(
 
 @pytest.mark.parametrize("law", ["tresca = 20.0", "coulomb = 0.2"])
 def test_pressed_then_pushed_and_left(law: str, shared_tmp_path: Path, comm: MPI.Intracomm) -> None:
-    """The floor holds the push, and gives it back."""
+    """The floor carries the push, and its force returns to zero with the push."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     if comm.rank == 0:
         tables = f'{CONTACT}{law}\n{FLOOR}name = "floor"\n{law}\n'

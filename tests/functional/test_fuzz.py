@@ -1,7 +1,7 @@
-"""Broken input, systematically: one sentence on every rank, or a result that is one.
+"""Test broken input systematically: one sentence on every rank, or a valid result.
 
-Nothing of it may end in a traceback, a hang, different outcomes on different ranks, or a state that
-is called converged and is none. ``PERFPLAST_FUZZ=20`` tries twenty times as many.
+No input may cause a traceback, a hang, different outcomes on different ranks, or a level that
+wrongly counts as converged. ``PERFPLAST_FUZZ=20`` tries twenty times as many inputs.
 """
 
 import copy
@@ -34,10 +34,10 @@ from perfplast_fenicsx.solvers.load_stepping import load_path
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 
 HANGS = 300
-"""An attempt that takes longer ends no more (s)."""
+"""Time (s) after which an attempt counts as a hang."""
 
 pytestmark = [
-    pytest.mark.filterwarnings("error::RuntimeWarning"),  # they would be printed
+    pytest.mark.filterwarnings("error::RuntimeWarning"),  # NumPy would print these warnings
     pytest.mark.timeout(600 * max(1, EFFORT)),
 ]
 
@@ -109,7 +109,7 @@ FORMULAS = st.text(alphabet="xyz()+-*/%<>=&|.,19e _[]{}'\"\\\0\nsincoπ^~@:", ma
 
 
 def toml(value: Any) -> str:
-    """A value as TOML."""
+    """Return a value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -128,7 +128,7 @@ def document(table: dict[str, Any]) -> str:
 
 
 def places(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Every container below a value, with each of its keys."""
+    """Yield every container in a value, with each of its keys."""
     items = value.items() if isinstance(value, dict) else enumerate(value)
     for key, item in list(items):
         yield value, key
@@ -138,7 +138,7 @@ def places(value: Any) -> Iterator[tuple[Any, Any]]:
 
 @st.composite
 def broken_cases(draw: st.DrawFn, most: int = 3) -> str:
-    """A case with one or several things wrong in it."""
+    """Return a case with one or several faults."""
     table = copy.deepcopy(BASE)
     for _ in range(draw(st.integers(1, most))):
         container, key = draw(st.sampled_from(list(places(table))))
@@ -153,14 +153,14 @@ def broken_cases(draw: st.DrawFn, most: int = 3) -> str:
         elif kind == "formula":
             container[key] = draw(FORMULAS)
         else:
-            container[key] = copy.deepcopy(draw(st.sampled_from(HOSTILE)))  # lists may change
+            container[key] = copy.deepcopy(draw(st.sampled_from(HOSTILE)))  # the lists may change
         if not table:
             break
     return document(table)
 
 
 def fuzz(number: int) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """The same examples on every rank and in every run."""
+    """Use the same examples on every rank and in every run."""
     return settings(
         max_examples=max(1, int(number * EFFORT)),
         derandomize=True,
@@ -172,7 +172,7 @@ def fuzz(number: int) -> Callable[[Callable[..., None]], Callable[..., None]]:
 
 
 class Hang(BaseException):
-    """Nothing that the library may catch."""
+    """An exception that the library must not catch."""
 
 
 def outcome(comm: MPI.Intracomm, attempt: Callable[[], str]) -> str:
@@ -198,7 +198,7 @@ def outcome(comm: MPI.Intracomm, attempt: Callable[[], str]) -> str:
 
 
 class Tally:
-    """Counts outcomes and prints them."""
+    """Count outcomes, and print the counts."""
 
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self.capsys, self.counts = capsys, Counter[str]()
@@ -229,7 +229,7 @@ def test_the_base_is_fine(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
 @pytest.mark.mpi2
 def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
-    """Wrong keys, types and values; most are refused without a mesh."""
+    """Wrong keys, types and values; the program refuses most of them without a mesh."""
 
     @fuzz(300 if comm.size == 1 else 75)
     @given(broken_cases())
@@ -244,7 +244,7 @@ def test_case_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
 
 @pytest.mark.mpi2
 def test_broken_text(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -> None:
-    """Bytes that are changed, cut, repeated or put in."""
+    """Return text in which bytes are changed, cut, repeated or inserted."""
     whole = document(BASE).encode()
 
     @fuzz(125 if comm.size == 1 else 40)
@@ -260,7 +260,7 @@ def test_broken_text(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) -
 
 
 def solved(comm: MPI.Intracomm, path: Path) -> str:
-    """Solve a case; a level that is called converged must have a certificate."""
+    """Solve a case; a level that counts as converged must have a certificate."""
     case = read_case(path, comm)
     solver = case.solver(case.problem(comm))
     if case.loading.values is None:
@@ -278,7 +278,7 @@ def solved(comm: MPI.Intracomm, path: Path) -> str:
 
 @st.composite
 def broken_values(draw: st.DrawFn) -> str:
-    """A case with one value that a mesh, or the solution, must be asked about."""
+    """Return a case with one value that only a mesh or the solution can reject."""
     table = copy.deepcopy(BASE)
     numbers = [
         (container, key)
@@ -310,7 +310,7 @@ def test_extreme_values_are_solved_or_refused(
 
 
 def broken_mesh(lines: list[str], lot: random.Random) -> bytes:
-    """A .msh file with one or several things wrong in it."""
+    """Return a .msh file with one or several faults."""
     lines = list(lines)
     words = [
         "nan",
@@ -363,7 +363,7 @@ def test_mesh_files(comm: MPI.Intracomm, shared_tmp_path: Path, tally: Tally) ->
 
 
 WEDGE = {"2 5 0 0": "2 5 0 3", "2 8 0 0": "2 8 0 2", '3 8 "upper"': '999999999 8 "upper"'}
-"""Changes of a mesh file that make gmsh itself crash, or run without end."""
+"""Changes of a mesh file with which gmsh crashes or runs without end."""
 
 
 @pytest.mark.mpi2("2 5 0 0-2 5 0 3-gmsh cannot read")
@@ -436,7 +436,7 @@ NAMES = [
 
 
 def refuse(comm: MPI.Intracomm, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """A command is bad input, told in one sentence of one rank."""
+    """Check that a command is invalid input, reported in one sentence by one rank."""
 
     def attempt() -> str:
         assert main(arguments) == BAD_INPUT, arguments
@@ -461,7 +461,7 @@ def test_path_names(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Names that no file has, devices and FIFOs, in arguments and as mesh files."""
+    """Names of missing files, devices and FIFOs, as arguments and as mesh files."""
     monkeypatch.chdir(shared_tmp_path)
     if comm.rank == 0:
         os.mkfifo("fifo")
@@ -488,7 +488,7 @@ def test_output_folders(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A path that cannot be a folder is refused in one sentence, by one rank."""
+    """One rank refuses in one sentence a path that cannot be a folder."""
     monkeypatch.chdir(shared_tmp_path)
     case = put(comm, shared_tmp_path / "case.toml", document(BASE).encode())
     if comm.rank == 0:
@@ -508,7 +508,7 @@ def test_result_folders(
     capsys: pytest.CaptureFixture[str],
     tally: Tally,
 ) -> None:
-    """Restarts from damaged checkpoints: from the one before, or not at all."""
+    """A restart from a damaged checkpoint uses the previous checkpoint, or is refused."""
     case = put(comm, shared_tmp_path / "case.toml", document(BASE).encode())
     results = shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
@@ -540,7 +540,7 @@ def test_result_folders(
 
 
 def damage(content: bytes, lot: random.Random) -> bytes:
-    """A file that is cut, or has some of its bytes changed."""
+    """Return a file that is cut, or in which some bytes are changed."""
     if lot.random() < 0.3:
         return content[: lot.randrange(len(content))]
     changed = bytearray(content)

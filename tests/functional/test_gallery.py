@@ -1,4 +1,4 @@
-"""The gallery of real things: each from its geometry file to its limit load, in a small size."""
+"""Test the gallery of real structures, from geometry files to limit loads, on small meshes."""
 
 import json
 import math
@@ -34,14 +34,14 @@ COARSE = {
     "dovetail": {"size = 1.5": "size = 5.0", "{blade = 1.0}": "{blade = 3.0}"},
     "engine_bracket": {"size = 9.0": "size = 30.0\ncurvature = 6", "cells = 4500": "cells = 10"},
 }
-"""Changes of the cases for a small mesh."""
+"""Changes in the cases that give small meshes."""
 
 STEP = {"bolted_bracket": write_bolted_bracket, "engine_bracket": write_engine_bracket}
 """Functions that write the geometry of cases without a script."""
 
 
 def run_small(folder: Path, name: str) -> dict[str, Any]:
-    """Run a case of the gallery on a coarse mesh; its summary. Collective."""
+    """Run a case of the gallery on a coarse mesh, and return its summary. Collective."""
     case = folder / f"{name}.toml"
     if MPI.COMM_WORLD.rank == 0:
         if name in STEP:
@@ -55,7 +55,7 @@ def run_small(folder: Path, name: str) -> dict[str, Any]:
         case.write_text(f"{text}\n[output]\nfields = false\npictures = false\n", encoding="utf-8")
     MPI.COMM_WORLD.barrier()
     assert main(["run", str(case), "-o", str(folder / name), "--quiet", "--trust"]) == 0
-    found = folder / name / "summary.json"  # combinations have one each
+    found = folder / name / "summary.json"  # each combination has a summary
     return dict(json.loads(found.read_text(encoding="utf-8"))) if found.is_file() else {}
 
 
@@ -65,14 +65,14 @@ def run_small(folder: Path, name: str) -> dict[str, Any]:
     [("bolted_bracket", 108.8), ("lug", 106.8), ("nozzle", 23.8), ("slope", 288.0)],
 )
 def test_limit_loads(shared_tmp_path: Path, name: str, limit: float) -> None:
-    """The limits were found on such coarse meshes, with gmsh 4.13 and other versions alike."""
+    """The known limits come from such coarse meshes, with gmsh 4.13 and other versions."""
     found = run_small(shared_tmp_path, name)["limit"]
     assert found["levelled_off"]
     assert found["estimate"] == pytest.approx(limit, rel=0.05)
 
 
 def test_arch(shared_tmp_path: Path) -> None:
-    """Rigid stones: both bounds are the collapse acceleration, whatever the mesh."""
+    """With rigid stones both bounds equal the collapse acceleration on any mesh."""
     body = run_small(shared_tmp_path, "arch")["limit"]["body"]
     assert body["strict"]
     assert body["lower"] == pytest.approx(body["upper"], rel=1e-9)
@@ -81,14 +81,14 @@ def test_arch(shared_tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_dovetail(shared_tmp_path: Path) -> None:
-    """A neck of 12 mm carries 2/√3 of its yield stress at most."""
+    """A neck of 12 mm carries at most 2/√3 of its yield stress."""
     limit = run_small(shared_tmp_path, "dovetail")["limit"]["estimate"]
     assert limit == pytest.approx(575.0, rel=0.05)
     assert limit < 2 / math.sqrt(3) * 830
 
 
 def test_press_fit(shared_tmp_path: Path) -> None:
-    """Lamé's pressure between two tubes of one elastic material, in plane strain."""
+    """Lamé's pressure acts between two tubes of one elastic material, in plane strain."""
     a, c, b, interference, young, poisson = 8.0, 20.0, 40.0, 0.03, 210e3, 0.3
     softness = (b**2 + c**2) / (b**2 - c**2) + (c**2 + a**2) / (c**2 - a**2)
     pressure = interference * young / (1 - poisson**2) / (c * softness)
@@ -111,7 +111,7 @@ def test_parts_have_names_in_each_file_of_a_process(tmp_path: Path) -> None:
     ("name", "stands", "falls"), [("retaining_wall", 1.1939, 1.2350), ("footing", 1.3720, 1.3918)]
 )
 def test_a_factor_of_safety(shared_tmp_path: Path, name: str, stands: float, falls: float) -> None:
-    """On finer meshes it is between both."""
+    """On finer meshes F is between both bounds."""
     found = run_small(shared_tmp_path, name)["limit"]["strength"]
     assert 0.65 * stands < found["lower"] < falls
     assert stands < found["upper"] < 1.35 * falls
@@ -119,7 +119,7 @@ def test_a_factor_of_safety(shared_tmp_path: Path, name: str, stands: float, fal
 
 @pytest.mark.long
 def test_four_loads_of_one_bracket(shared_tmp_path: Path) -> None:
-    """On a coarse mesh each limit load is between both bounds, which are farther apart."""
+    """On a coarse mesh each limit load lies between both bounds, which are wider apart."""
     run_small(shared_tmp_path, "engine_bracket")
     loads = {
         "vertical": (17.09, 22.28),

@@ -1,4 +1,4 @@
-"""The generators under meshes/: names, sizes, matching surfaces, curves."""
+"""Test the mesh generators in meshes/: names, sizes, matching surfaces, curves."""
 
 import runpy
 from collections.abc import Callable
@@ -65,7 +65,7 @@ pytestmark = pytest.mark.serial
 
 @dataclass
 class Case:
-    """A generator with the properties of the mesh that it should write.
+    """A generator with the required properties of its mesh.
 
     Attributes:
         write: The generator.
@@ -90,7 +90,7 @@ class Case:
         return "-".join([self.write.__name__.removeprefix("write_"), *options])
 
     def read(self, comm: MPI.Intracomm, folder: Path, **changes: object) -> TaggedMesh:
-        """Write the mesh on rank 0, read it on all."""
+        """Write the mesh on rank 0, and read it on all ranks."""
         path = folder / "mesh.msh"
         if comm.rank == 0:
             self.write(path, **self.arguments | changes)
@@ -99,13 +99,13 @@ class Case:
 
 
 def meshed_apart(case: Case) -> Case:
-    """The same, its bodies meshed one by one, so that their nodes do not match."""
+    """Return the same bodies, meshed separately, so their nodes do not match."""
     return replace(case, arguments=case.arguments | {"finer": 1.5}, pairs=[])
 
 
 quarter = pi / 4
 arc_height = 1 - sqrt(1 - ARC**2)
-cap_side = (asin(CAP) - CAP * sqrt(1 - CAP**2)) / 2  # the cap seen along x or y
+cap_side = (asin(CAP) - CAP * sqrt(1 - CAP**2)) / 2  # the cap, projected along x or y
 TUBES = Case(
     write_thick_tube,
     {"outer": 2.0, "interface": 1.5, "size": 0.2, "order": 2},
@@ -718,7 +718,7 @@ def test_volumes_and_surfaces(comm: MPI.Intracomm, shared_tmp_path: Path, case: 
 
 
 def points(tagged_mesh: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
-    """The nodes of a surface, in order, shape (num_nodes, 3)."""
+    """Return the nodes of a surface, in order, shape (num_nodes, 3)."""
     return in_order(surface_nodes(tagged_mesh, name).values())
 
 
@@ -748,7 +748,7 @@ def test_curved_facets(
 def test_circumscribed_facets(
     comm: MPI.Intracomm, shared_tmp_path: Path, surface: str, radius: float
 ) -> None:
-    """They touch the sphere, and have their vertices outside; those of the other lie on it."""
+    """The facets touch the sphere, with vertices outside; the other facets have vertices on it."""
     case = Case(write_thick_sphere, {"size": 0.4, "circumscribed": surface}, {}, {}, gdim=3)
     tagged_mesh = case.read(comm, shared_tmp_path)
     for name, size in (("inner", 1.0), ("outer", 2.0)):
@@ -808,7 +808,7 @@ def test_platen_is_glued(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
 
 def edge_lengths(tagged_mesh: TaggedMesh, point: tuple[float, ...]) -> tuple[float, float]:
-    """Length of the longest edge of the largest cell at a place, and in the whole mesh."""
+    """Return the longest edge of the largest cell at a place, and in the whole mesh."""
     mesh = tagged_mesh.mesh
     cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
     sizes = mesh.h(mesh.topology.dim, cells)
@@ -839,7 +839,7 @@ def test_finer_where_it_matters(
 
 
 def test_folded_elements_are_refused(tmp_path: Path) -> None:
-    write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.4, order=2)  # some are repaired
+    write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.4, order=2)  # repairs some
     with pytest.raises(InputError, match="fold over; give a smaller size"):
         write_thick_sphere(tmp_path / "mesh.msh", interface=1.3, size=0.8, order=2)
 

@@ -1,4 +1,4 @@
-"""Case files whose mesh is made of a CAD file by the run itself."""
+"""Test cases for which the run makes the mesh from a CAD file."""
 
 import json
 from pathlib import Path
@@ -65,13 +65,13 @@ pictures = false
 
 
 def tower() -> None:
-    """A block on a larger one."""
+    """Draw a block on a larger block."""
     gmsh.model.occ.addBox(-2, -2, 0, 4, 4, 2)
     gmsh.model.occ.addBox(-1, -1, 2, 2, 2, 1)
 
 
 def case_file(folder: Path, *changes: tuple[str, str]) -> Path:
-    """Write the tower and its case by rank 0."""
+    """Write the tower and its case on rank 0."""
     write(folder / "tower.step", tower)
     path = folder / "case" / "tower.toml"
     if MPI.COMM_WORLD.rank == 0:
@@ -98,7 +98,7 @@ APART = (
 
 @pytest.mark.mpi2
 def test_meshed_together_and_apart(shared_tmp_path: Path) -> None:
-    """A block between frictionless surfaces collapses at its yield stress, by any mesh."""
+    """A block between frictionless surfaces collapses at its yield stress, on any mesh."""
     together = limit_load(case_file(shared_tmp_path), shared_tmp_path / "together")
     apart = limit_load(case_file(shared_tmp_path, *APART), shared_tmp_path / "apart")
     assert together == pytest.approx(300.0, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Drucker and Prager's material in all four algorithms, with contact, and from case files."""
+"""Test Drucker–Prager materials in all four algorithms, with contact, and from case files."""
 
 import json
 import math
@@ -45,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 COHESION, ANGLE = 10.0, 30.0
 TIP = COHESION / math.tan(math.radians(ANGLE))
 EXACT = TIP * (2.0 ** (2 / 3) - 1)
-"""Exact limit pressure of the tube b/a = 2 at 30°."""
+"""Exact limit pressure of the tube with b/a = 2 and φ = 30°."""
 
 CASE = """
 [mesh]
@@ -74,7 +74,7 @@ LOADING
 
 
 def divided_tube(read: Read, sign: float = 1.0, outside: float = 0.0) -> Problem:
-    """Two tubes, one in the other, that press on each other."""
+    """Return two tubes in contact, one in the other."""
     tagged_mesh = read(write_thick_tube, outer=2.0, interface=1.4, size=0.3, order=2)
     ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, "plane-strain")
     loads = [Pressure("inner", sign), Pressure("outer", outside, constant=True)]
@@ -98,7 +98,7 @@ def solved(level: Level) -> Level:
 @pytest.mark.long(but=["-1.0-10.0"])
 @pytest.mark.parametrize(("sign", "outside"), [(1.0, 0.0), (-1.0, 10.0)])
 def test_the_four_algorithms_agree(read: Read, sign: float, outside: float) -> None:
-    """Burst from within, or pressed from without while the inner pressure becomes a tension."""
+    """The tube bursts, or outer pressure crushes it while the inner pressure becomes a tension."""
     problem = divided_tube(read, sign, outside)
     zeta = 9.5 if sign > 0 else 0.9 * limit_load(problem, 1e-3).lower
     sharp = NewtonOptions(tolerance=1e-11)
@@ -115,7 +115,7 @@ def test_the_four_algorithms_agree(read: Read, sign: float, outside: float) -> N
 
 
 def test_limit_load_is_the_exact_one(read: Read) -> None:
-    """By the interior point method, with a mechanism, and by the path, which knows no upper one."""
+    """The interior point method also gives a mechanism; the path knows no upper bound."""
     found = limit_load(divided_tube(read), 1e-5)
     assert found.method is LimitMethod.INTERIOR_POINT
     assert found.levelled_off, found.reason
@@ -132,7 +132,7 @@ def test_limit_load_is_the_exact_one(read: Read) -> None:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("match", ["compression", "extension", "plane-strain"])
 def test_blocks_in_space(match: Match, degree: int) -> None:
-    """Uniform stress and strain: the pressure at which the cone is met without any other."""
+    """Stress and strain are uniform: the pressure at which uniaxial stress reaches the cone."""
     ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, match)
     mesh = stacked_blocks(MPI.COMM_WORLD, 2)
     supports = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
@@ -150,7 +150,7 @@ def test_blocks_in_space(match: Match, degree: int) -> None:
 
 
 def assert_admissible(problem: Problem, found: LimitLoad) -> None:
-    """The stress is nowhere beyond yield, and the mechanism grows wherever it shears."""
+    """No stress violates the yield condition, and the mechanism dilates wherever it shears."""
     assert found.stress is not None
     gauge = fem.Function(problem.Q)
     law = LawExpression(problem.laws, problem.Q, lambda on: on.law.yields.gauge(found.stress))
@@ -166,7 +166,7 @@ def assert_admissible(problem: Problem, found: LimitLoad) -> None:
 
 @pytest.mark.parametrize(("angle", "off"), [(10.0, 0.006), (30.0, 0.011)])
 def test_a_strip_footing(read: Read, angle: float, off: float) -> None:
-    """Prandtl's wedge and spirals: N_c of 8.34 and 30.1 on less than 400 cells."""
+    """Prandtl's wedge and spirals give N_c = 8.34 and 30.1 on less than 400 cells."""
     width, depth = FOOTINGS[angle]
     mesh = read(write_strip_footing, width=width, depth=depth, grading=20.0, size=0.5)
     ground = DruckerPrager(1e4, 0.3, COHESION, angle, "plane-strain")
@@ -184,7 +184,7 @@ def test_a_strip_footing(read: Read, angle: float, off: float) -> None:
 @pytest.mark.long(but=["False"])
 @pytest.mark.parametrize("outer", [True, False])
 def test_beside_von_mises(read: Read, outer: bool) -> None:
-    """Bodies that keep their volume touch such as grow; the path agrees."""
+    """Bodies that preserve volume touch bodies that dilate; the path agrees."""
     problem = divided_tube(read)
     ground = problem.given.materials["inner_tube"]
     laws = {"inner_tube": ground, "outer_tube": ground}
@@ -200,7 +200,7 @@ def test_beside_von_mises(read: Read, outer: bool) -> None:
 
 @pytest.mark.long
 def test_confined_ground_is_said_to_be_confined(read: Read) -> None:
-    """A tube whose outer face is held dilates against it: no load is too much, nothing locks."""
+    """A tube with held outer face dilates against it: it carries any load, and nothing locks."""
     tagged_mesh = read(write_thick_tube, outer=2.0, size=0.3)
     ground = DruckerPrager(1e5, 0.3, COHESION, ANGLE, "plane-strain")
     supports = [Support("x0", "x"), Support("y0", "y"), Support("outer")]
@@ -218,7 +218,7 @@ def test_confined_ground_is_said_to_be_confined(read: Read) -> None:
 
 
 def case(comm: MPI.Intracomm, folder: Path, loading: str, **changes: str) -> Path:
-    """A case and its mesh on file."""
+    """Write a case and its mesh."""
     if comm.rank == 0:
         write_thick_tube(folder / "tube.msh", outer=2.0, size=0.3, order=2)
     text = CASE.replace("LOADING", loading)
@@ -244,7 +244,7 @@ def test_a_case_file_runs_to_the_limit_load(comm: MPI.Intracomm, shared_tmp_path
 
 def test_a_case_file_asks_for_bounds(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     path = case(comm, shared_tmp_path, 'control = "bounds"')
-    if comm.rank == 0:  # of straight cells
+    if comm.rank == 0:  # the mesh has straight cells
         write_thick_tube(shared_tmp_path / "tube.msh", outer=2.0, size=0.3)
     comm.barrier()
     results = shared_tmp_path / "results"

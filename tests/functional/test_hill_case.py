@@ -1,4 +1,4 @@
-"""Rolled metal in case files: levels by algorithms, limit load and bounds, and refusals."""
+"""Test rolled metal in case files: levels by algorithms, limit load and bounds, and refusals."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
 
 
 def case(comm: MPI.Intracomm, folder: Path, more: str) -> Path:
-    """Sheet below a body that never yields. Collective."""
+    """Write the case of a sheet below a body that never yields. Collective."""
     text = case_text(
         {"builder": "stacked_blocks", "n": 1},
         {"lower": SHEET, "upper": Elastic(2e5, 0.3)},  # type: ignore[dict-item]

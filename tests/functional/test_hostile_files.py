@@ -1,4 +1,4 @@
-"""A case from the mail is data: nothing in it is run, and nothing is written elsewhere."""
+"""Test that a case from an unknown source is data: nothing runs, nothing is written elsewhere."""
 
 import os
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from perfplast_fenicsx.geometry import MeshingOptions
 from perfplast_fenicsx.geometry.kept_mesh import END, MARK, _fingerprint
 
 TOUCH = 'SystemCall "touch PWNED";\n'
-"""By this a script of gmsh runs a command."""
+"""Text with which a gmsh script runs a command."""
 
 SOLID = """SetFactory("OpenCASCADE");
 Box(1) = {0, 0, 0, 1, 1, 1};
@@ -50,7 +50,7 @@ pictures = false
 
 
 def mesh_file(body: str = "block", surface: str = "low") -> str:
-    """A cube of six tetrahedra in gmsh's format 2.2."""
+    """Return a cube of six tetrahedra in gmsh's format 2.2."""
     corners = [(i & 1, i >> 1 & 1, i >> 2) for i in range(8)]
     paths = [(1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "3"]
@@ -204,7 +204,7 @@ def files_below(folder: Path) -> set[str]:
 
 @pytest.fixture
 def mail(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Hostile], Path]:
-    """Unpacks it in a folder, which is the working directory and the home, and gives the case."""
+    """Unpack a file into a folder, which is working directory and home; return the case."""
 
     def unpack(hostile: Hostile) -> Path:
         path = shared_tmp_path / "case.toml"
@@ -213,7 +213,7 @@ def mail(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Ho
                 (shared_tmp_path / name).write_text(content, encoding="latin-1")
             source = f"[{hostile.table}]\nfile = '{hostile.name}'\n{hostile.more}"
             text = CASE.format(source=source)
-            if "[output]" in hostile.more:  # a table may be there once
+            if "[output]" in hostile.more:  # a table may occur once
                 text = text.split("\n[output]\npictures")[0]
             path.write_text(text, encoding="utf-8")
         MPI.COMM_WORLD.barrier()
@@ -229,7 +229,7 @@ def mail(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Ho
 def test_nothing_is_run(
     hostile: Hostile, mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Not by ``check``, ``info`` and ``run``, nor by ``mesh``: one sentence, and nothing else."""
+    """``check``, ``info``, ``run`` and ``mesh`` run nothing: they print one sentence."""
     case = mail(hostile)
     before = files_below(case.parent)
     commands = [["check", str(case)]]
@@ -254,7 +254,7 @@ def test_nothing_is_run(
 def test_names_are_text(
     mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In the page they are escaped, and no cell of the table begins as a formula does."""
+    """The page escapes names, and no cell of the table begins like a formula."""
     sheet, html = "=HYPERLINK(1)", "<img src=x onerror=alert(1)>"
     case = mail(Hostile("a.msh", mesh_file(html, sheet), table="mesh"))
     if MPI.COMM_WORLD.rank == 0:
@@ -267,7 +267,7 @@ def test_names_are_text(
     assert main(["run", str(case), "-o", "out", "--report", "--quiet"]) == 0
     MPI.COMM_WORLD.barrier()
     written = files_below(case.parent) - before
-    written = {name for name in written if not name.startswith(("out", "."))}  # no cache
+    written = {name for name in written if not name.startswith(("out", "."))}  # no cache files
     assert written == set()
     page = Path("out/report.html").read_text(encoding="utf-8")
     assert "alert(1)" in page
@@ -284,14 +284,14 @@ def test_names_are_text(
 def test_a_script_is_run_where_it_is_trusted(
     mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Then its mesh is kept, and serves without trust as long as nothing changes."""
+    """The mesh is then stored, and needs no trust as long as nothing changes."""
     case = mail(Hostile("a.geo", TOUCH + SOLID))
     text = case.read_text().replace('"low"', '"part_z_low"').replace('"high"', '"part_z_high"')
     case.write_text(text.replace("material.block", "material.part"))
     assert main(["check", str(case)]) == 2
     assert not Path("PWNED").exists()
     assert main(["check", str(case), "--trust"]) == 0
-    assert Path("PWNED").exists()  # otherwise the table above shows nothing
+    assert Path("PWNED").exists()  # else the table above proves nothing
     Path("PWNED").unlink()
     assert main(["check", str(case)]) == 0
     assert not Path("PWNED").exists()
@@ -305,7 +305,7 @@ def test_a_script_is_run_where_it_is_trusted(
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
 def test_a_mesh_that_says_what_it_was_made_of(mail: Callable[[Hostile], Path]) -> None:
-    """Anybody can write so; the mesh is data all the same, and the script is not run."""
+    """Anybody can write this text; the mesh remains data, and the script does not run."""
     case = mail(Hostile("a.geo", TOUCH + SOLID))
     mark = MARK + _fingerprint(Path("a.geo").read_bytes(), MeshingOptions()) + END
     case.with_suffix(".msh").write_bytes(MESH.encode() + mark)
@@ -319,7 +319,7 @@ def test_a_mesh_that_says_what_it_was_made_of(mail: Callable[[Hostile], Path]) -
 def test_links_do_not_lead_out(
     tmp_path: Path, mail: Callable[[Hostile], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where a mail has links in the places of what is written, their ends stay as they are."""
+    """If links replace output files, the files to which they lead remain unchanged."""
     victim = tmp_path.parent / f"{tmp_path.name}_victim"
     victim.write_text("mine")
     case = mail(Hostile("a.msh", MESH, table="mesh"))

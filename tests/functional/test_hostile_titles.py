@@ -1,4 +1,4 @@
-"""Titles from the mail are text: a page shows them, and a terminal does not obey them."""
+"""Test that titles from unknown sources are text: pages show them, terminals do not obey them."""
 
 import json
 from html.parser import HTMLParser
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 @pytest.fixture
 def case(shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A case with its mesh, in the working directory."""
+    """Write a case with its mesh into the working directory."""
     path = shared_tmp_path / "case.toml"
     if MPI.COMM_WORLD.rank == 0:
         (shared_tmp_path / "a.msh").write_text(MESH, encoding="utf-8")
@@ -39,12 +39,12 @@ TITLES = (
     "${alert(1)}`<b onclick=alert(1)>`",
     "\u2028</SCRIPT\t><ScRiPt>alert(1)",
 )
-"""Titles that a page would run if it did not treat them as text."""
+"""Titles that a page would execute if they were not escaped."""
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process reads, whatever the ranks")
 def test_titles_are_text_in_pages(case: Path) -> None:
-    """One run, and its page with each title: as many tags and handlers as with a plain one."""
+    """With each title, the page of one run has as many tags and handlers as with a plain title."""
     case.write_text(case.read_text().replace("from the mail", "TITLE"))
     assert main(["run", str(case), "-o", "out", "--quiet"]) == 0
     files = {name: Path("out", name).read_text("utf-8") for name in ("summary.json", "scene.json")}
@@ -59,7 +59,7 @@ def test_titles_are_text_in_pages(case: Path) -> None:
 
 
 class Tags(HTMLParser):
-    """The tags of a page as a browser reads them, with the names of their attributes."""
+    """The tags of a page as a browser parses them, with the names of their attributes."""
 
     @classmethod
     def of(cls, page: str) -> list[tuple[str, ...]]:
@@ -81,7 +81,7 @@ ESCAPES = ("\x1b]0;mine\x07", "\x1b[2J\x1b[H", "\rcase.toml can be run.", "\x9b3
 def test_titles_are_text_on_terminals(
     title: str, case: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A title from the mail neither clears the screen, nor names the window, nor hides words."""
+    """A title neither clears the screen, nor names the window, nor hides words."""
     if MPI.COMM_WORLD.rank == 0:
         written = "".join(f"\\u{ord(c):04x}" for c in title)
         case.write_text(case.read_text().replace("from the mail", written))

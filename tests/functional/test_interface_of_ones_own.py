@@ -1,4 +1,4 @@
-"""An interface that the package does not have, as one class and one entry, through whole runs."""
+"""Test an interface from outside the package, as one class and one entry, in whole runs."""
 
 import json
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ SEAM = '[[contact]]\nprimary = "lower_top"\nsecondary = "upper_bottom"\ninterfac
 
 @dataclass(frozen=True)
 class Riveted(Contact):
-    """Surfaces that are held together along each other by rivets that flow.
+    """Surfaces that rivets connect in tangential directions; the rivets are perfectly plastic.
 
     Args:
         primary: Physical name of the first surface.
@@ -50,7 +50,7 @@ class Riveted(Contact):
 
 @pytest.fixture(autouse=True)
 def known() -> Iterator[None]:
-    """The one entry that it takes."""
+    """Return the one entry of this interface."""
     with mock.patch.dict(INTERFACES, {"riveted": Riveted}):
         yield
 
@@ -58,7 +58,7 @@ def known() -> Iterator[None]:
 def ran(
     comm: MPI.Intracomm, folder: Path, loading: str, seam: str = "", status: int = SOLVED
 ) -> dict[str, Any]:
-    """Run a block that is pushed along another one, and return the summary. Collective."""
+    """Run a block that is pushed along another block, and return the summary. Collective."""
     text = case_text(
         {"builder": "stacked_blocks", "n": 1},
         {"lower": STEEL, "upper": STEEL},
@@ -98,7 +98,7 @@ def test_limit_load(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
 
 def test_strict_bounds(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """By statics: the rivets alone bear the push."""
+    """By statics, only the rivets carry the push."""
     limit = ran(comm, shared_tmp_path, 'control = "bounds"')["limit"]
     assert limit["lower"] == pytest.approx(2.0, rel=1e-3)
     assert limit["upper"] == pytest.approx(2.0, rel=1e-3)

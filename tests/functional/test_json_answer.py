@@ -1,4 +1,4 @@
-"""``--json``: one object on standard output, with the keys of the command reference."""
+"""Test ``--json``: one object on standard output, with the keys of the command reference."""
 
 import json
 import subprocess
@@ -57,7 +57,7 @@ system = "mm-N-MPa"
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a case, the results of a run for bounds, and a model with its mesh."""
+    """Return a folder with a case, the results of a run with bounds, and a model with its mesh."""
     folder = tmp_path_factory.mktemp("json")
     (folder / "case.toml").write_text(CASE, encoding="utf-8")
     bounds = CASE.replace("values = [10.0, 20.0]", 'control = "bounds"')
@@ -71,7 +71,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def answer(
     capsys: pytest.CaptureFixture[str], *arguments: object, status: int = SOLVED
 ) -> dict[str, Any]:
-    """The object that a command prints, after tests of what is true of all commands."""
+    """Return the object that a command prints, after checks that hold for all commands."""
     capsys.readouterr()
     assert main([*map(str, arguments), "--json"]) == status
     printed = capsys.readouterr()
@@ -101,7 +101,7 @@ def test_run(place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_a_level_without_solution(
     place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The status is that of the command without the option, and there is no refusal."""
+    """The status is the same as without the option, and there is no refusal."""
     (tmp_path / "case.toml").write_text(CASE.replace("20.0]", "1e5]"), encoding="utf-8")
     capsys.readouterr()
     arguments = ["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out"), "--json"]
@@ -227,7 +227,7 @@ def test_one_object_on_several_ranks(
 
 @pytest.mark.serial
 def test_as_a_program(place: Path, tmp_path: Path) -> None:
-    """The output of PETSc goes to standard error, too."""
+    """PETSc's output also goes to standard error."""
     arguments = ["run", str(place / "case.toml"), "-o", str(tmp_path / "out")]
     program = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""A sweep of 50 cases that is killed three times, each in a process of its own."""
+"""Test a sweep of 50 cases that is killed three times, each time in a separate process."""
 
 import csv
 import json
@@ -24,7 +24,7 @@ pytestmark = [
 ]
 
 COUNT = 50
-# ends itself without a warning where the levels solved so far, or the files put in place, say so
+# The process kills itself when the given number of levels is solved, or of files is in place.
 SWEEP = """
 import os, signal, sys
 from perfplast_fenicsx.__main__ import main
@@ -57,7 +57,7 @@ sys.exit(main(arguments))
 
 
 def test_goes_on_and_computes_nothing_twice(tmp_path: Path) -> None:
-    """But the level that a kill has kept from its file; the table is that of all 50."""
+    """Only the level without a file is computed twice; the table has all 50 rows."""
     case = write_case(MPI.COMM_SELF, tmp_path / "case.toml", BLOCKS + LEVELS)
     script, solved, folder = tmp_path / "sweep.py", tmp_path / "solved.txt", tmp_path / "r"
     script.write_text(SWEEP, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Both ends of the load factors that are carried, from a case file: told, on file and proven."""
+"""Test both ends of the range of load factors, from a case file: terminal, files and proofs."""
 
 import math
 from pathlib import Path
@@ -50,7 +50,7 @@ def pressed(
     lateral: float,
     more: str = "",
 ) -> CaseRun:
-    """A block of k = 1, whose pressures on top and side may differ by 2."""
+    """Return a block with k = 1; its pressures on top and side may differ by 2."""
     if comm.rank == 0:
         write_platens(folder / "block.msh", size=0.5, grading=1.0)
     text = CASE.replace("LATERAL", str(lateral)).replace("MORE", more)
@@ -68,7 +68,7 @@ def test_a_block_between_two_pressures(
     lateral: float,
     more: str,
 ) -> None:
-    """Both ends are told where 0 is outside, and where they are asked for."""
+    """The terminal prints both ends if 0 lies outside the range, or if the case requests them."""
     run = pressed(comm, shared_tmp_path, capsys, lateral, more)
     assert run.status == SOLVED
     limit = run.summary["limit"]

@@ -1,4 +1,4 @@
-"""Ground that water lifts, against statics: heave between sheet piles and uplift of a clay seam."""
+"""Test ground that water lifts, against statics: heave between sheet piles, and uplift of clay."""
 
 from pathlib import Path
 
@@ -15,10 +15,10 @@ from perfplast_fenicsx.proof import check
 
 CASES = Path(__file__).parents[2] / "demos" / "verification" / "drawn_ground"
 LIFTED = {"heave": 20.0 / 9.81, "uplift": 4 * 18.0}
-"""Factor of the water's pressure at which it carries the weight."""
+"""Factor at which the water pressure carries the weight."""
 
 RTOL = 1e-4
-"""Relative distance of each bound to the best on its mesh."""
+"""Relative distance of each bound from the optimum on its mesh."""
 
 
 @pytest.mark.serial

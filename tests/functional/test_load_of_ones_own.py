@@ -1,4 +1,4 @@
-"""A load that the package does not have, as one class and one entry, through whole runs."""
+"""Test a load from outside the package, as one class and one entry, in whole runs."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -54,13 +54,13 @@ class Suction(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: Any) -> Any:
-        """Along the normal."""
+        """Return the work along the normal."""
         return self.share * value * ufl.dot(ufl.FacetNormal(tagged_mesh.mesh), v)
 
 
 @pytest.fixture(autouse=True)
 def known() -> Iterator[None]:
-    """The one entry that it takes."""
+    """Return the one entry of this load."""
     with mock.patch.dict(LOADS, {"suction": Suction}):
         yield
 
@@ -92,7 +92,7 @@ def test_levels(
 
 @pytest.mark.parametrize("method", ["interior-point", "path"])
 def test_limit_load(method: str, comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """The limit load of a block that is pressed from one side is its yield stress."""
+    """The limit load of a block under pressure from one side is its yield stress."""
     text = BLOCKS + LIMIT + f'limit_method = "{method}"\n'
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == SOLVED

@@ -1,4 +1,4 @@
-"""``perfplast mesh MODEL.inp`` and the run behind it."""
+"""Test ``perfplast mesh MODEL.inp`` and the run with its mesh."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ UP,DOWN
 def test_from_a_model_to_its_limit_load(
     comm: MPI.Intracomm, shared_tmp_path: Path, bodies: str
 ) -> None:
-    """Bars in uniaxial stress: the yield stress, exactly."""
+    """Bars in uniaxial stress carry exactly the yield stress."""
     rest = REST.replace("X0,1\n", "X0,1\n105,1,1\n108,1,1\n").replace("Y0,2,2", "Y0,2,2\n")
     if bodies is TWO:
         rest = rest.replace("1,4,5,8,9,12", "1,4,5,8,9,12,105,108")

@@ -1,4 +1,4 @@
-"""``perfplast mesh`` of models of others, from the file to a case that runs."""
+"""Test ``perfplast mesh`` with models in other formats, from the file to a case that runs."""
 
 import json
 import tomllib
@@ -50,7 +50,7 @@ Z,3
 
 @pytest.fixture
 def folder(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
-    """With models in it."""
+    """Return a folder with models."""
     if comm.rank == 0:
         write_med(shared_tmp_path / "a.med")
         (shared_tmp_path / "a.unv").write_text(unv_text())
@@ -69,7 +69,7 @@ def folder(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
 def test_a_folder_for_each_format(
     folder: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Mesh, case with all that is known, and a schema beside it by which an editor marks faults."""
+    """The command writes a mesh, a case with all known data, and a schema for editors."""
     out = folder / "out"
     assert main(["mesh", str(folder / name), "-o", str(out), "--material", "s235"]) == SOLVED
     told = capsys.readouterr().out
@@ -85,13 +85,13 @@ def test_a_folder_for_each_format(
     top = "pid_12" if name == "a.bdf" else "top"
     assert f" {top}," in listed and f" {top} " in told
     assert "'lower' and 'upper' share nodes, so they are connected" in text
-    assert "upper_x_low" in listed  # a flat end, which the file has no name for
+    assert "upper_x_low" in listed  # a flat end without a name in the file
     assert (out / "case.msh").exists()
 
 
 @pytest.mark.serial
 def test_a_material_in_the_units_of_the_file(folder: Path) -> None:
-    """Young's modulus tells them."""
+    """Young's modulus determines the units."""
     case, out = folder / "elastic.inp", folder / "out"
     assert main(["mesh", str(case), "-o", str(out), "--material", "s235"]) == SOLVED
     found = tomllib.loads((out / "case.toml").read_text())
@@ -121,7 +121,7 @@ def test_a_material_that_does_not_go(
 
 @pytest.mark.long
 def test_from_the_file_to_the_limit_load(comm: MPI.Intracomm, folder: Path) -> None:
-    """A cube of steel that is pressed uniformly yields all over at its yield stress."""
+    """A steel cube under uniform pressure yields everywhere at its yield stress."""
     out = folder / "out"
     model = ["mesh", str(folder / "elastic.inp"), "-o", str(out), "--material", "s235"]
     assert main(model) == SOLVED
@@ -202,7 +202,7 @@ FOOT, ENCASTRE
 PRESSED, P2, 100.
 *END STEP
 """
-"""Two cubes of 2 x 2 x 2 elements on each other; a half of the upper one is pressed."""
+"""Two stacked cubes of 2 x 2 x 2 elements each; pressure acts on half of the upper cube."""
 
 BY_HAND = """
 [mesh]
@@ -265,5 +265,5 @@ def test_contact_and_materials_of_a_file_are_those_of_a_case_by_hand(
         found.append(json.loads((out / name / "summary.json").read_text()))
     case, hand = (one["limit"] for one in found)
     assert case["estimate"] == pytest.approx(hand["estimate"], rel=2e-4)
-    assert 0.5 < case["estimate"] / 1.6 < 1.5  # the soft cube yields under its half
+    assert 0.5 < case["estimate"] / 1.6 < 1.5  # the soft cube yields below the loaded half
     assert found[0]["mesh"] == found[1]["mesh"]

@@ -1,4 +1,4 @@
-"""Bodies meshed apart, from the case file to the results."""
+"""Test separately meshed bodies, from the case file to the results."""
 
 import json
 from pathlib import Path
@@ -83,7 +83,7 @@ def test_bodies_meshed_apart(
 def test_what_cannot_be_joined_is_refused(
     shared_tmp_path: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In one sentence each, before any run begins."""
+    """Each refusal is one sentence, before any run begins."""
     if comm.rank == 0:
         write_thick_tube(
             shared_tmp_path / "tubes.msh", interface=1.15, size=0.2, order=2, finer=1.5

@@ -1,6 +1,6 @@
-"""The number of ranks of each test, and tests that fail or hang on some ranks.
+"""Test the number of ranks of each test, and tests that fail or hang on some ranks.
 
-The run ends, and says what happened on each rank.
+The run ends, and reports what happened on each rank.
 """
 
 import os
@@ -28,7 +28,7 @@ import pytest
 comm = MPI.COMM_WORLD
 """
 GRACE = "from tests import parallel_plugin\nparallel_plugin.GRACE = 5.0\n"
-"""Shorter, where a rank waits for others in vain; elsewhere they come, however slow they are."""
+"""A shorter waiting time (s), for ranks that wait in vain; elsewhere the other ranks arrive."""
 
 
 def run(folder: Path, tests: str, *options: str, ranks: int = 2, settings: str = "") -> str:
@@ -45,19 +45,19 @@ def run(folder: Path, tests: str, *options: str, ranks: int = 2, settings: str =
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=1200,  # a hang
+        timeout=1200,  # a hanging rank
     )
     assert done.returncode != 0, done.stdout
     return done.stdout
 
 
 def line_of(text: str, what: str) -> int:
-    """Number of the first line with a text (1 to n)."""
+    """Return the number of the first line with a text (1 to n)."""
     return next(n for n, line in enumerate(text.splitlines(), start=1) if what in line)
 
 
 class Case:
-    """A test with a name and marks, from which tests are chosen."""
+    """A test with a name and marks, for the selection of tests."""
 
     def __init__(self, nodeid: str, *marks: pytest.MarkDecorator) -> None:
         self.nodeid = nodeid
@@ -104,7 +104,7 @@ def test_marks_name_cases_that_there_are() -> None:
 
 
 def test_others_wait_for_the_rank_that_failed(tmp_path: Path) -> None:
-    """Nobody can end a collective call: the run is ended, and says where the others are."""
+    """No rank can end a collective call: the run ends, and reports where the other ranks are."""
     tests = """
 def test_before():
     assert comm.rank < 0, "the one before"
@@ -220,7 +220,7 @@ def test_waits():
 @pytest.mark.long(but=["2"])
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_nothing_runs_in_python_any_more(tmp_path: Path, ranks: int) -> None:
-    """A library that does not let go of the interpreter, as PETSc in a collective call."""
+    """A library does not release the interpreter, like PETSc in a collective call."""
     tests = """
 import ctypes
 from tests import parallel_plugin

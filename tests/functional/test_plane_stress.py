@@ -1,4 +1,4 @@
-"""Sheets in plane stress: exact rings, four algorithms, strict bounds, case files, refusals."""
+"""Test sheets in plane stress: exact rings, four algorithms, bounds, case files, refusals."""
 
 import json
 from pathlib import Path
@@ -42,7 +42,7 @@ SPIN = BodyForce("tube", ("x", "y"))
 
 
 def ring(mesh: TaggedMesh, *loads: Any, contacts: Any = ()) -> Problem:
-    """A quarter of a sheet, held by symmetry."""
+    """Return a quarter of a sheet, held by symmetry."""
     materials = dict.fromkeys(mesh.volumes, STEEL)
     return Problem(mesh.thin(), materials, HELD, loads, contacts, degree=2)
 
@@ -56,7 +56,7 @@ def ring(mesh: TaggedMesh, *loads: Any, contacts: Any = ()) -> Problem:
     ],
 )
 def test_rings_fail_at_the_exact_load(read: Read, outer: float, load: Any, exact: float) -> None:
-    """Exact loads are those of von Mises, by an ordinary differential equation along the radius."""
+    """Exact loads for von Mises' law follow from a differential equation along the radius."""
     mesh = read(write_thick_tube, outer=outer, size=0.1, order=2)
     found = limit_load(ring(mesh, load), 1e-5)
     assert found.estimate == pytest.approx(exact * YIELD, rel=1e-3)
@@ -70,7 +70,7 @@ def test_path_and_interior_point_agree(read: Read) -> None:
 
 
 def test_the_four_algorithms_agree(read: Read) -> None:
-    """On two rings, one in the other."""
+    """The bodies are two rings in contact, one in the other."""
 
     def problem() -> Problem:
         mesh = read(write_thick_tube, outer=2.0, interface=1.4, size=0.3, order=2)
@@ -94,7 +94,7 @@ def test_the_four_algorithms_agree(read: Read) -> None:
 
 
 def test_strict_bounds_of_a_ring(read: Read) -> None:
-    """Bounds of a polygon bracket the limit load of its mesh; the upper bound is near it."""
+    """Bounds for a polygon bracket the limit load of its mesh; the upper bound is close to it."""
     problem = ring(read(write_thick_tube, outer=2.0, size=0.1), Pressure("inner", 1.0))
     bounds, found = limit_bounds(problem), limit_load(problem, 1e-5)
     assert bounds.strict
@@ -106,7 +106,7 @@ def test_strict_bounds_of_a_ring(read: Read) -> None:
 
 
 def test_strict_bounds_of_sheets_in_contact(read: Read) -> None:
-    """Pressed on each other from the side: the yield stress, whose pressure nothing confines."""
+    """Sheets pressed on each other from the side carry the yield stress, without confinement."""
     mesh = read(write_ring, interface=1.5, size=0.3)
     weak, strong = VonMises(2e5, 0.3, YIELD), VonMises(2e5, 0.3, 2 * YIELD)
     problem = Problem(
@@ -152,7 +152,7 @@ degree = 2
 [loading]
 """
 LIMIT = 0.9 * 300.0 * 4.0 * 1.0 / 100.0
-"""Limit load by r22, for the width of 1 and the thickness."""
+"""Limit load from r22, for the width 1 and the thickness."""
 
 
 def ran(comm: MPI.Intracomm, folder: Path, loading: str, *more: str) -> dict[str, Any]:
@@ -169,7 +169,7 @@ def ran(comm: MPI.Intracomm, folder: Path, loading: str, *more: str) -> dict[str
 def test_a_strip_of_rolled_metal_to_its_page(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Bounds and proof are exact: a uniform stress, of which the thickness takes its share."""
+    """Bounds and proof are exact: a uniform stress, multiplied by the thickness."""
     found = ran(comm, shared_tmp_path, 'control = "bounds"\n', "--report")["limit"]
     out, err = capsys.readouterr()
     assert err == ""
@@ -192,7 +192,7 @@ def test_levels_and_forces_for_each_unit_of_thickness(
     assert found["model"]["forces"] == "per unit of thickness"
     last = found["steps"][-1]
     assert last["reactions"]["support bottom"] == pytest.approx([0.0, -125.0], abs=1e-8)
-    # 125 stretch a height of 0.5 and a width of 1, whose sides are free
+    # a force of 125 stretches a height of 0.5 and a width of 1, whose sides are free
     assert last["alpha"] == pytest.approx(25.0 * 125.0 / 2e5 * 0.5, rel=1e-9)
 
 

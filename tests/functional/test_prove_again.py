@@ -1,4 +1,4 @@
-"""The second checker, in JavaScript, in a browser: it agrees with the first one."""
+"""Test that the second checker, in JavaScript, agrees with the first one in a browser."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,15 +26,15 @@ from tests.random_statements import random_case
 pytestmark = [pytest.mark.serial, alone]
 
 AGREE = 1e-8
-"""Bounds agree to this: a file may claim so much more than it proves. Both checkers round to the
-safe side, each in its own way."""
+"""Largest relative difference of bounds, by which a claim may exceed a proof. The checkers round to
+the safe side in different ways."""
 
 RUBBING = 1e-7
-"""The same of upper bounds beside contact that rubs, where each bends a velocity in its own way."""
+"""The same for upper bounds with friction, where each checker modifies a velocity differently."""
 
 
 class Checker:
-    """The checker alone, on a page without anything else."""
+    """The checker on a page without other content."""
 
     def __init__(self, browser: Any, folder: Path) -> None:
         self._browser = browser
@@ -43,7 +43,7 @@ class Checker:
         browser.get(page.as_uri())
 
     def __call__(self, path: Path) -> dict[str, Any]:
-        """Return what it finds of a file."""
+        """Return the findings of the checker on a file."""
         found: dict[str, Any] = self._browser.execute_async_script(
             """const done = arguments[1];
             verdictOn(arguments[0]).then(done, (error) => done({ error: String(error) }));""",
@@ -55,28 +55,28 @@ class Checker:
 
 @pytest.fixture
 def checker(browser: Any, tmp_path: Path) -> Checker:
-    """The checker in a browser."""
+    """Return the checker in a browser."""
     return Checker(browser, tmp_path)
 
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Two blocks on a plane and on each other, with weight."""
+    """Return two stacked blocks on a plane, with weight."""
     return blocks(tmp_path_factory.mktemp("honest"), 2)
 
 
 def bounds_of(found: dict[str, Any]) -> list[float]:
-    """The bounds that are proven."""
+    """Return the bounds that the checker proves."""
     return [found[kind]["proven"] for kind in ("lower", "upper")]
 
 
 def first_bounds(path: Path) -> list[float | None]:
-    """The bounds that the first checker proves."""
+    """Return the bounds that the first checker proves."""
     return [half.proven for half in check(path).values()]
 
 
 def first_refuses(path: Path, kind: str) -> bool:
-    """Whether the first checker proves nothing of a half, or reads no proof."""
+    """Return whether the first checker proves nothing in a half, or cannot read the proof."""
     try:
         return bool(check(path)[kind].faults)
     except ProofError:
@@ -115,7 +115,7 @@ def claim(half: Arrays) -> None:
 
 
 def into_the_other(half: Arrays) -> None:
-    """The velocity of one half of the places is turned round."""
+    """Reverse the velocity at half of the places."""
     half["velocity"] = np.asarray(half["velocity"]).copy()
     half["velocity"][::2] *= -1
 
@@ -148,7 +148,7 @@ BENT = (more_bent, straight, divided)
 
 
 def test_the_page_proves_the_bounds_again(honest: Halves, tmp_path: Path, browser: Any) -> None:
-    """The button does it, in another thread, with the policy of the report."""
+    """The button runs it in another thread, with the security policy of the report."""
     path = write(tmp_path / "bounds.h5", honest)
     head = asset("page.html").split("<title>")[0]
     again = prove_again([path], 10**6)
@@ -166,7 +166,7 @@ def test_the_page_proves_the_bounds_again(honest: Halves, tmp_path: Path, browse
 
 
 def test_both_files_of_a_factor_of_safety(honest: Halves, tmp_path: Path, browser: Any) -> None:
-    """The page compares them. Strengths are divided by the bounds, so that the loads are limits."""
+    """The page compares the files. The bounds divide the strengths, so the loads are limits."""
     paths = []
     for name, kind, less in (("stands", "lower", 1 - 1e-6), ("falls", "upper", 1 + 1e-6)):
         half = copied(honest)[kind]
@@ -193,7 +193,7 @@ def test_both_files_of_a_factor_of_safety(honest: Halves, tmp_path: Path, browse
 
 
 def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:
-    """On an honest file, and on what somebody edited."""
+    """The test uses an honest file, and edited files."""
     path = write(tmp_path / "bounds.h5", honest)
     found = checker(path)
     assert bounds_of(found) == pytest.approx(first_bounds(path), rel=AGREE)
@@ -211,7 +211,7 @@ def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -
 def test_the_numbers_that_are_checked_are_hashed(
     honest: Halves, tmp_path: Path, checker: Checker, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The last bit of one number changes the SHA-256, types and order of a file do not."""
+    """A change in the last bit changes the SHA-256; types and order in the file do not."""
     path = write(tmp_path / "bounds.h5", honest)
     assert checker(path)["digest"] == numbers_digest(path)
     other = copied(honest)
@@ -226,7 +226,7 @@ def test_the_numbers_that_are_checked_are_hashed(
 
 
 def test_halves_on_two_meshes(honest: Halves, tmp_path: Path, checker: Checker) -> None:
-    """They are of the same bodies, but for one that is loaded, or weaker, in the upper half."""
+    """The bodies in both halves agree, except for loads or strengths in the upper half."""
     halves = copied(honest)
     finer(halves["lower"])
     path = write(tmp_path / "finer.h5", halves)
@@ -242,7 +242,7 @@ def test_halves_on_two_meshes(honest: Halves, tmp_path: Path, checker: Checker) 
 
 
 def sand() -> Problem:
-    """A block without cohesion, which is pressed from above, and less from the side."""
+    """Return a block without cohesion, with pressure from above and less from the side."""
     sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 1 - 1e-9}
     ends = {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 1 - 1e-9}
     mesh = rectangle((2, 2), (1.0, 1.0), {"sand": lambda x: x[0] > -1}, sides | ends)
@@ -276,7 +276,7 @@ OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None]
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_both_checkers_agree_on_other_bodies(name: str, tmp_path: Path, checker: Checker) -> None:
-    """On honest files, and on what somebody edited."""
+    """The test uses honest files, and edited files."""
     make, edits = OTHERS[name]
     honest = make(tmp_path)
     path = tmp_path / "bounds.h5"
@@ -293,9 +293,9 @@ def test_both_checkers_agree_on_other_bodies(name: str, tmp_path: Path, checker:
 @pytest.mark.long
 @pytest.mark.parametrize("name", KINDS)
 def test_both_checkers_agree_on_each_kind(name: str, tmp_path: Path, checker: Checker) -> None:
-    """On honest files. Of 30 edits of each it proves nothing that the first one refuses.
+    """For 30 edits of each honest file, it proves nothing that the first checker refuses.
 
-    It may refuse more: where an edit leaves much, its estimate of the cost is larger.
+    It may refuse more: if an edit leaves large residuals, its estimate of their cost is larger.
     """
     KINDS[name](tmp_path)
     path = tmp_path / "bounds.h5"

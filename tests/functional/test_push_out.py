@@ -1,4 +1,4 @@
-"""The push-out force of a press fit from a case file to every output, and what is refused."""
+"""Test the push-out force of a press fit from a case file to every output, and refusals."""
 
 import json
 from pathlib import Path
@@ -47,7 +47,7 @@ pictures = false
 """
 SEARCH = '[loading]\ncontrol = "work"\nuntil = "limit"\n'
 FORCE = 30.0
-"""2π a L μ p over π a² L, with Lamé's p = 75."""
+"""2π a L μ p divided by π a² L, with Lamé's p = 75."""
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def test_the_load_and_what_it_is_are_told(
 def test_a_push_that_is_never_too_large_is_no_result(
     folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The hub holds the shaft by a step, here a support, and both are elastic."""
+    """A step in the hub holds the shaft, modelled by a support, and both bodies are elastic."""
     held = '[[support]]\non = "top"\ncomponents = "y"\n'
     elastic = CASE.replace("von-mises", "elastic").replace("yield_stress = 1000.0\n", "")
     case = write(comm, folder, elastic + held + SEARCH)

@@ -1,6 +1,6 @@
-"""Random slopes and footings of every law of ground: bounds are bounds, and proven on file.
+"""Test random slopes and footings in every ground law: bounds hold, and files prove them.
 
-``PERFPLAST_FUZZ=25`` tries a hundred of them.
+``PERFPLAST_FUZZ=25`` tries a hundred problems.
 """
 
 import math
@@ -41,7 +41,7 @@ COMM = MPI.COMM_WORLD
 
 @dataclass(frozen=True)
 class Ground:
-    """A law with what it bears at most, as Mohr and Coulomb's cohesion and angle of friction.
+    """A law, with the cohesion and friction angle of Mohr–Coulomb ground that bounds its strength.
 
     Attributes:
         material: The law.
@@ -57,7 +57,7 @@ class Ground:
 
 
 def ground(random: Random, kind: int) -> Ground:
-    """One of nine kinds."""
+    """Return ground of one of nine kinds."""
     c, degrees = random.uniform(0.2, 2.0), random.uniform(5.0, 25.0)
     phi, pull = math.radians(degrees), random.uniform(0.05, 0.5) * c
     young, poisson = 1e4, 0.3
@@ -86,7 +86,7 @@ def ground(random: Random, kind: int) -> Ground:
 
 
 def assert_proven(path: Path, low: BodyBounds | None, high: BodyBounds | None) -> None:
-    """Halves that there are, by the checker. Collective."""
+    """Check the existing halves of a proof with the checker. Collective."""
     folder, known = ResultFolder(COMM, path), low or high
     name = "upper.h5" if low is None else "lower.h5" if high is None else "bounds.h5"
     assert known is not None
@@ -106,7 +106,7 @@ def assert_proven(path: Path, low: BodyBounds | None, high: BodyBounds | None) -
 
 
 def ordered(bounds: BodyBounds) -> tuple[float, float]:
-    """Both bounds, which are strict."""
+    """Return both strict bounds."""
     assert bounds.strict
     lower, upper = bounds.lower.value, bounds.upper.value
     assert lower is not None
@@ -123,7 +123,7 @@ CASES = [
 
 @pytest.mark.parametrize("seed", CASES)
 def test_random_ground(read: Read, shared_tmp_path: Path, seed: int) -> None:
-    """A slope under its weight or its factor of safety, a footing, or a block in space."""
+    """Return a slope with a limit load or a factor of safety, a footing, or a block in 3D."""
     random = Random(seed)
     it = ground(random, seed * 5 % 9)
     if seed % 10 == 9:
@@ -142,7 +142,7 @@ def test_random_ground(read: Read, shared_tmp_path: Path, seed: int) -> None:
 
 
 def footing(random: Random, it: Ground, read: Read, path: Path) -> None:
-    """Smooth, on ground without weight or with it, beside a surcharge or none."""
+    """Return a smooth footing on ground with or without weight and surcharge."""
     mesh = read(write_strip_footing, size=random.uniform(0.7, 1.0), grading=5.0)
     supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
     beside, weight = (random.choice([0.0, random.uniform(0.0, 0.5)]) for _ in range(2))
@@ -165,14 +165,14 @@ def footing(random: Random, it: Ground, read: Read, path: Path) -> None:
 
 
 def slope(random: Random, it: Ground, read: Read, path: Path, as_factor: bool) -> None:
-    """Under its weight, on a foundation or none."""
+    """Return a slope under its weight, with or without a foundation."""
     run, depth = random.uniform(0.2, 1.5), random.choice([0.0, 0.5])
     mesh = read(write_slope, run=run, depth=depth, size=random.uniform(0.25, 0.35))
     supports = [Support("bottom"), Support("left", "x")]
     supports += [Support("right", "x")] if depth else []
     load = BodyForce("soil", (0.0, -1.0), constant=as_factor)
     problem = Problem(mesh, {"soil": it.material}, supports, [load], degree=2)
-    # a wedge on a plane through the toe (C. Culmann, 1866): γH/c where it slides
+    # a wedge on a plane through the toe (C. Culmann, 1866): γH/c at which it slides
     steep, phi = math.atan2(1.0, run), it.angle
     wedge = math.inf
     if steep > phi:

@@ -1,6 +1,6 @@
-"""Cases that say many things at once have bounds that hold, or a sentence why not.
+"""Test that cases with many statements have valid bounds, or a sentence with the reason.
 
-``PERFPLAST_FUZZ=42`` tries five hundred.
+``PERFPLAST_FUZZ=42`` tries five hundred cases.
 """
 
 import os
@@ -26,13 +26,13 @@ REFUSED = (
     "move bodies away from supports",
     "is a formula that is not linear",
 )
-"""Parts of sentences that are a valid answer if the limit load is not known."""
+"""Parts of sentences that are valid answers if the limit load is not known."""
 
 HINGED = 193
-"""A case whose elastic body turns about a hinge that its supports make, beside its first vertex."""
+"""A case whose elastic body rotates about a hinge next to its first vertex, due to its supports."""
 
 BETTER = 91
-"""A case whose checker proves an upper bound that is better by 1e-4 than the one of the search."""
+"""A case in which the checker proves an upper bound that is better by 1e-4 than the search."""
 
 SEEDS = [
     pytest.param(seed, marks=[] if seed in (0, 2, 4) else [pytest.mark.serial])
@@ -69,7 +69,7 @@ def test_whatever_a_case_says(shared_tmp_path: Path, seed: int) -> None:
 
 
 def proven_of(bounds: BodyBounds, path: Path) -> dict[str, float]:
-    """Return the values that the checker proves of strict bounds. Collective."""
+    """Return the values of strict bounds that the checker proves. Collective."""
     halves = proofs(bounds, bounds)
     if halves == (None, None):
         return {}

@@ -1,4 +1,4 @@
-"""``perfplast run --refine``: both runs, and what the table says of them."""
+"""Test ``perfplast run --refine``: both runs, and the table that compares them."""
 
 import json
 from pathlib import Path

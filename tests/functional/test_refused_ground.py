@@ -1,4 +1,4 @@
-"""Ground that cannot be, or not as it is asked for: one sentence each, and status 2."""
+"""Test ground that is invalid or unsupported: one sentence each, and status 2."""
 
 import json
 from pathlib import Path
@@ -43,12 +43,12 @@ STAYS = ("pressure = 1.0", "pressure = 1.0\nconstant = true")
 
 
 def ground(law: str, **numbers: float) -> str:
-    """A law with its numbers, as TOML has them."""
+    """Return a law with its numbers, as TOML."""
     return law + "\n".join(f"{key} = {value}" for key, value in (GIVEN | numbers).items())
 
 
 def changed(law: str, *changes: tuple[str, str]) -> str:
-    """The case of a law with changes."""
+    """Return the case of a law with changes."""
     text = CASE.replace("LAW", law)
     for old, new in changes:
         assert old in text
@@ -114,7 +114,7 @@ def test_one_sentence(
 def test_dilatancy_of_friction(
     law: str, comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is what associated ground has."""
+    """This value is the one of associated ground."""
     text = changed(ground(law, dilatancy_angle=25.0))
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["check", str(case)]) == SOLVED
@@ -127,7 +127,7 @@ def test_dilatancy_of_friction(
 def test_a_run_says_what_its_numbers_are_of(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Beside bounds, and where levels are solved."""
+    """The note accompanies bounds, and levels."""
     soil = ground(PYRAMID + 'nonassociated = "davis-c"\n', dilatancy_angle=5.0)
     case = write_case(comm, shared_tmp_path / "case.toml", changed(soil))
     assert main(["run", str(case), "-o", str(shared_tmp_path / "levels")]) == SOLVED

@@ -1,6 +1,6 @@
-"""Loadings that contradict themselves or the bodies: one sentence each, and status 2.
+"""Test contradictory loadings: one sentence each, and status 2.
 
-That r < 0 is refused tests/functional/test_axisymmetric_case.py shows.
+tests/functional/test_axisymmetric_case.py tests the refusal of r < 0.
 """
 
 from pathlib import Path
@@ -139,7 +139,7 @@ REFUSED = {
         "is too small to distinguish bodies",
     ),
 }
-"""Files whose refusal ``check`` and ``run`` share: none of them is solved to be refused."""
+"""Files that ``check`` and ``run`` both refuse, without a solution."""
 
 
 @pytest.mark.parametrize("fault", REFUSED)

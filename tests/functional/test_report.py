@@ -1,4 +1,4 @@
-"""``perfplast report`` and ``run --report``: the page in a browser, and what is refused."""
+"""Test ``perfplast report`` and ``run --report``: the page in a browser, and refusals."""
 
 import json
 import re
@@ -24,7 +24,7 @@ from tests.functional.test_command_line import CASE, one_line, write
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run with its report."""
+    """Return the results of a run with its report."""
     comm = MPI.COMM_WORLD
     place = comm.bcast(tmp_path_factory.mktemp("run"))
     text = CASE.replace("[50.0, 80.0]", "[50.0, 80.0, 95.0]")
@@ -74,7 +74,7 @@ def test_the_run_writes_it(
 
 
 def change(folder: Path, **values: Any) -> None:
-    """Put other values into ``summary.json``."""
+    """Change values in ``summary.json``."""
     path = folder / "summary.json"
     path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | values))
 
@@ -148,7 +148,7 @@ def test_a_fault_of_the_program_is_told_as_one(
 
 @alone
 def test_in_a_browser(results: Path, browser: Any) -> None:
-    """It asks for nothing, shows the bodies, and answers to mouse, keys and a narrow window."""
+    """The page sends no requests, shows the bodies, and supports mouse, keys and narrow windows."""
     from selenium.webdriver import ActionChains, Keys
 
     page = Page(browser, results / "report.html")
@@ -185,7 +185,7 @@ def test_in_a_browser(results: Path, browser: Any) -> None:
     ActionChains(browser).move_to_element(page.part("canvas")).click().perform()
     page.wait(f"/^(base|punch): von Mises stress [0-9.]+ MPa$/.test({told})")
     named = np.abs(page.pixels() - shown).max(axis=2)
-    assert 0 < (named > 20).mean() < 0.2  # its edges, and no colours of the legend
+    assert 0 < (named > 20).mean() < 0.2  # only edges, without colours of the legend
 
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
@@ -239,7 +239,7 @@ def test_a_browser_without_webgl_shows_a_sentence_and_the_still_picture(
 
 @alone
 def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
-    """The page follows the scheme, its pictures stay light, and paper has their colours."""
+    """The page follows the colour scheme, its pictures stay light, and print has their colours."""
     page = Page(browser, results / "report.html")
     paper = "getComputedStyle(document.body).backgroundColor"
     assert page(paper) == "rgb(255, 255, 255)"
@@ -261,7 +261,7 @@ def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
     assert page(legend) == "exact"
     button = "Object.assign(document.createElement('button'), { id: 'prove' })"
     page(f"document.getElementById('prove') ?? document.body.append({button})")
-    for hidden in ("told", "prove"):  # the button is on pages with a proof
+    for hidden in ("told", "prove"):  # pages with a proof have the button
         assert page(f"getComputedStyle(document.getElementById('{hidden}')).display") == "none"
     kept = "getComputedStyle(document.querySelector('{}')).breakInside"
     told = [page(kept.format(part)) for part in ("#again", "#verdict", "tr", "dl > div")]
@@ -282,12 +282,12 @@ NOTHING_AT_THE_EDGE = """(image) => {
     return [[0, 0, width, 1], [0, bottom, width, 1], [0, 0, 1, height], [right, 0, 1, height]]
         .every((strip) => pen.getImageData(...strip).data.every((value) => value > 250));
 }"""
-"""Whether a picture is white along its edges, so that neither bodies nor arrows are cropped."""
+"""Whether the edges of a picture are white, so that neither bodies nor arrows are cropped."""
 
 
 @alone
 def test_every_control_is_reached_by_keys(results: Path, browser: Any) -> None:
-    """In the order of the page, each with a frame around it while it has the keys."""
+    """Keys reach the controls in the order of the page, and a frame marks the focused control."""
     from selenium.webdriver import ActionChains, Keys
 
     page = Page(browser, results / "report.html")
@@ -306,7 +306,7 @@ def test_every_control_is_reached_by_keys(results: Path, browser: Any) -> None:
 
 @alone
 def test_a_mechanism_has_the_colours_of_its_flow(tmp_path: Path, browser: Any) -> None:
-    """And not of stresses that are arbitrary where nothing flows, of which the page says so."""
+    """The colours do not show stresses that are arbitrary where nothing flows; the page says so."""
     limit = 'control = "work"\nuntil = "limit"'
     text = CASE.replace("values = [50.0, 80.0]", limit)
     case, folder = write(MPI.COMM_WORLD, tmp_path, text), tmp_path / "results"
@@ -321,7 +321,7 @@ def test_a_mechanism_has_the_colours_of_its_flow(tmp_path: Path, browser: Any) -
 
 @alone
 def test_the_bodies_from_four_sides(results: Path, browser: Any) -> None:
-    """All different; they follow what is shown, and turn the large picture."""
+    """The four pictures differ, follow the settings, and turn the large picture."""
     page = Page(browser, results / "report.html")
     images = "[...document.querySelectorAll('#sides img')]"
     sources = f"{images}.map((image) => image.src)"

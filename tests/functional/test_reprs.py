@@ -1,4 +1,4 @@
-"""Representation of objects in a notebook: a short line, without arrays."""
+"""Test the representation of objects in a notebook: a short line, without arrays."""
 
 import dataclasses
 import sys
@@ -86,7 +86,7 @@ def test_a_limit_load(comm: MPI.Intracomm) -> None:
 
 
 def test_tables_of_a_notebook(comm: MPI.Intracomm) -> None:
-    """A cell's last line shows a problem, a level and bounds, with what is strict."""
+    """The last line of a cell shows a problem, a level and bounds, and which bounds are strict."""
     problem = punch_problem(2, comm=comm)
     shown = problem._repr_html_()
     assert "<th style='text-align:left'>material of base</th>" in shown
@@ -101,7 +101,7 @@ def test_tables_of_a_notebook(comm: MPI.Intracomm) -> None:
 
 
 def square(comm: MPI.Intracomm, constant: bool = False, side: float = 0.25) -> Problem:
-    """A square under two pressures, from above and, half as large, from the side."""
+    """Return a square under two pressures, from above and, half as large, from the side."""
     return Problem(
         stones(comm, [box([0, 0], [1, 1])], (1, 1)),
         {"0": VonMises(young=1e4, poisson=0.3, yield_stress=1.0)},
@@ -116,7 +116,7 @@ def square(comm: MPI.Intracomm, constant: bool = False, side: float = 0.25) -> P
 
 @pytest.fixture
 def plots(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Plots without a window, which are closed afterwards."""
+    """Return a backend for plots without a window, and close the plots afterwards."""
     pyplot = pytest.importorskip("matplotlib.pyplot")
     monkeypatch.setattr(pyplot.rcParams, "backend", "agg", raising=False)
     yield
@@ -124,7 +124,7 @@ def plots(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 EXACT = 4 / np.sqrt(3) * 2
-"""Load factor of the square: σ₁ − σ₂ = 2/√3 in plane strain, for a difference of 0.25."""
+"""Load factor of the square: σ₁ − σ₂ = 2/√3 in plane strain, with a difference of 0.25."""
 
 
 def of_levels(comm: MPI.Intracomm) -> NotebookResult:
@@ -184,7 +184,7 @@ def test_a_result_is_a_table_and_a_plot(
     columns: set[str],
     words: str,
 ) -> None:
-    """Each result becomes a data frame, a plot and a cell of a notebook, alike on all ranks."""
+    """Each result gives a data frame, a plot and a notebook cell, equal on all ranks."""
     pandas = pytest.importorskip("pandas")
     found = result(comm)
     frame = found.to_dataframe()

@@ -1,4 +1,4 @@
-"""Checkpoints, restarts, interrupts: a run that is ended goes on as if it had not been."""
+"""Test checkpoints, restarts, interrupts: an interrupted run continues as without interruption."""
 
 import csv
 import json
@@ -51,10 +51,11 @@ def path_of(folder: Path) -> list[dict[str, str]]:
 
 
 def same_path(one: Path, other: Path, at_rest: Collection[str] = ()) -> None:
-    """The same levels, ζ and α to 1e-10, and the same fields.
+    """Check that levels are the same, with ζ and α to 1e-10, and fields agree.
 
-    Of steps at rest it is rounding which pairs touch, as none pushes, what stress is left, after
-    how many Newton steps, and where a body is that nothing presses; not how cells are deformed.
+    In steps at rest, rounding determines which pairs touch without forces, the residual stress, the
+    number of Newton steps, and the position of bodies without pressure. The deformation of cells
+    must agree.
     """
     rows, others = path_of(one), path_of(other)
     assert [row["step"] for row in rows] == [str(i + 1) for i in range(len(rows))]
@@ -64,7 +65,8 @@ def same_path(one: Path, other: Path, at_rest: Collection[str] = ()) -> None:
         keys = ["zeta", "alpha"]
         if row["step"] not in at_rest:
             keys.append("max_displacement")
-            # on several ranks MUMPS adds as messages come: a step of rounding's size more or less
+            # With several ranks MUMPS adds messages in the order of arrival; rounding may change
+            # the steps.
             assert abs(int(row["newton_iterations"]) - int(expected["newton_iterations"])) <= 1
             assert row["active_contacts"] == expected["active_contacts"]
         for key in keys:
@@ -90,13 +92,13 @@ def same_path(one: Path, other: Path, at_rest: Collection[str] = ()) -> None:
 
 
 def in_cells(level: dict[str, np.ndarray]) -> np.ndarray:
-    """Displacements of the nodes of cells relative to that of their first one."""
+    """Return displacements of cell nodes relative to the first node of each cell."""
     u = level["displacement"][level["Connectivity"].reshape(len(level["stress"]), -1)]
     return u - u[:, :1]
 
 
 def fields_of(folder: Path) -> list[dict[str, np.ndarray]]:
-    """The arrays of each level, found by ``fields.vtkhdf.series`` as ParaView does."""
+    """Return the arrays of each level, which ``fields.vtkhdf.series`` locates as for ParaView."""
     levels = []
     for entry in json.loads((folder / "fields.vtkhdf.series").read_text())["files"]:
         level = {"time": np.float64(entry["time"])}
@@ -113,7 +115,7 @@ def fields_of(folder: Path) -> list[dict[str, np.ndarray]]:
 def run_until(
     monkeypatch: pytest.MonkeyPatch, comm: MPI.Intracomm
 ) -> Callable[[Path, Path, int], None]:
-    """Runs a case into a folder; the last rank gets a SIGTERM when so many levels are solved."""
+    """Run a case into a folder; the last rank gets a SIGTERM after a number of solved levels."""
 
     def run(case: Path, output: Path, levels: int) -> None:
         plain = recorder.Recorder.level
@@ -141,7 +143,7 @@ def test_a_run_goes_on(
 ) -> None:
     if comm.size > 1 and method != "newton":
         pytest.skip("nothing else is parallel in it")
-    more = "" if method in OTHERS else CONSTANT  # ζ = 0 is then a level too
+    more = "" if method in OTHERS else CONSTANT  # ζ = 0 is then a separate level
     case = write_case(
         comm, shared_tmp_path / "case.toml", solved_by(method, LOADINGS[method], more)
     )
@@ -154,7 +156,7 @@ def test_a_run_goes_on(
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     same_path(parts, whole)
     comm.barrier()
-    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED  # nothing is left to do
+    assert main(["run", str(case), "--restart", str(parts)]) == SOLVED  # no level remains
     same_path(parts, whole)
 
 
@@ -165,7 +167,7 @@ def test_a_run_with_coulombs_friction_goes_on(
     shared_tmp_path: Path,
     run_until: Callable[[Path, Path, int], None],
 ) -> None:
-    """The bounds of its first round follow from the state, and take as many rounds and steps."""
+    """Bounds of the first round follow from the state, with as many rounds and steps."""
     text = solved_by(method, LOADINGS[method]).replace(RUBS, f"{RUBS}coulomb = 0.2\n")
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     whole, parts = shared_tmp_path / "whole", shared_tmp_path / "parts"
@@ -214,7 +216,7 @@ def test_a_cycle_goes_on(
     run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Ended while it is unloaded, with contact that closes and opens, beside a constant load."""
+    """The run ends during unloading, with contact that opens and closes, and a constant load."""
     stages = [("press", 460.0, 2), ("release", 0.0, 2), ("again", 400.0, 1)]
     text = "".join(
         f'[[stage]]\nname = "{name}"\nfactors = {{ top = {top} }}\nsteps = {steps}\n'
@@ -271,7 +273,7 @@ def test_a_search_without_a_path_begins_anew(
     assert main(["run", str(case), "--restart", str(parts)]) == SOLVED
     limits = [json.loads((a / "summary.json").read_text())["limit"] for a in (whole, parts)]
     assert limits[1].keys() == limits[0].keys()
-    assert limits[1]["lower"] == pytest.approx(limits[0]["lower"], rel=2e-3)  # what is asked
+    assert limits[1]["lower"] == pytest.approx(limits[0]["lower"], rel=2e-3)  # tolerance
     assert limits[1]["iterations"] == pytest.approx(limits[0]["iterations"], abs=1)
 
 
@@ -280,7 +282,7 @@ def test_a_search_without_a_path_begins_anew(
 
 @pytest.fixture(scope="module")
 def ended(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A case file, and the results of a run that was ended after two of three levels."""
+    """Return a case, and the results of a run that ended after two of three levels."""
     comm = MPI.COMM_WORLD
     folder = comm.bcast(tmp_path_factory.mktemp("ended"))
     text = solved_by("newton", LOADINGS["newton"])
@@ -303,7 +305,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def copied(
     ended: tuple[Path, Path], shared_tmp_path: Path, comm: MPI.Intracomm
 ) -> tuple[Path, Path]:
-    """The same once more, for a test to change."""
+    """Return a copy that a test may change."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     if comm.rank == 0:
         shutil.copy(ended[0], case)
@@ -315,7 +317,7 @@ def copied(
 def refused(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], case: Path, folder: Path
 ) -> str:
-    """The one line of a refusal, which leaves all files as they are."""
+    """Return the one line of a refusal, which leaves all files unchanged."""
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     comm.barrier()
     capsys.readouterr()
@@ -518,7 +520,7 @@ def test_both_checkpoints_damaged(
 
 
 class Crash(BaseException):
-    """The end of the program, which nothing catches."""
+    """The end of the program; no handler catches it."""
 
 
 @pytest.mark.mpi2("1")
@@ -531,7 +533,7 @@ def test_a_crash_while_writing(
     comm: MPI.Intracomm,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The program ends where a file is about to get its name: one of each kind is hit."""
+    """The program ends when a file is about to get its final name, once for each kind of file."""
     if comm.size > 1:
         pytest.skip("the other ranks would wait")
     case, folder = copied

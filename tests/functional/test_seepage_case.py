@@ -1,4 +1,4 @@
-"""An earth dam through which water flows: a whole run of its case file, made coarse."""
+"""Test an earth dam with seepage: a whole run of its case file, on a coarse mesh."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +35,7 @@ def test_factor_of_safety_of_an_earth_dam(
     assert flow["imbalance"] < 1e-9
     if comm.rank:
         return
-    # With cells half as large F lies between 1.728 and 1.738.
+    # With half the cell size F lies between 1.728 and 1.738.
     safety = run.summary["limit"]["strength"]
     assert 1.70 < safety["lower"] < safety["upper"] < 1.85
     assert check(run.folder / "stands.h5")["lower"].proven is not None
@@ -52,7 +52,7 @@ def test_factor_of_safety_of_an_earth_dam(
 
 
 def test_combinations_share_the_flow(tmp_path: Path) -> None:
-    """Only the loads differ; the flow through the bodies is computed once."""
+    """Only the loads differ; the program computes the flow of water once."""
     path = tmp_path / "dam.toml"
     path.write_text(coarse(), encoding="utf-8")
     case = read_case(path, MPI.COMM_SELF)

@@ -1,7 +1,7 @@
-"""Cases that are set up by clicks alone, and the same cases by hand.
+"""Test cases that are set up only by clicks, against the same cases written by hand.
 
-Six drawings are STEP files of others, which are not in the repository. Debian has two of them; the
-others are looked for in the folder that ``PERFPLAST_DRAWINGS`` names. Their sources are:
+Six drawings are STEP files by other authors, which are not in the repository. Debian has two of
+them; the others must be in the folder that ``PERFPLAST_DRAWINGS`` names. The sources are:
 
 - ``screw.step``, ``linkrods.step``: Open-Cascade-SAS/OCCT, in Debian's package opencascade;
 - ``step_boundary_colors.stp``, ``component8.step``: examples of gmsh (gitlab.onelab.info);
@@ -70,11 +70,11 @@ SEEN = """(() => {
   }
   return null;
 })()"""
-"""Quarter turns of a key from which a face is seen, and where on the canvas it is."""
+"""Number of quarter turns by key that shows a face, and the position of the face on the canvas."""
 
 
 class Hand(SetupPage):
-    """The page as a hand uses it: it clicks and types, and each click and text is counted."""
+    """Control the page as a user does, by clicks and text, and count clicks and texts."""
 
     def __init__(self, browser: Any, path: Path) -> None:
         super().__init__(browser, path)
@@ -84,7 +84,7 @@ class Hand(SetupPage):
 
     @property
     def seconds(self) -> float:
-        """Seconds since the page was ready."""
+        """Return the seconds since the page was ready."""
         return time.monotonic() - self._began
 
     def _idle(self) -> None:
@@ -109,14 +109,14 @@ class Hand(SetupPage):
         self.clicks += 2
 
     def write(self, name: str, text: str) -> None:
-        """Click a field, replace its text, and go on."""
+        """Click a field, replace its text, and leave the field."""
         self._idle()
         self.type(name, text)
         self.clicks += 1
         self.texts += 1
 
     def face(self, name: str) -> None:
-        """Turn the bodies by keys until a face is seen, and click it in the picture."""
+        """Turn the bodies by keys until a face is visible, and click the face in the picture."""
         from selenium.webdriver import ActionChains, Keys
 
         self._idle()
@@ -164,7 +164,7 @@ class Hand(SetupPage):
 
 @dataclass(frozen=True)
 class Clicked:
-    """A case by clicks and by hand.
+    """A case by clicks, and the same case by hand.
 
     Attributes:
         drawing: Name of the file.
@@ -182,12 +182,12 @@ class Clicked:
 
     @property
     def name(self) -> str:
-        """The name of the drawing, which is the title of the first case."""
+        """Return the name of the drawing, which is the title of the first case."""
         return Path(self.drawing).stem
 
 
 ONE_MESH = "{ until = 0.5, cells = 100 }"
-"""Only the first mesh is solved if it has more cells."""
+"""With more cells than this, only the first mesh is solved."""
 
 
 def prop(hand: Hand) -> None:
@@ -243,7 +243,7 @@ def bracket(hand: Hand) -> None:
 
 
 def ground(hand: Hand, body: str, cohesion: str, friction: str) -> None:
-    """Make a body of ground."""
+    """Define a body of ground by clicks."""
     card = f"e-material-{body}-"
     hand.select(f"{card}-law", "mohr-coulomb")
     hand.write(f"{card}-young", "30000.0")
@@ -253,7 +253,7 @@ def ground(hand: Hand, body: str, cohesion: str, friction: str) -> None:
 
 
 def concrete(hand: Hand, body: str) -> None:
-    """Make a body of concrete that stays elastic."""
+    """Define an elastic body of concrete by clicks."""
     card = f"e-material-{body}-"
     hand.select(f"{card}-law", "elastic")
     hand.write(f"{card}-young", "3e7")
@@ -261,7 +261,7 @@ def concrete(hand: Hand, body: str) -> None:
 
 
 def sides(hand: Hand, body: str) -> None:
-    """Hold the base of ground, and let its sides move down."""
+    """Hold the base of the ground by clicks, and let its sides move down."""
     hand.entry("support", f"{body}_y_low")
     hand.entry("support", f"{body}_x_low", f"{body}_x_high", components='"x"')
 
@@ -309,7 +309,7 @@ def dovetail(hand: Hand) -> None:
 
 
 def steel(*bodies: str, fine: bool = False) -> str:
-    """Materials and the rest of a first case of steel, by hand.
+    """Return materials and the other entries of a first case in steel, as written by hand.
 
     Args:
         bodies: The bodies.
@@ -323,7 +323,7 @@ def steel(*bodies: str, fine: bool = False) -> str:
 
 
 def plane(body: str, asked: str = "") -> str:
-    """Sides that are held, and the rest of a first case of ground, by hand."""
+    """Return supports and the other entries of a first case in ground, as written by hand."""
     held = f'''
 support = [
   {{ on = "{body}_y_low" }},
@@ -498,7 +498,7 @@ def test_clicks_make_the_case_that_a_hand_writes(
     capsys: pytest.CaptureFixture[str],
     record_property: Callable[[str, object], None],
 ) -> None:
-    """The same tables, without a request, and the same bounds of a run."""
+    """The tables agree, the page sends no request, and a run gives the same bounds."""
     drawing = next((one / case.drawing for one in FOLDERS if (one / case.drawing).exists()), None)
     if drawing is None:
         pytest.skip(f"{case.drawing} is not here; PERFPLAST_DRAWINGS names its folder")
@@ -517,7 +517,7 @@ def test_clicks_make_the_case_that_a_hand_writes(
 
     hand = Hand(browser, folder / "setup.html")
     case.clicks(hand)
-    if "adapt" in tomllib.loads(hand.case).get("mesh", {}):  # a fine first mesh is the only one
+    if "adapt" in tomllib.loads(hand.case).get("mesh", {}):  # the fine first mesh is the only mesh
         hand.write("e-mesh--adapt", ONE_MESH)
     if not case.steel:
         hand.select("e-units--system", "m-kN-kPa")
@@ -561,7 +561,7 @@ def bounds_of(results: Path, case: Path) -> tuple[float, float]:
 
 
 def by_hand(case: Clicked, folder: Path) -> str:
-    """The case as one writes it, with the drawing of the first case."""
+    """Return the case as a user writes it, with the drawing of the first case."""
     first = tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
     keys = {"file": first["geometry"]["file"], "size": case.size}
     geometry = "\n".join(f"geometry.{key} = {json.dumps(value)}" for key, value in keys.items())
@@ -569,7 +569,7 @@ def by_hand(case: Clicked, folder: Path) -> str:
 
 
 def saved_by(hand: Hand, browser: Any, folder: Path) -> str:
-    """Press the button, and read the file that the browser has saved."""
+    """Press the button, and return the file that the browser has saved."""
     browser.execute_cdp_cmd(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)}
     )
@@ -577,14 +577,14 @@ def saved_by(hand: Hand, browser: Any, folder: Path) -> str:
     for _ in range(600):
         if (folder / "case.toml").exists():
             break
-        hand.pixels()  # two frames
+        hand.pixels()  # wait for two frames
     text = (folder / "case.toml").read_text(encoding="utf-8")
     assert text == hand.case
     return text
 
 
 def requests(browser: Any) -> dict[str, int]:
-    """How many requests the page has made, by the kind of their address."""
+    """Return the number of requests from the page, by the kind of their address."""
     assert [line["message"] for line in browser.get_log("browser")] == []
     messages = [json.loads(line["message"])["message"] for line in browser.get_log("performance")]
     sent = [

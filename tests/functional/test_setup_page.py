@@ -1,4 +1,4 @@
-"""The page that ``perfplast mesh`` writes: faces are chosen by clicks, and the case file grows."""
+"""Test the page that ``perfplast mesh`` writes: clicks choose faces, and the case file grows."""
 
 import json
 import math
@@ -27,13 +27,13 @@ pytestmark = alone
 ROOT = Path(__file__).parents[2]
 
 LEFT = "[...document.querySelectorAll('#left li')].map((a) => a.textContent)"
-"""Script for the list of missing or wrong entries on the page."""
+"""Script that returns the list of missing or wrong entries on the page."""
 
 COMPLETE = f"{LEFT}.join() === 'Nothing. perfplast check makes all other tests.'"
 
 
 class SetupPage(Page):
-    """The page as a hand uses it."""
+    """The setup page, controlled as by a user."""
 
     def press(self, *names: str) -> None:
         """Click the buttons with these words or names of faces, one after the other."""
@@ -54,14 +54,14 @@ class SetupPage(Page):
         self.press("Add")
 
     def type(self, name: str, text: str) -> None:
-        """Replace the text of a field, and go on to the next one."""
+        """Replace the text of a field, and leave the field."""
         from selenium.webdriver import Keys
 
         self.wait("document.getElementById('cards').ariaBusy === 'false'")
         self.part(name).send_keys(Keys.CONTROL, "a", Keys.NULL, Keys.DELETE, text, Keys.TAB)
 
     def drop(self, text: str) -> None:
-        """Drop a case file on the page."""
+        """Drop a case file onto the page."""
         self._browser.execute_script(
             """const moved = new DataTransfer();
             moved.items.add(new File([arguments[0]], "case.toml"));
@@ -71,13 +71,13 @@ class SetupPage(Page):
 
     @property
     def case(self) -> str:
-        """The text of the case file."""
+        """Return the text of the case file."""
         return str(self("document.getElementById('text').value"))
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two blocks side by side along x; the second one has a pad of a quarter on its back."""
+    """Return two blocks side by side along x; the second block has a small pad on its back."""
     folder = tmp_path_factory.mktemp("page")
     drawing = folder / "two <b>.brep"
     with gmsh_session():
@@ -127,7 +127,7 @@ def test_a_click_chooses_a_face(made: Path, browser: Any) -> None:
     before = page.pixels()
     told = "document.getElementById('told').textContent"
     canvas = page.part("canvas")
-    for down, up in ((0, "z_high"), (1, "y_low")):  # seen from x, -y and z
+    for down, up in ((0, "z_high"), (1, "y_low")):  # the views from x, -y and z
         shift = -60 if down == 0 else 60
         ActionChains(browser).move_to_element_with_offset(canvas, 0, shift).click().perform()
         page.wait(f"/^part_[12]_{up}: flat, area 1, centre .*; chosen$/.test({told})")
@@ -142,7 +142,7 @@ def test_a_click_chooses_a_face(made: Path, browser: Any) -> None:
 
 
 def test_a_face_offers_the_name_that_it_shares(made: Path, browser: Any) -> None:
-    """The pad and the rest of its side are one name, which takes their place."""
+    """Pad and rest of the side share one name, which replaces their names."""
     page = SetupPage(browser, made)
     faces = "[...document.querySelectorAll('tr[data-face] button')].map((a) => a.textContent)"
     offered = "[...document.querySelectorAll('#wider button')].map((a) => a.textContent)"
@@ -162,7 +162,7 @@ def test_a_face_offers_the_name_that_it_shares(made: Path, browser: Any) -> None
 
 @pytest.fixture(scope="module")
 def prop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the tutorial, on a coarse mesh and without a material."""
+    """Return the folder of the tutorial, on a coarse mesh and without a material."""
     folder = tmp_path_factory.mktemp("prop") / "prop"
     drawing = ROOT / "docs" / "prop.step"
     with pytest.MonkeyPatch.context() as patch:
@@ -172,7 +172,7 @@ def prop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def by_hand(prop: Path) -> str:
-    """Return the case of the tutorial: its first case with the tables that the tutorial writes."""
+    """Return the case of the tutorial: the first case with the tables from the tutorial."""
     tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     blocks = re.findall(
         r"```\{code-block\} toml\n:caption: prop/case.toml.*?\n\n(.*?)```", tutorial, re.S
@@ -191,7 +191,7 @@ def by_hand(prop: Path) -> str:
 def test_clicks_make_the_case_of_the_tutorial(
     prop: Path, browser: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Clicks make the same tables as a hand; the page asks for nothing; check takes the file."""
+    """Clicks make the same tables as a user; the page sends no request; check accepts the file."""
     page = SetupPage(browser, prop / "setup.html")
     left = page(LEFT)
     assert "[support]: nothing holds the bodies; choose a face and add a support" in left
@@ -216,7 +216,7 @@ def test_clicks_make_the_case_of_the_tutorial(
     for _ in range(600):
         if saved.exists():
             break
-        page.pixels()  # two frames
+        page.pixels()  # wait for two frames
     assert saved.read_text(encoding="utf-8") == page.case
     case = prop / "clicked.toml"
     case.write_bytes(saved.read_bytes())
@@ -238,7 +238,7 @@ def test_clicks_make_the_case_of_the_tutorial(
 def test_the_page_says_what_mesh_warns_of(
     tmp_path: Path, browser: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Refused contacts are missing entries until they are ties; other warnings stay in a list."""
+    """Refused contacts count as missing until they become ties; other warnings stay in a list."""
     step, folder = write(tmp_path / "in.step", pyramid_in_block), tmp_path / "case"
     arguments = ["mesh", str(step), "-o", str(folder), "--size", "6", "--material", "s235"]
     assert main(arguments) == SOLVED
@@ -268,7 +268,7 @@ def test_the_page_says_what_mesh_warns_of(
 def test_each_number_to_fill_in_is_missing(
     prop: Path, browser: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The page and check refuse each entry of the first case that is marked and left as it is."""
+    """Page and check refuse each marked entry of the first case that is left unfilled."""
     page = SetupPage(browser, prop / "setup.html")
     whole = by_hand(prop)
     first = (prop / "case.toml").read_text(encoding="utf-8")
@@ -370,7 +370,7 @@ adapt = { until = 0.1, cells = 12000 }
 [units]
 system = "mm-N-MPa"
 """
-"""Tables of the case whose entries are spoilt; its first ones are those of the drawing."""
+"""Tables of the case with wrong entries; the first tables are those of the drawing."""
 
 WRONG_FIELDS = (
     ("geometry--size", "-5", "-5 is not positive"),
@@ -455,7 +455,7 @@ WRONG_FIELDS = (
     ("mesh--adapt", "yes", "'yes' is not a value"),
     ("combination-0-factors", "{ push = 0, hook = 0 }", "has no factor above 0"),
 )
-"""Field of a card, what is typed, and words beside it."""
+"""Field of a card, the typed text, and the message beside the field."""
 
 SPOILT = """
 const done = arguments[1];
@@ -486,7 +486,7 @@ const type = async (name, text) => {
   return found;
 })().then(done);
 """
-"""Type wrong texts one after the other; return what the page says of each."""
+"""Type wrong texts one after the other, and return the messages of the page."""
 
 
 def rich(prop: Path) -> str:
@@ -496,7 +496,7 @@ def rich(prop: Path) -> str:
 
 
 def test_wrong_entries_are_named_at_their_field(prop: Path, browser: Any) -> None:
-    """Each has its words beside the field and in the list, and right entries have none."""
+    """Each wrong entry has a message beside its field and in the list; right entries have none."""
     page = SetupPage(browser, prop / "setup.html")
     page.drop(rich(prop))
     page.wait(COMPLETE)
@@ -512,7 +512,7 @@ def test_wrong_entries_are_named_at_their_field(prop: Path, browser: Any) -> Non
         assert one["after"] == 1, (field, text)
     page.wait(COMPLETE)
     assert tomllib.loads(page.case) == tomllib.loads(before)
-    page.type("e-load-0-pressure", "1,5")  # by keys, too
+    page.type("e-load-0-pressure", "1,5")  # with keys, too
     page.wait("document.getElementById('e-load-0-pressure').ariaInvalid === 'true'")
     assert "write 1.5" in page.part("e-load-0-pressure-fault").text
     options = "[...document.getElementById('e-element--degree').options].map((a) => a.value)"
@@ -520,7 +520,7 @@ def test_wrong_entries_are_named_at_their_field(prop: Path, browser: Any) -> Non
 
 
 def test_another_law_keeps_what_both_have(prop: Path, browser: Any) -> None:
-    """All laws are offered; numbers of the old one alone go, those of the new one are missing."""
+    """The form offers all laws; numbers of the old law are removed, new numbers are missing."""
     page = SetupPage(browser, prop / "setup.html")
     page.drop(rich(prop))
     page.wait(COMPLETE)
@@ -544,7 +544,7 @@ def test_another_law_keeps_what_both_have(prop: Path, browser: Any) -> None:
 def test_the_program_refuses_the_same_entries(
     prop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The page refuses nothing that the program accepts, but for a list that reads two ways."""
+    """The page refuses nothing that the program accepts, except for one ambiguous list."""
     text = rich(prop)
     case = prop / "spoilt.toml"
     for field, typed, _ in WRONG_FIELDS:
@@ -585,24 +585,24 @@ const drawn = new Drawn(data.setup);
   return RESULT;
 })().then(done);
 """
-"""Read the page again with its own functions, which no other script can call."""
+"""Evaluate the page's own functions, which no other script can call."""
 
 
 def in_scene(browser: Any, result: str) -> Any:
-    """The value of an expression in the words of the page's scripts."""
+    """Return the value of an expression in the scope of the page's scripts."""
     text = "".join(map(asset, [f"{name}.js" for name in SCRIPTS]))
     return browser.execute_async_script(text + SCENE.replace("RESULT", result))
 
 
 def marks(browser: Any, kind: str, name: str) -> np.ndarray[Any, Any]:
-    """The lines that show one entry of the case, shape (n, 2, 3)."""
+    """Return the lines that show one entry of the case, shape (n, 2, 3)."""
     faces = f"drawn.surfacesOf(value)['{name}'].faces"
     row = f"value.{kind}.find((one) => one.on === '{name}')"
     return np.array(in_scene(browser, f"{kind}Lines({row}, {faces}, marked)")).reshape(-1, 2, 3)
 
 
 def test_entries_are_marked_on_the_bodies(prop: Path, browser: Any) -> None:
-    """Arrows push where the loads push; ticks lie on held faces along held axes."""
+    """Arrows point along the loads; ticks lie on held faces along held axes."""
     page = SetupPage(browser, prop / "setup.html")
     page.wait("document.getElementById('drawn').dataset.ready === ''")
     told = "document.getElementById('drawn').textContent"
@@ -613,7 +613,7 @@ def test_entries_are_marked_on_the_bodies(prop: Path, browser: Any) -> None:
     page.changed(bare)
 
     pressed = marks(browser, "load", "beam_z_high")
-    tips = pressed[0::3, 1]  # the first of three lines is the shaft
+    tips = pressed[0::3, 1]  # the first of three lines is the shaft of an arrow
     assert tips[:, 2] == pytest.approx(150, abs=1e-2)
     shafts = tips - pressed[0::3, 0]
     assert np.abs(shafts[:, :2]).max() < 1e-3
