@@ -1,9 +1,7 @@
 """List common materials and soils as starting values, in any system of units.
 
-For a design, take the numbers from the applicable standard.
-
-List common soils as starting values, in any system of units. For a design, use soil tests from the
-site.
+For a design, take the numbers of materials from the applicable standard, and the numbers of soils
+from soil tests at the site.
 """
 
 import math
@@ -25,8 +23,8 @@ class Common:
         name: Name in the standard, in lower case.
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
-        yield_stress: Uniaxial yield stress (stress); for a material that is not a metal, the
-            parameter of von Mises' law that ``what`` describes.
+        yield_stress: Uniaxial yield stress (stress). For concrete and clay, the parameter of von
+            Mises' law that ``what`` describes.
         what: Description in words.
         source: Source of its numbers.
     """
@@ -39,7 +37,7 @@ class Common:
     source: str
 
     def in_system(self, system: Name) -> "Common":
-        """Return the material converted from the units of :data:`MATERIALS` to another system."""
+        """Return the material, converted from the units of :data:`MATERIALS` to another system."""
         factor = SYSTEMS[TABLE].pascals / SYSTEMS[system].pascals
         return replace(self, young=self.young * factor, yield_stress=self.yield_stress * factor)
 
@@ -55,7 +53,7 @@ CLAY = "EN ISO 14688-2:2018 (c_u); Duncan and Buchignani 1976 (E = 300 c_u)"
 def _concrete(strength: float, cube: float, modulus: float) -> Common:
     """Return a concrete from its characteristic cylinder and cube strengths and E_cm (MPa).
 
-    Von Mises' law assigns it the same strength in tension, which real concrete does not have.
+    Von Mises' law gives the same strength in tension, which real concrete does not have.
     """
     name = f"c{strength:g}/{cube:g}"
     return Common(name, modulus, 0.2, strength, "concrete, for compression only", EN_1992)
@@ -89,7 +87,7 @@ MATERIALS = (
 
 
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
-    """Return a sentence for each value that no real material has.
+    """Return a question for each value that no real material has.
 
     Args:
         young: Young's modulus of a material (stress).
@@ -99,9 +97,9 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
     told = []
     if system is not None:
         pascals, unit = young * SYSTEMS[system].pascals, SYSTEMS[system].stress
-        # Young's modulus above that of any solid (Pa); diamond has 1.1e12.
+        # Young's modulus above that of every solid (Pa); diamond has 1.1e12.
         stiffest = 1e12
-        # Young's modulus below that of any useful solid (Pa); a gel has about this value.
+        # Young's modulus below that of every useful solid (Pa); a gel has about this value.
         softest = 1e3
         if not softest <= pascals <= stiffest:
             told.append(
@@ -109,7 +107,8 @@ def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -
                 f"number in {unit}, as [units] says"
             )
     if yield_stress is not None:
-        # Yield stress over Young's modulus: lead has 1e-4, rubber and polymers a few hundredths.
+        # Yield stress divided by Young's modulus: lead has 1e-4, rubber and polymers a few
+        # hundredths.
         least, most = 1e-5, 0.1
         strain = yield_stress / young
         if not least <= strain <= most:
@@ -145,7 +144,7 @@ class Soil:
     source: str
 
     def in_system(self, system: Name) -> "Soil":
-        """Return the soil in another system of units, converted from that of :data:`SOILS`."""
+        """Return the soil, converted from the units of :data:`SOILS` to another system."""
         one, other = SYSTEMS[TABLE], SYSTEMS[system]
         factor = one.pascals / other.pascals
         return replace(
@@ -175,7 +174,7 @@ SOILS = (
     _soil("sandy-clay-medium-drained", 3.0, 5.0, 22.5, 18.0, "clay, slightly sandy, medium"),
     _soil("sandy-clay-stiff-drained", 5.0, 13.0, 22.5, 20.0, "clay, slightly sandy, stiff"),
 )
-"""Common soils with cohesion, in the units of the table of common materials."""
+"""Common soils with cohesion, in the units of :data:`TABLE`."""
 
 
 def find(name: str, system: Name = TABLE) -> Common:
@@ -220,8 +219,8 @@ def check_soil_units(young: float, poisson: float, cohesion: float, system: Name
 
     Args:
         young: Young's modulus of a soil (stress).
-        poisson: Its Poisson's ratio.
-        cohesion: Its cohesion (stress).
+        poisson: Poisson's ratio of the soil.
+        cohesion: Cohesion of the soil (stress).
         system: System of the units.
 
     Raises:
@@ -257,8 +256,8 @@ def _known(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> Common | Soil | None:
-    """Return the table entry that has these numbers in a system of units; None without a match."""
-    # Allowed relative difference of numbers copied from a table with six digits.
+    """Return the table entry with the given numbers in a system of units; None without a match."""
+    # Allowed relative difference for numbers that are copied with six digits from a table.
     copied = 1e-5
     for one in table:
         here = one.in_system(system)

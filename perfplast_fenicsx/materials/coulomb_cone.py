@@ -2,13 +2,13 @@
 
 With the cohesion c and the angle φ, stresses are admissible if their extreme principal values
 satisfy σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ. In plane strain no equation of equilibrium contains
-the out-of-plane stress. This stress can always lie between the two in-plane principal values, so
-that the condition is
+the out-of-plane stress. This stress can always lie between the two in-plane principal values. The
+condition is therefore
 
     √(¼(σ_x − σ_y)² + τ²) ≤ c cos φ − ½(σ_x + σ_y) sin φ,
 
-a single second-order cone. In space, in axisymmetry, and in plane strain with a tensile strength,
-the set is a cone of principal stresses.
+which is a single second-order cone. In 3D, in axisymmetry, and in plane strain with a tensile
+strength, the set is a cone of principal stresses.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class CoulombSet:
         return ufl.sqrt(1 - ufl.as_ufl(self.sine) ** 2)
 
     def gauge(self, s: Expr) -> Expr:
-        """Return (σ₁ − σ₃ + (σ₁ + σ₃) sin φ)/(2c cos φ), or 0 where pressure makes it negative.
+        """Return (σ₁ − σ₃ + (σ₁ + σ₃) sin φ)/(2c cos φ), or 0 if pressure makes it negative.
 
         The value is very large if c = 0.
         """
@@ -59,7 +59,7 @@ class CoulombSet:
         return ufl.conditional(ufl.gt(self.sine, least_sine), grows, keeps)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """Return a:b, although the squared power is not a quadratic form."""
+        """Return a:b, although the square of the power is not a quadratic form."""
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[PrincipalCone]:
@@ -100,13 +100,13 @@ class CutOffSet(CoulombSet):
     Args:
         cohesion: c > 0 (stress).
         sine: sin φ in [0, 1).
-        tension: f > 0 (stress), less than c cot φ.
+        tension: Tensile strength f > 0 (stress), less than c cot φ.
     """
 
     tension: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """Return the larger gauge of both conditions, or 0 where pressure makes it negative."""
+        """Return the larger gauge of both conditions, or 0 if pressure makes it negative."""
         return ufl.max_value(super().gauge(s), principal(s)[0] / self.tension)
 
     def support(self, rate: Expr) -> Expr:
@@ -126,5 +126,5 @@ class CutOffSet(CoulombSet):
 
 
 def principal(s: Expr) -> tuple[Expr, Expr, Expr]:
-    """Return the principal values of a Mandel vector, the largest first."""
+    """Return the principal values of a Mandel vector, the largest value first."""
     return principal_axes(s).ordered

@@ -35,8 +35,9 @@ class Tresca:
         cohesion: Largest shear stress (stress), positive, a number or a field; half of the
             uniaxial yield stress.
         expansion: Thermal strain per degree (1/temperature).
-        tensile_strength: Largest tension f in any direction (stress), positive; None for no limit.
-        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
+        tensile_strength: Largest tension f in any direction (stress), positive; None without a
+            limit.
+        reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -103,7 +104,7 @@ class MohrCoulomb:
             ground, which gives an estimate.
         tensile_strength: Largest tension f in any direction (stress), positive; None, or a value of
             at least c cot φ, if only cohesion and friction limit the tension.
-        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
+        reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -140,10 +141,10 @@ class MohrCoulomb:
             )
 
     def _check_field(self) -> None:
-        """Refuse parameters that do not support a friction angle that varies in space.
+        """Refuse parameters that a spatially varying friction angle does not allow.
 
         Raises:
-            InputError: If a key is refused.
+            InputError: If there is such a parameter; the message names the first.
         """
         for key in ("dilatancy_angle", "nonassociated", "tensile_strength"):
             if (given := getattr(self, key)) is not None:
@@ -177,7 +178,7 @@ class MohrCoulomb:
         return Elastic(self.young, self.poisson).shear
 
     def divided_by(self, factor: float) -> "MohrCoulomb":
-        """Return the same ground with c/F, tan φ/F and f/F; ``nonassociated`` decides on ψ.
+        """Return the same ground with c/F, tan φ/F and f/F; ``nonassociated`` determines ψ.
 
         Args:
             factor: F > 0.
@@ -207,10 +208,10 @@ class MohrCoulomb:
 
 
 def check_tension(tension: float | None, cohesion: Strength) -> None:
-    """Refuse a tensile strength that is not positive, or that comes with a variable cohesion.
+    """Refuse a tensile strength that is not positive, or that is given with a varying cohesion.
 
     Raises:
-        InputError: If a tensile strength is refused.
+        InputError: If the tensile strength is refused.
     """
     if tension is None:
         return

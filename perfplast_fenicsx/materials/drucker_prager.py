@@ -10,8 +10,8 @@ has the deviatoric norm r = 2μ‖dev e‖ and the mean p = κ tr e. With n = de
     f > 0, A ≤ 0    Σ = Ce − (f/D)(√2 μ n + κη δ)          ψ = ½ e:Ce − ½ f²/D
     f > 0, A > 0    Σ = (c/η) δ, the apex                  ψ = (c/η) tr e − c²/(2κη²)
 
-The stress Σ is the projection of Ce on K in the norm of C⁻¹ (M. Čermák, S. Sysala, J. Valdman,
-Appl. Math. Comput. 355 (2019), 595, section 3.2). Bodies dilate when they flow: strain rates are
+The stress Σ is the projection of Ce onto K in the norm of C⁻¹ (M. Čermák, S. Sysala, J. Valdman,
+Appl. Math. Comput. 355 (2019), 595, section 3.2). Bodies dilate in plastic flow: strain rates are
 admissible if tr ε ≥ √2 η‖dev ε‖. The dissipation (c/η) tr ε does not depend on the deviator.
 """
 
@@ -54,7 +54,7 @@ class DruckerPragerSet:
     strength: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """Return (‖dev σ‖/√2 + η tr σ/3)/c, or 0 where pressure makes it negative.
+        """Return (‖dev σ‖/√2 + η tr σ/3)/c, or 0 if pressure makes this value negative.
 
         The value is very large if c = 0.
         """
@@ -70,7 +70,7 @@ class DruckerPragerSet:
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """Return one cone, ‖dev σ‖ ≤ √2 c − √2 ηp, whose bound decreases with the mean stress p."""
+        """Return the cone ‖dev σ‖ ≤ √2 c − √2 ηp, whose bound decreases with the mean stress p."""
         return (axial_cone(math.sqrt(2) * self.strength, math.sqrt(2) * self.slope, size),)
 
     def inadmissible(self, rate: Expr) -> None:
@@ -112,7 +112,7 @@ class DruckerPragerLaw(Law):
         return math.sqrt(2) * self.shear * _size(deviator(e)) + mean - self.strength
 
     def beyond(self, e: Expr) -> Expr:
-        """Return A (stress); a Ce outside K returns to the apex if A is positive."""
+        """Return A (stress); a trial stress Ce outside K returns to the apex if A is positive."""
         mean = self.slope * self.bulk * (trace(e) - math.sqrt(2) * self.slope * _size(deviator(e)))
         return mean - self.strength
 
@@ -189,9 +189,9 @@ def _size(d: Expr) -> Expr:
 class DruckerPrager:
     """Ground with the Drucker–Prager cone and associated flow.
 
-    The cone approximates the Mohr–Coulomb pyramid and touches it only in some states of stress. In
-    space, the strengths of the three matches differ by up to a factor of two. In plane strain, the
-    match ``"plane-strain"`` gives exactly the limit loads of Mohr–Coulomb.
+    The cone approximates the Mohr–Coulomb pyramid, and touches the pyramid only in some states of
+    stress. In 3D, the strengths of the three matches differ by up to a factor of two. In plane
+    strain, the match ``"plane-strain"`` gives exactly the limit loads of Mohr–Coulomb.
 
     Args:
         young: Young's modulus E > 0 (stress).
@@ -206,7 +206,7 @@ class DruckerPrager:
         nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
             collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
             ground, which gives an estimate.
-        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
+        reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:
         InputError: If a number is out of its range.
@@ -253,9 +253,10 @@ class DruckerPrager:
     def cone(self) -> tuple[float, Strength]:
         """Return η and the strength c in pure shear (stress).
 
-        For ``"compression"`` and ``"extension"`` the cone goes through the pyramid's edges of
-        triaxial compression or extension. For ``"plane-strain"`` its projection along σ_zz is that
-        of Mohr–Coulomb in the plane (D. C. Drucker, W. Prager, Q. Appl. Math. 10 (1952), 157).
+        For ``"compression"`` and ``"extension"`` the cone passes through the pyramid's edges of
+        triaxial compression or extension. For ``"plane-strain"`` its projection along σ_zz equals
+        the projection of the Mohr–Coulomb set (D. C. Drucker, W. Prager, Q. Appl. Math. 10 (1952),
+        157).
         """
         phi = math.radians(self.friction_angle)
         if self.match == "plane-strain":
@@ -266,7 +267,7 @@ class DruckerPrager:
         return 6 * math.sin(phi) / size, 6 * self.cohesion * math.cos(phi) / size
 
     def divided_by(self, factor: float) -> "DruckerPrager":
-        """Return the same ground with c/F and tan φ/F; ``nonassociated`` decides on ψ.
+        """Return the same ground with c/F and tan φ/F; ``nonassociated`` determines ψ.
 
         Args:
             factor: F > 0.

@@ -49,7 +49,7 @@ class ElasticLaw(Law):
         return ufl.as_ufl(0)
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return no fields, since the tangent is C."""
+        """Return no fields, because the tangent is C."""
         return {}
 
     def tangent(self, stored: Mapping[str, Expr], d: Expr) -> Expr:
@@ -145,10 +145,10 @@ class ElasticSheet(Elastic):
 
 @dataclass(frozen=True)
 class Rigid:
-    """A rigid block, such as a block of masonry: it moves as a whole and bears any stress.
+    """A rigid block, such as a block of masonry; it moves as a whole and carries any stress.
 
-    Bounds of limit loads and factors of safety support it. Levels support it together with bodies
-    that deform. Where no body can yield, only the joints limit the load.
+    Bounds of limit loads and factors of safety support rigid blocks. Levels support rigid blocks
+    together with bodies that deform. If no body can yield, only the joints limit the load.
     """
 
     @property
@@ -169,15 +169,16 @@ class Rigid:
         return self
 
     def parameters(self) -> dict[str, float]:
-        """Return a stiffness of one; bounds do not depend on it."""
+        """Return unit moduli; bounds do not depend on them."""
         return {"bulk": 1.0, "shear": 1.0}
 
 
 def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
-    """Return materials with an elastic one instead of each rigid one.
+    """Return the materials, with an elastic material in place of each rigid material.
 
-    Rigid bodies do not strain, so that this stiffness affects only the springs that restrain free
-    rigid-body motions. The function therefore uses the stiffness of the stiffest other body.
+    Rigid bodies do not strain. The stiffness of the elastic material therefore affects only the
+    springs that restrain free rigid-body motions. The function uses the shear modulus of the
+    stiffest other body.
     """
     known = (of.parameters().get("shear") for of in materials.values() if not isinstance(of, Rigid))
     shear = max((float(it) for it in known if isinstance(it, int | float)), default=1.0)
@@ -186,7 +187,7 @@ def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
 
 
 def check_deforms(materials: Mapping[str, object]) -> None:
-    """Refuse problems that have only rigid bodies, if stresses are to be computed.
+    """Refuse problems with only rigid bodies if stresses are to be computed.
 
     With only rigid blocks, the functional J_ζ of a level is positively homogeneous on a cone of
     motions. Its infimum is therefore 0, attained at rest, or −∞ above the limit load. The dual
@@ -194,7 +195,7 @@ def check_deforms(materials: Mapping[str, object]) -> None:
     cones.
 
     Raises:
-        InputError: Naming the first rigid body.
+        InputError: If all bodies are rigid; the message names the first body.
     """
     name = next((name for name, of in materials.items() if isinstance(of, Rigid)), None)
     if name is not None and all(isinstance(of, Rigid) for of in materials.values()):
@@ -213,7 +214,7 @@ def require_not_negative(field: str, value: Strength) -> None:
     The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
 
     Raises:
-        InputError: Naming the field and the value.
+        InputError: If the value is refused; the message names the field and the value.
     """
     if isinstance(value, SpatialField):
         return
@@ -228,7 +229,7 @@ def require_positive(field: str, value: Strength) -> None:
     The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
 
     Raises:
-        InputError: Naming the field and the value.
+        InputError: If the value is refused; the message names the field and the value.
     """
     if isinstance(value, SpatialField):
         return
@@ -238,5 +239,5 @@ def require_positive(field: str, value: Strength) -> None:
 
 
 def all_elastic(materials: Iterable[object]) -> bool:
-    """Return whether none of the materials can yield."""
+    """Return whether no material can yield."""
     return all(isinstance(material, Elastic | Rigid) for material in materials)

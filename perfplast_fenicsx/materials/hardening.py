@@ -1,20 +1,21 @@
 """Define a metal with von Mises' condition and linear hardening.
 
 The first law has Hencky's form. Let h = ⅔H for a hardening modulus H. A body that hardens is
-equivalent to an elastic and a perfectly plastic body in parallel. The elastic body carries the
+equivalent to an elastic body and a perfectly plastic body in parallel. The elastic body carries the
 share s = h/(2μ + h):
 
     Σ(e)  = sCe + (1 − s)Σ_p(e)
     ψ(e)  = ½ s e:Ce + (1 − s)ψ_p(e)
     ψ*(τ) = ½ τ:C⁻¹τ + max(0, ‖dev τ‖ − γ)²/(2h)
 
-The tangent is therefore that of perfect plasticity with another ρ. In a single step from the virgin
-body, isotropic and kinematic hardening give the same result; in a history they differ.
+The tangent is therefore the tangent of perfect plasticity with another ρ. In a single step from the
+virgin body, isotropic and kinematic hardening give the same result; in a history their results
+differ.
 
 The second law describes plastic flow step by step. A step (implicit Euler) starts from the plastic
 strain p, the accumulated plastic strain p̄ and the back stress χ = ⅔H_k p. The step is Hencky's law
-with a shifted strain (:mod:`plastic_flow`). With q = p + χ/(2μ) and the radius γ + √⅔ H_i p̄
-instead of γ
+with a shifted strain (:mod:`plastic_flow`). With q = p + χ/(2μ), and with the radius γ + √⅔ H_i p̄
+instead of γ,
 
     Σ(e)  = Σ_H(e − q) + χ
     ψ(e)  = ψ_H(e − q) + χ:e + μ(‖p‖² − ‖q‖²)
@@ -37,7 +38,7 @@ from perfplast_fenicsx.materials.von_mises import FirstYield, VonMises, VonMises
 
 @dataclass(frozen=True)
 class HardeningLaw(FirstYield):
-    """Hencky's law of a body that hardens from ‖dev σ‖ = γ on; :class:`Law` describes the methods.
+    """Hencky's law for hardening from ‖dev σ‖ = γ on; :class:`Law` describes the methods.
 
     Args:
         isotropic: ⅔H of isotropic hardening (stress), not negative.
@@ -62,7 +63,7 @@ class HardeningLaw(FirstYield):
 
     @property
     def share(self) -> Expr:
-        """Return the elastic body's share s = h/(2μ + h), in (0, 1)."""
+        """Return the share s = h/(2μ + h) of the elastic body, in (0, 1)."""
         return self.hardening / (2 * self.shear + self.hardening)
 
     def stress(self, e: Expr, old: Old) -> Expr:
@@ -84,7 +85,7 @@ class HardeningLaw(FirstYield):
         return self.perfect.plastic(e, old)
 
     def flow(self, e: Expr) -> Expr:
-        """Return the plastic strain of a strain."""
+        """Return the plastic strain of the virgin body at a strain."""
         return (1 - self.share) * self.perfect.flow(e)
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
@@ -151,10 +152,11 @@ class Hardening:
         young: Young's modulus E > 0 (stress).
         poisson: Poisson's ratio ν in (−1, ½).
         yield_stress: Initial uniaxial yield stress σ_y > 0 (stress).
-        isotropic: Isotropic modulus H: growth of the yield stress per equivalent plastic strain
-            (stress).
-        kinematic: Kinematic modulus H: growth of the back stress per plastic strain (stress), in
-            uniaxial stress. The yield stress rises in one direction and falls in the opposite one.
+        isotropic: Isotropic modulus H (stress): increase of the yield stress per equivalent plastic
+            strain.
+        kinematic: Kinematic modulus H (stress): increase of the back stress per plastic strain, in
+            uniaxial stress. The yield stress rises in one direction and falls in the opposite
+            direction.
         expansion: Thermal strain per degree (1/temperature).
 
     Raises:

@@ -6,7 +6,7 @@ In the axes of the material, whose x axis is rotated about z by an angle, the yi
 
 (R. Hill, Proc. R. Soc. A 193 (1948), 281). The condition does not bound the mean stress. Elasticity
 is isotropic. Let s be orthonormal coordinates of the deviator along the principal axes of the form.
-The set is then Σ h_i s_i² ≤ Y². Stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
+The yield set is then Σ h_i s_i² ≤ Y². Stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
 """
 
 import math
@@ -30,8 +30,8 @@ class HillForm:
     """The form Σ h_i s_i², with s = Q dev σ.
 
     Args:
-        first: The larger h of normal stresses.
-        second: The smaller h of normal stresses.
+        first: The larger h_i for normal stresses.
+        second: The smaller h_i for normal stresses.
         turn: Angle (radians) from (1, −1, 0)/√2 to the principal axis of ``first``, towards (1, 1,
             −2)/√6.
         yz: Coefficient L.
@@ -109,7 +109,7 @@ class HillSet:
         return sum(h**power * parts[i] ** 2 for i, h in enumerate(weights))
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """Return one cone without a slope."""
+        """Return one cone with zero slope."""
         frame = self.form.frame(size)
         matrix = ufl.as_matrix(
             [
@@ -176,7 +176,7 @@ class Hill:
 
     A ratio of tension is the yield stress along an axis of the material divided by
     ``yield_stress``. A ratio of shear is √3 times the shear yield stress divided by
-    ``yield_stress``. If all ratios are 1, the condition is von Mises'. With R₁₁ = 1,
+    ``yield_stress``. If all ratios are 1, the condition is von Mises' condition. With R₁₁ = 1,
     ``yield_stress`` is the yield stress along the first axis, as in tests in the rolling direction.
 
     Args:
@@ -191,10 +191,10 @@ class Hill:
         r23: Ratio of shear in the plane of the second and third axes.
         angle: Angle about z from x to the first axis (degrees).
         expansion: Thermal strain per degree (1/temperature).
-        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
+        reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:
-        InputError: If a number is out of its range, or if the ratios of tension leave some stress
+        InputError: If a number is out of its range, or if the ratios of tension leave a stress
             unbounded.
     """
 
@@ -225,7 +225,7 @@ class Hill:
                 raise InputError(f"{name} = {ratio} is not a positive number; give a ratio.")
         if not math.isfinite(self.angle):
             raise InputError(f"angle = {self.angle} is not finite; give degrees, or remove it.")
-        # Smallest allowed ratio of the smaller h of normal stresses to the larger one.
+        # Smallest allowed ratio of the smaller h_i for normal stresses to the larger h_i.
         least_ratio = 1e-6
         if not self.spectrum[1] > least_ratio * self.spectrum[0]:
             raise InputError(
@@ -243,7 +243,7 @@ class Hill:
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
-        """Return both h of normal stresses, and the angle of the larger one (:class:`HillForm`)."""
+        """Return both h_i for normal stresses, and the angle ``turn`` (:class:`HillForm`)."""
         F, G, H, *_ = self.coefficients
         form = np.array([[G + H, -H, -G], [-H, F + H, -F], [-G, -F, F + G]])
         basis = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])

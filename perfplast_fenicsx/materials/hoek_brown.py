@@ -3,11 +3,11 @@ r"""Define rock with the Hoek–Brown criterion for a = ½ in plane strain, in H
 With the in-plane principal stresses σ₁ ≥ σ₃, tension positive, the criterion (σ₁ − σ₃)² ≤ σ_ci
 (sσ_ci − m_b σ₁) is R² ≤ k (f − p − R) for p = (σ₁ + σ₃)/2, R = (σ₁ − σ₃)/2, k = m_b σ_ci/4 and the
 biaxial tensile strength f = sσ_ci/m_b. Its boundary is a parabola. The out-of-plane stress is the
-intermediate principal stress, so that no condition contains it (E. Hoek, C. Carranza-Torres, B.
-Corkum, Hoek–Brown failure criterion – 2002 edition, NARMS-TAC, 2002).
+intermediate principal stress, and no condition contains it (E. Hoek, C. Carranza-Torres, B. Corkum,
+Hoek–Brown failure criterion – 2002 edition, NARMS-TAC, 2002).
 
-The projection of an elastic stress (p, R) in the norm of C⁻¹ changes it along the normal (k, 2R +
-k): with K = κ + μ/3, the multiplier λ and x = 1 + 2μλ,
+The projection of an elastic stress (p, R) in the norm of C⁻¹ changes the stress along the normal
+(k, 2R + k). With K = κ + μ/3, the multiplier λ and x = 1 + 2μλ,
 
     p' = p − (Kk/2μ)(x − 1),    R' + k/2 = (R + k/2)/x.
 
@@ -15,8 +15,8 @@ With G = Kk²/2μ, A = R + k/2 and B = k²/4 + k (f − p), y = 1/x is the only 
 
     A² y³ + (G − B) y = G.
 
-Where R' would be negative, K R ≤ μ (p − f), the stress returns to the apex (f, 0). Rates with v =
-tr ε > 0 and g = ε₁ − ε₃ dissipate fv + (k/4) (g − v)₊²/v.
+If R' would be negative, K R ≤ μ (p − f), the stress returns to the apex (f, 0). Rates with v = tr ε
+> 0 and g = ε₁ − ε₃ dissipate fv + (k/4) (g − v)₊²/v.
 """
 
 import math
@@ -33,7 +33,8 @@ from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity
 from perfplast_fenicsx.rounding import TINY
 
 STEPS = 8
-"""Newton steps for y from a start of at most 2y; the last steps change only rounding errors."""
+"""Number of Newton steps for y, from a start of at most 2y; the last steps change only rounding
+errors."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ class HoekBrownLaw(Law):
 
     @property
     def _plane(self) -> Expr:
-        """Return K, the modulus of in-plane mean stress and in-plane trace."""
+        """Return K, the ratio of the in-plane mean stress to the in-plane trace."""
         return self.bulk + self.shear / 3
 
     def _returned(self, e: Expr) -> tuple[Expr, Expr, Expr, Expr]:
@@ -159,7 +160,7 @@ class HoekBrownLaw(Law):
         On the parabola Σ°[d] is β (w:d) w, with w = (2R' + k) i − √2 k n for the unit in-plane
         deviator n of the stress, β = μK/(K k² x + μ(2R' + k)²), and i with i:d = (p of Cd)/K.
         Perpendicular to n the deviatoric modulus is 2μR'/R. Plastic flow does not change the stress
-        that ε_zz alone causes.
+        from ε_zz alone.
         """
         k, mu = self.curvature, self.shear
         trial = self.elastic.hooke(e)
@@ -204,7 +205,7 @@ class HoekBrownLaw(Law):
 
 
 def in_plane(s: Expr) -> tuple[Expr, Expr]:
-    """Return the mean of the in-plane principal values, and half of their difference."""
+    """Return the mean of the two in-plane principal values, and half of their difference."""
     return (s[0] + s[1]) / 2, ufl.sqrt(((s[0] - s[1]) / 2) ** 2 + s[3] ** 2 / 2)
 
 
@@ -215,7 +216,7 @@ class HoekBrown:
     The criterion of the rock mass is σ₁' = σ₃' + √(m_b σ_ci σ₃' + s σ_ci²), with pressure positive.
     The uniaxial compressive strength is √s σ_ci, and the biaxial tensile strength is s σ_ci/m_b.
     The exponent a of rock masses of low quality is usually above ½; the program does not support
-    such exponents.
+    exponents other than ½.
 
     Args:
         young: Young's modulus E > 0 (stress).
@@ -225,8 +226,8 @@ class HoekBrown:
             35.
         s: Parameter s of the rock mass, above 0 and at most 1; 1 for intact rock.
         expansion: Thermal strain per degree (1/temperature).
-        reduced: Whether F of ``control = "strength"`` divides its strength. A parabola cannot be
-            divided by F: give false if only the strength of other ground is to be reduced.
+        reduced: Whether F of ``control = "strength"`` divides the strength. F cannot divide a
+            parabola: give false to reduce only the strength of other ground.
 
     Raises:
         InputError: If a number is out of its range.

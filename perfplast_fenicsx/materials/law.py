@@ -1,11 +1,11 @@
-"""Define the interfaces of a material law, its yield set in UFL at a point, and of a material.
+"""Define the interfaces of material laws, yield sets and materials.
 
-A law is one class, in one file with the material that uses it. :class:`Problem` evaluates a law
+A law is a class, in the same file as the material that uses it. :class:`Problem` evaluates a law
 only through its UFL expressions, for all bodies with this law together. The program calls the class
 with the material parameters as keywords; each parameter is a function on the mesh.
 
-The yield set of a law gives the admissible stresses and the dissipation in UFL at a point. Stresses
-s and strain rates are Mandel vectors, shape (m,) (:mod:`mandel`).
+The yield set of a law defines the admissible stresses and the dissipation, in UFL at a point.
+Stresses s and strain rates are Mandel vectors, shape (m,) (:mod:`mandel`).
 """
 
 import math
@@ -25,13 +25,13 @@ class Cone:
     """The second-order cone ‖matrix·s‖ ≤ bound − slope·s of stresses.
 
     If the product matrix·s does not depend on the mean stress and the slope is zero, the mean
-    stress is not bounded. If the matrix has rank m, the set is an ellipsoid; its centre is zero if
+    stress is unbounded. If the matrix has rank m, the set is an ellipsoid; its centre is zero if
     the slope is zero.
 
     Args:
         bound: Positive (stress), shape ().
         slope: Decrease of the bound per stress, shape (m,); zero without friction.
-        matrix: Full row rank, shape (k, m).
+        matrix: Matrix of full row rank, shape (k, m).
     """
 
     bound: Expr
@@ -43,7 +43,7 @@ class Cone:
 class PrincipalCone:
     """The set (1 + sine)σ₁ − (1 − sine)σ₃ ≤ bound, σ₁ ≤ tension of principal stresses σ₁ ≥ σ₂ ≥ σ₃.
 
-    This cone must be the only one of its yield set. It contains symmetric 3 × 3 tensors.
+    This cone must be the only cone of its yield set. Its elements are symmetric 3 × 3 tensors.
 
     Args:
         bound: Positive (stress), shape ().
@@ -60,7 +60,7 @@ class PrincipalCone:
 class ParabolicCone:
     """The set R² ≤ curvature (tension − p − R), for the in-plane mean stress p and Mohr radius R.
 
-    This cone must be the only one of its yield set. No condition contains the out-of-plane stress.
+    This cone must be the only cone of its yield set. No condition contains the out-of-plane stress.
 
     Args:
         curvature: Positive (stress), shape ().
@@ -78,29 +78,30 @@ class YieldSet(Protocol):
     """
 
     def gauge(self, s: Expr) -> Expr:
-        """Return the least t ≥ 0 for which s/t is in the set: 0 if no multiple of s yields."""
+        """Return the least t ≥ 0 for which s/t is in the set; 0 if no multiple of s yields."""
         ...
 
     def support(self, rate: Expr) -> Expr:
-        """Return the supremum of s:rate over the set, power per volume, for an admissible rate."""
+        """Return the supremum of s:rate over the set (power per volume), for an admissible rate."""
         ...
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """Return a symmetric bilinear form of rates for the mechanism search along loading paths.
+        """Return a symmetric bilinear form of rates for mechanism searches along loading paths.
 
         The form is positive. Its value at an admissible rate is proportional to the square of
         :meth:`support`, if a quadratic form with this property exists. The program uses the form
-        only where :meth:`inadmissible` is linear.
+        only if :meth:`inadmissible` is linear.
         """
         ...
 
     def cones(self, size: int) -> Sequence[Cone | PrincipalCone | ParabolicCone] | None:
-        """Return the cones whose intersection is the set; () without yield, None if unknown.
+        """Return the cones whose intersection is the set; () if nothing yields, None if unknown.
 
-        The interior point method, strict bounds and their proofs support only one cone. It is a
-        cone of principal stresses, a parabola in plane strain, or a second-order cone that contains
-        zero and has a matrix of rank m − 1 or m. For limit loads of the mesh, the cone may also be
-        an object of another class (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
+        The interior point method, strict bounds and their proofs support sets of only one cone.
+        This cone is a cone of principal stresses, a parabola in plane strain, or a second-order
+        cone that contains zero and has a matrix of rank m − 1 or m. For limit loads of the mesh,
+        the cone may also be an object of another class
+        (:class:`perfplast_fenicsx.limit_analysis.conic.cone.LawSet`).
 
         Args:
             size: The number of Mandel components m.
@@ -108,10 +109,10 @@ class YieldSet(Protocol):
         ...
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return the part of a rate, shape (k,) and linear in it, that must vanish, or None.
+        """Return the part of a rate that must vanish, linear in the rate, shape (k,); or None.
 
         If this part vanishes, :meth:`support` is finite. The method returns None if no linear
-        condition describes the admissible rates, for instance if these rates form a cone.
+        condition describes the admissible rates, for example if these rates form a cone.
         """
         ...
 
@@ -124,7 +125,7 @@ class NeverYields:
         return ufl.as_ufl(0)
 
     def support(self, rate: Expr) -> Expr:
-        """Return 0, since only a zero rate is admissible."""
+        """Return 0, because only a zero rate is admissible."""
         return ufl.as_ufl(0)
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
@@ -154,7 +155,7 @@ def axial_cone(bound: Expr, alpha: Expr | float, size: int) -> Cone:
 def deviators(size: int) -> Expr:
     """Return a matrix whose rows are orthonormal deviators, shape (m − 1, m).
 
-    The product of this matrix and s has the norm of dev s.
+    The product of the matrix and s has the norm of dev s.
 
     Args:
         size: The number of Mandel components m.
@@ -166,13 +167,13 @@ def deviators(size: int) -> Expr:
 
 
 Old = Mapping[str, Expr]
-"""The internal variables at a point by name, after the last accepted level; {} for laws without
+"""The internal variables at a point by name, after the last accepted level; {} for laws without a
 history.
 """
 
 
 class Elasticity(Protocol):
-    """Hooke's tensor C of an isotropic body, in space or in a sheet.
+    """Hooke's tensor C of an isotropic body, in 3D or in a sheet.
 
     Attributes:
         bulk: κ (stress).
@@ -181,7 +182,7 @@ class Elasticity(Protocol):
 
     @property
     def bulk(self) -> Expr:
-        """Return the bulk modulus of the body in space."""
+        """Return the bulk modulus of the body in 3D."""
         ...
 
     @property
@@ -199,18 +200,18 @@ class Elasticity(Protocol):
 
 
 class Law(Protocol):
-    """A law that derives from a convex potential, so that Σ = Dψ is monotone.
+    """A law that derives from a convex potential; Σ = Dψ is therefore monotone.
 
     Strains e, rates and stresses s are Mandel vectors, shape (m,) with m = 6, or 4 in plane strain
-    (:mod:`mandel`); ``old`` is the history. A class that derives from this one inherits
-    :meth:`history`, :meth:`flow` and :meth:`updated` for laws without a history (Hencky's laws).
+    (:mod:`mandel`); ``old`` is the history. A subclass inherits :meth:`history`, :meth:`flow` and
+    :meth:`updated` for laws without a history (Hencky's laws).
 
     Attributes:
-        projects: Whether Σ(e) is the projection of C(e − p) on a fixed yield set in the norm of
+        projects: Whether Σ(e) is the projection of C(e − p) onto a fixed yield set in the norm of
             C⁻¹, with the strain p of :meth:`unstressed`, as in perfect plasticity. ALG2 requires
-            it.
-        dilates: Whether bodies dilate where they flow, so that confined bodies may carry any load.
-        carries_any_load: Whether hardening is unlimited, so that there is no limit load.
+            this property.
+        dilates: Whether bodies dilate in plastic flow. Confined bodies may then carry any load.
+        carries_any_load: Whether hardening is unlimited. There is then no limit load.
         plane_strain_only: Whether the law is valid only in plane strain.
     """
 
@@ -226,7 +227,7 @@ class Law(Protocol):
 
     @property
     def yields(self) -> YieldSet:
-        """Return the yield set of the virgin body; after hardening, stresses may lie outside it."""
+        """Return the yield set of the virgin body; stresses after hardening may lie outside it."""
         ...
 
     def history(self, m: int) -> Mapping[str, tuple[int, ...]]:
@@ -234,7 +235,7 @@ class Law(Protocol):
         return {}
 
     def unstressed(self, old: Old) -> Expr | None:
-        """Return the strain at zero stress, shape (m,); None if it is zero."""
+        """Return the strain at zero stress, shape (m,); None if this strain is zero."""
         return None
 
     def stress(self, e: Expr, old: Old) -> Expr:
@@ -242,11 +243,11 @@ class Law(Protocol):
         ...
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """Return ψ(e), energy per volume; with a history, the energy of the step."""
+        """Return ψ(e) (energy per volume); with a history, the energy of the step."""
         ...
 
     def conjugate(self, s: Expr, old: Old) -> Expr:
-        """Return ψ*(s) of an admissible stress, energy per volume, with ψ(e) + ψ*(Σ(e)) = Σ(e):e.
+        """Return ψ*(s) of an admissible stress (energy per volume), with ψ(e) + ψ*(Σ(e)) = Σ(e):e.
 
         In perfect plasticity ψ*(s) is ½ s:C⁻¹s. The integral of ψ* is the term S of the duality
         gap.
@@ -258,13 +259,13 @@ class Law(Protocol):
         ...
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return fields of any shape at a point, from which :meth:`tangent` computes the tangent.
+        """Return fields at a point, of any shapes, from which :meth:`tangent` computes the tangent.
 
         Args:
             e: The strain.
             old: The history.
-            rho: ρ in [0, 1] of Σ^{o,ρ} = ρC + (1 − ρ)Σ°, where Σ° is in the generalised derivative
-                of Σ at e.
+            rho: Number ρ in [0, 1] of Σ^{o,ρ} = ρC + (1 − ρ)Σ°, where Σ° is an element of the
+                generalised derivative of Σ at e.
         """
         ...
 
@@ -290,7 +291,7 @@ class Material(Protocol):
     """Parameters of a body and their law.
 
     Attributes:
-        law: The class of the law; calling it with the parameters as keywords gives a :class:`Law`.
+        law: The class of the law. A call with the parameters as keywords returns a :class:`Law`.
     """
 
     @property
@@ -299,12 +300,12 @@ class Material(Protocol):
         ...
 
     def parameters(self) -> Mapping[str, Strength]:
-        """Return the parameters of the law, numbers or fields, by the names of its arguments."""
+        """Return the parameters of the law (numbers or fields), by the names of its arguments."""
         ...
 
 
 def carries_any_load(material: Material) -> bool:
-    """Return whether a body hardens without limit; False if its law does not define this."""
+    """Return whether a body hardens without limit; False if its law does not state it."""
     return bool(getattr(material.law, "carries_any_load", False))
 
 

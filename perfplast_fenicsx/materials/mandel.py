@@ -1,16 +1,16 @@
 """Define Mandel vectors of symmetric tensors, and Hooke's tensor for these vectors.
 
-This module uses only UFL.
+The module uses only UFL. Mandel vectors are
 
     (e_xx, e_yy, e_zz, √2 e_yz, √2 e_xz, √2 e_xy)      in 3D,
     (e_xx, e_yy, e_zz, √2 e_xy)                        in plane strain,
-    (e_rr, e_zz, e_θθ, √2 e_rz)                        in axisymmetry,
+    (e_rr, e_zz, e_θθ, √2 e_rz)                        in axisymmetry.
 
-so that ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain is 3D with
-zero out-of-plane strain; the vectors include the out-of-plane stress.
+With these vectors, ``dot(s, e)`` is σ:e and ``sqrt(dot(e, e))`` is the Frobenius norm. Plane strain
+is 3D with zero out-of-plane strain; the vectors include the out-of-plane stress.
 
-Define Hooke's tensor C of an isotropic body, and its inverse.
-The expressions are UFL at a point.
+The module also defines Hooke's tensor C of an isotropic body, and the inverse of C. All expressions
+are UFL expressions at a point.
 """
 
 import math
@@ -58,8 +58,8 @@ def tensor(s: Expr) -> Expr:
 
 
 def numbers_of(expression: Expr) -> Floats:
-    """Return the values of a constant UFL expression, evaluated entry by entry."""
-    plain = expand_derivatives(ufl.as_ufl(expression))  # once, since each call evaluates again
+    """Return the values of a constant UFL expression, with an evaluation for each entry."""
+    plain = expand_derivatives(ufl.as_ufl(expression))  # once for all entries
     entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
     return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)
 

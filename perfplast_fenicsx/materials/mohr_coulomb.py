@@ -1,8 +1,8 @@
 r"""Define perfect plasticity with the Mohr–Coulomb or Tresca condition, associated (Hencky).
 
-The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃. For φ = 0 it is
-Tresca's set. Stresses are projections of Ce in the norm of C⁻¹: a trial stress returns to a face,
-to one of two edges or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502).
+The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃. For φ = 0 this
+set is Tresca's set. Stresses are projections of Ce in the norm of C⁻¹: a trial stress returns to a
+face, to one of two edges, or to the apex (S. Sysala, M. Čermák, T. Ligurský, ZAMM 97 (2017), 1502).
 :mod:`principal_axes` computes principal values and axes.
 """
 
@@ -121,13 +121,13 @@ class MohrCoulombLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def _turned(self, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ due to rotating axes, from differences of principal values."""
+        """Return the reduction of 2μ from rotating axes, for differences of principal values."""
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of :meth:`_turned` where the stress yields, except at the apex."""
+        """Return the reduction of :meth:`_turned` at yield, but 0 at the apex."""
         lost = self._turned(stresses, strains)
         return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
 
@@ -156,7 +156,7 @@ class MohrCoulombLaw(Law):
 
         U is the difference of the tensors of the two principal axes whose stresses are equal on an
         edge. W is the direction in which the principal axes rotate in the plane, and M is the
-        normal of the flow. In space, two more vectors describe rotations of these axes towards the
+        normal of the flow. In 3D, two more vectors describe rotations of these axes towards the
         axis perpendicular to the plane.
         """
         on, share = principal_axes(e), 1 - rho

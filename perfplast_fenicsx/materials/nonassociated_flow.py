@@ -1,18 +1,19 @@
 """Replace ground with ψ < φ by associated ground that bounds or estimates its collapse loads.
 
-No limit theorem holds for ground with ψ < φ, and its collapse load need not be unique. All results
-use associated ground, whose dilatancy angle equals its friction angle:
+No limit theorem holds for ground with ψ < φ, and the collapse load of this ground need not be
+unique. All results use associated ground, whose dilatancy angle equals its friction angle:
 
 - D. Radenkovic (Théorèmes limites pour un matériau de Coulomb à dilatation non standardisée, C. R.
   Acad. Sci. Paris 252 (1961), 4103): any collapse load lies between the limit loads of two
-  associated grounds with the same apex c cot φ. The weaker one has ψ as its friction angle and
-  the cohesion c tan ψ/tan φ; the stronger one has c and φ. If σ is on the surface of φ and the flow
-  has the angle ψ, then σ:ε ≥ c cot φ tr ε, which is the support function of the weaker set.
+  associated grounds with the same apex c cot φ. The weaker ground has ψ as its friction angle and
+  the cohesion c tan ψ/tan φ; the stronger ground has c and φ. If σ is on the yield surface for φ
+  and the flow has the angle ψ, then σ:ε ≥ c cot φ tr ε. The right-hand side is the support function
+  of the weaker set.
 - E. H. Davis (Theories of plasticity and the failure of soil masses, in: I. K. Lee (ed.), Soil
   Mechanics: Selected Topics, London 1968): one associated ground with βc and β tan φ, where β = cos
-  φ cos ψ/(1 − sin φ sin ψ). This method gives an estimate, not a bound. F. Tschuchnigg et al.
-  (doi:10.1016/j.compgeo.2015.06.003) distinguish three variants for reduced strengths: A uses β of
-  the given angles, B uses β of the reduced angles, and C does not reduce ψ.
+  φ cos ψ/(1 − sin φ sin ψ). This method gives an estimate and not a bound. F. Tschuchnigg et al.
+  (doi:10.1016/j.compgeo.2015.06.003) distinguish three variants for reduced strengths: A uses β for
+  the given angles, B uses β for the reduced angles, and C does not reduce ψ.
 """
 
 import math
@@ -30,12 +31,12 @@ Stand = Literal["radenkovic", "davis-a", "davis-b", "davis-c"]
 
 
 class Ground(Material, Protocol):
-    """A dataclass of ground with the Mohr–Coulomb parameters.
+    """A dataclass for ground with the Mohr–Coulomb parameters.
 
     Attributes:
-        cohesion: c (stress).
-        friction_angle: φ (degrees).
-        dilatancy_angle: ψ (degrees); None for φ.
+        cohesion: Cohesion c (stress).
+        friction_angle: Friction angle φ (degrees).
+        dilatancy_angle: Dilatancy angle ψ (degrees); None for ψ = φ.
         nonassociated: Treatment of ψ < φ; None if both angles are equal.
     """
 
@@ -43,7 +44,7 @@ class Ground(Material, Protocol):
 
     @property
     def cohesion(self) -> Strength:
-        """Return the cohesion, as a stress or a field."""
+        """Return the cohesion (stress), as a number or a field."""
         ...
 
     @property
@@ -58,7 +59,7 @@ class Ground(Material, Protocol):
 
     @property
     def nonassociated(self) -> Stand | None:
-        """Return how nonassociated ground is treated; None if its flow is associated."""
+        """Return the treatment of nonassociated ground; None if the flow is associated."""
         ...
 
 
@@ -66,11 +67,11 @@ AnyGround = TypeVar("AnyGround", bound=Ground)
 
 
 def check_dilatancy(ground: Ground) -> None:
-    """Refuse a dilatancy angle that is not valid or has no treatment.
+    """Refuse a dilatancy angle that is not valid, or that needs a treatment but has none.
 
     Raises:
-        InputError: If the dilatancy angle is not between 0 and the friction angle; if it is smaller
-            than the friction angle without ``nonassociated``; or if Radenkovic's weaker ground
+        InputError: If the dilatancy angle is not between 0 and the friction angle. If it is smaller
+            than the friction angle, and ``nonassociated`` is missing. If Radenkovic's weaker ground
             would have no strength.
     """
     psi, phi, stand = ground.dilatancy_angle, ground.friction_angle, ground.nonassociated
@@ -104,9 +105,9 @@ def check_dilatancy(ground: Ground) -> None:
 
 
 def associated(ground: AnyGround) -> AnyGround:
-    """Return the associated ground of the computation.
+    """Return the associated ground that the computation uses.
 
-    For Davis' methods this ground has βc and β tan φ; otherwise it keeps c and φ.
+    For Davis' methods this ground has βc and β tan φ; otherwise it has c and φ.
     """
     if ground.nonassociated in (None, "radenkovic"):
         return replace(ground, dilatancy_angle=None, nonassociated=None)
@@ -116,7 +117,7 @@ def associated(ground: AnyGround) -> AnyGround:
 
 
 def weaker(ground: AnyGround) -> AnyGround:
-    """Return the weaker ground of Radenkovic's pair, with ψ and c tan ψ/tan φ."""
+    """Return the weaker ground of Radenkovic's pair, with φ = ψ and c tan ψ/tan φ."""
     phi, psi = (math.radians(it) for it in (ground.friction_angle, _dilatancy(ground)))
     return _ground(ground, ground.cohesion * math.tan(psi) / math.tan(phi), psi)
 
@@ -124,7 +125,7 @@ def weaker(ground: AnyGround) -> AnyGround:
 def reduced(ground: AnyGround, factor: float) -> AnyGround:
     """Return ground with c/F and tan φ/F.
 
-    Davis' method C keeps ψ; otherwise tan ψ is divided by F too.
+    Davis' method C keeps ψ; otherwise F also divides tan ψ.
 
     Args:
         ground: Any ground.
@@ -170,10 +171,10 @@ def pair_of(
 
 
 def check_flows(materials: Mapping[str, Material]) -> None:
-    """Refuse ground whose limit loads can only be bounded.
+    """Refuse ground with ``nonassociated = 'radenkovic'``, for which only bounds exist.
 
     Raises:
-        InputError: If there is such ground; the message names the first volume with it.
+        InputError: If there is such ground; the message names the first volume.
     """
     for name, material in materials.items():
         if _has_pair(material):
@@ -185,7 +186,7 @@ def check_flows(materials: Mapping[str, Material]) -> None:
 
 
 def flow_words(materials: Mapping[str, Material]) -> list[str]:
-    """Return a sentence for each kind of nonassociated ground that says what its numbers are."""
+    """Return a clause for each kind of nonassociated ground on the meaning of its results."""
     told = []
     bodies = list(materials.values())
     for material in (it for i, it in enumerate(bodies) if it not in bodies[:i]):
@@ -210,7 +211,7 @@ def flow_words(materials: Mapping[str, Material]) -> list[str]:
 
 
 def by_davis(materials: Mapping[str, Material]) -> bool:
-    """Return whether Davis' method replaces any ground, so that all numbers are estimates."""
+    """Return whether Davis' method replaces any ground; all results are then estimates."""
     return any(_dilates_less(it) and not _has_pair(it) for it in materials.values())
 
 

@@ -8,8 +8,8 @@ strain:
     ψ*(s) = ψ_H*(s) + s:p
 
 where ψ is the energy that the step stores and dissipates. In an elastic step ψ is ½ (e − p):C(e −
-p). Every law that is a projection on a fixed yield set has such a flow law (J. C. Simo, T. J. R.
-Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening` is the flow law with
+p). Every law that is a projection onto a fixed yield set has a flow law of this form (J. C. Simo,
+T. J. R. Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening` is the flow law with
 hardening.
 """
 
@@ -39,7 +39,7 @@ class Step(Law, Protocol):
 
     @abstractmethod
     def hencky(self, old: Old) -> Law:
-        """Return the law of total strain with the present yield set."""
+        """Return the law for total strain with the present yield set."""
         ...
 
     def shifted(self, e: Expr, old: Old) -> Expr:
@@ -63,7 +63,7 @@ class Step(Law, Protocol):
         return self.hencky(old).conjugate(s, {}) + ufl.dot(s, old[STRAIN])
 
     def plastic(self, e: Expr, old: Old) -> Expr:
-        """Return 1 where the body flows in this step, else 0."""
+        """Return 1 if the body flows in this step, else 0."""
         return self.hencky(old).plastic(self.shifted(e, old), {})
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
@@ -78,10 +78,10 @@ class Step(Law, Protocol):
 
 
 class FlowLaw(Step):
-    """Perfect plasticity step by step; :func:`flow_law` makes this class from Hencky's law.
+    """Perfect plasticity, step by step; :func:`flow_law` derives subclasses from Hencky's laws.
 
     Args:
-        numbers: Parameters of Hencky's law, the law of total strain.
+        numbers: Parameters of Hencky's law, the law for total strain.
     """
 
     of: ClassVar[type[Law]]
@@ -101,7 +101,7 @@ class FlowLaw(Step):
         return self._perfect.yields
 
     def hencky(self, old: Old) -> Law:
-        """Return the law of total strain, which does not change."""
+        """Return the law for total strain, which does not change."""
         return self._perfect
 
     def unstressed(self, old: Old) -> Expr | None:
@@ -115,7 +115,7 @@ class FlowLaw(Step):
 
 @cache
 def flow_law(law: type[Law]) -> type[FlowLaw]:
-    """Return the flow law of a Hencky law that is a projection on a yield set."""
+    """Return the flow law of a Hencky law that is a projection onto a yield set."""
     return type(f"{law.__name__}Flow", (FlowLaw,), {"of": law, "dilates": law.dilates})
 
 
@@ -123,16 +123,15 @@ def flow_law(law: type[Law]) -> type[FlowLaw]:
 class Flow:
     """A material that remembers its plastic flow, for loading, unloading and reloading.
 
-    Without this memory a body follows Hencky's law, and each level is one step from the virgin
-    body.
+    Without memory a body follows Hencky's law, and each level is one step from the virgin body.
 
     Args:
-        body: The material of the body. Its law is a projection on a yield set
+        body: The material of the body. Its law is a projection onto a yield set
             (:attr:`Law.projects`), or the material has its own flow law ``flow_law``, as
-            :class:`Hardening` does.
+            :class:`Hardening` has.
 
     Raises:
-        InputError: If the body has no plastic flow, or if the material already remembers it.
+        InputError: If the body has no plastic flow, or if the material already remembers its flow.
     """
 
     body: Material
@@ -174,8 +173,8 @@ class Flow:
 def with_memory(material: Material) -> Material | None:
     """Return a material that remembers its plastic flow.
 
-    An elastic material is returned unchanged. The result is ``None`` if the material cannot
-    remember its flow. A material's own method ``remembering()`` takes precedence.
+    The function returns an elastic material unchanged. The result is ``None`` if the material
+    cannot remember its flow. A material's own method ``remembering()`` takes precedence.
     """
     own = getattr(material, "remembering", None)
     if own is not None:

@@ -1,9 +1,9 @@
-"""Compute principal values and axes of symmetric tensors in UFL, accurately for equal values too.
+"""Compute principal values and axes of symmetric tensors in UFL, accurately also for equal values.
 
-One axis is known (the out-of-plane axis) or is computed first. The computed one is the axis of the
-value farthest from both others, for which a closed form is well conditioned (O. K. Smith, Commun.
-ACM 4 (1961), 168). The other values follow from Mohr's circle in the plane perpendicular to this
-axis.
+One axis is either known (the out-of-plane axis) or computed first. The computed axis belongs to the
+value that is farthest from both other values, because a closed form for this axis is well
+conditioned (O. K. Smith, Commun. ACM 4 (1961), 168). The other values follow from Mohr's circle in
+the plane perpendicular to this axis.
 """
 
 import math
@@ -19,14 +19,14 @@ IN_PLANE = 4
 """Number of components of Mandel vectors with a known principal axis."""
 
 TINY = 1e-150
-"""Smallest divisor, which avoids 0/0 where two principal values are equal. The square of this
-number does not underflow to zero.
+"""Smallest divisor, which avoids 0/0 for two equal principal values. The square of this number does
+not underflow to zero.
 """
 
 
 @dataclass(frozen=True)
 class PrincipalAxes:
-    """Principal values of a Mandel vector of four or six components, and tensors of their axes.
+    """Principal values of a Mandel vector with four or six components, and tensors of their axes.
 
     Attributes:
         e: The Mandel vector.
@@ -36,7 +36,7 @@ class PrincipalAxes:
 
     @cached_property
     def out(self) -> tuple[Expr, Expr, Expr]:
-        """Return unit vectors: the axis that is known or computed first, and two normal to it."""
+        """Return unit vectors: the known or first computed axis, and two vectors normal to it."""
         if len(self.e) == IN_PLANE:
             rows = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
             return tuple(ufl.as_vector(row) for row in rows)
@@ -55,7 +55,7 @@ class PrincipalAxes:
         for square, cross in zip(squares[:2], crosses[:2], strict=True):
             here = ufl.ge(square, best)
             found = ufl.as_vector([ufl.conditional(here, cross[i], found[i]) for i in range(3)])
-        # A deviator below this relative size is rounding error, and its axes have no meaning.
+        # A deviator below this relative size is a rounding error, and its axes have no meaning.
         rounded = 1e-14
         round_ = ufl.le(size, ufl.max_value(rounded * abs(trace(self.e)), TINY))
         unit_z = (0.0, 0.0, 1.0)
@@ -79,7 +79,7 @@ class PrincipalAxes:
 
     @cached_property
     def in_plane(self) -> tuple[Expr, Expr]:
-        """Return the two principal values in the plane, the larger first."""
+        """Return the two principal values in the plane, the larger value first."""
         mean, *_ = self.circle
         return mean + self.radius, mean - self.radius
 
@@ -90,13 +90,13 @@ class PrincipalAxes:
 
     @cached_property
     def ordered(self) -> tuple[Expr, Expr, Expr]:
-        """Return all three principal values, the largest first."""
+        """Return all three principal values, the largest value first."""
         (p, q), z = self.in_plane, self.across
         middle = ufl.max_value(q, ufl.min_value(p, z))
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)
 
     def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Return descending values as larger in-plane, smaller in-plane, out-of-plane one."""
+        """Return descending values in the order larger in-plane, smaller in-plane, out-of-plane."""
         (p, q), z = self.in_plane, self.across
         above, below = ufl.gt(z, p), ufl.lt(z, q)
         across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
@@ -105,7 +105,7 @@ class PrincipalAxes:
 
     @cached_property
     def _double_angle(self) -> tuple[Expr, Expr]:
-        """Return the cosine and sine of twice the angle of the larger in-plane value's axis."""
+        """Return cosine and sine of twice the angle of the axis of the larger in-plane value."""
         _, half, shear, _ = self.circle
         size, round_ = ufl.max_value(self.radius, TINY), ufl.le(self.radius, TINY)
         cosine = ufl.conditional(round_, 1.0, half / size)
@@ -118,7 +118,7 @@ class PrincipalAxes:
 
     @cached_property
     def direction(self) -> Expr:
-        """Return the unit deviator of the plane, as a Mandel vector.
+        """Return the unit deviator in the plane as a Mandel vector.
 
         The result is arbitrary if the two in-plane values are equal.
         """
@@ -132,7 +132,7 @@ class PrincipalAxes:
 
     @cached_property
     def tilted(self) -> tuple[Expr, ...]:
-        """Return unit deviators for rotations of these axes out of the plane.
+        """Return unit deviators for rotations of the in-plane axes out of the plane.
 
         The tuple is empty if the axis normal to the plane is known.
         """
@@ -140,7 +140,7 @@ class PrincipalAxes:
             return ()
         n, a, b = self.out
         cosine, sine = self._double_angle
-        # for half of the angle; of two equivalent forms, the one without cancellation
+        # for half of the angle, in the form without cancellation of two equivalent forms
         c = ufl.sqrt((1 + abs(cosine)) / 2)
         s = abs(sine) / (2 * c)
         falls, sign = ufl.lt(cosine, 0.0), ufl.conditional(ufl.lt(sine, 0.0), -1.0, 1.0)
@@ -152,14 +152,14 @@ class PrincipalAxes:
         return tuple(found)
 
     def vector(self, v: Sequence[Expr]) -> Expr:
-        """Return the Mandel vector with these descending principal values and the same axes."""
+        """Return the Mandel vector with given descending principal values and the same axes."""
         first, second, across = self.placed(v)
         n, mean = self.out[0], (first + second) / 2
         flat = self._mandel(mean * ufl.Identity(3) + (across - mean) * ufl.outer(n, n))
         return flat + (first - second) / math.sqrt(2) * self.direction
 
     def _mandel(self, A: Expr) -> Expr:
-        """Return the Mandel vector of a tensor with the number of components of ``e``."""
+        """Return the Mandel vector of a tensor, with as many components as ``e``."""
         shears = [(0, 1)] if len(self.e) == IN_PLANE else [(1, 2), (0, 2), (0, 1)]
         parts = [A[i, i] for i in range(3)] + [math.sqrt(2) * A[i, j] for i, j in shears]
         return ufl.as_vector(parts)

@@ -1,10 +1,10 @@
 r"""Define perfect plasticity with a quadratic yield condition, in Hencky's form.
 
 In suitable coordinates Hooke's tensor is 2μ and the yield condition is Σ h_i s_i² ≤ Y². A further
-part of the stress may be unbounded. Strains have the coordinates Bᵀe, and stresses σ = Bs. A trial
-stress t = 2μBᵀe outside the set returns to
+part of the stress may be unbounded. Strains have the coordinates Bᵀe, and stresses are σ = Bs. A
+trial stress t = 2μBᵀe outside the set returns to
 
-    s_i = t_i/(1 + xh_i),    Σ h_i t_i²/(1 + xh_i)² = Y²,    x > 0,
+    s_i = t_i/(1 + xh_i),    Σ h_i t_i²/(1 + xh_i)² = Y²,    x > 0.
 
 Newton's method is applied to the reciprocal square root of the left-hand side. From zero, its
 iterates increase to the solution x without overshooting (J. J. Moré, D. C. Sorensen, SIAM J. Sci.
@@ -28,7 +28,7 @@ class QuadraticForm(Protocol):
     """The quadratic form Σ h_i s_i²."""
 
     def weights(self, size: int) -> Sequence[Expr]:
-        """Return the h_i: three for Mandel vectors of four components, five for those of six."""
+        """Return the h_i: three for four Mandel components, five for six components."""
         ...
 
     def frame(self, size: int) -> Expr:
@@ -76,8 +76,8 @@ class QuadraticLaw(Law):
             size = ufl.sqrt(ufl.max_value(square, 1.0))
             return x + (size - 1) * square / ufl.max_value(slope, TINY)
 
-        # Newton steps of a return. For shear ratios of 9 and 3e6 times the yield strain, these
-        # steps leave only rounding errors.
+        # Newton steps of a return. For shear ratios of 9 and strains of 3e6 times the yield strain,
+        # these steps leave only rounding errors.
         steps = 10
         x = reduce(nearer, range(steps), ufl.as_ufl(0.0))
         return [1 / (1 + x * h) for h in weights]
@@ -105,7 +105,7 @@ class QuadraticLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return D, shape (k,), and N, shape (m,): the tangent is free(d) + B(D ∘ Bᵀd) − (N:d)N."""
+        """Return D, shape (k,), and N, shape (m,), of the tangent free(d) + B(D ∘ Bᵀd) − (N:d)N."""
         shares, weights = self.returned(e), self.form.weights(len(e))
         s = [t * share for t, share in zip(self.trial(e), shares, strict=True)]
         D = [2 * self.shear * share for share in shares]

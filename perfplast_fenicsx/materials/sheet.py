@@ -1,15 +1,15 @@
 """Define a metal in plane stress, σ_zz = 0, by a quadratic condition on the in-plane stresses.
 
-The thickness of bodies is free to change, so that all strain rates in the plane are admissible. Let
-P, shape (3, 3), be the form of (σ_xx, σ_yy, √2σ_xy), and C = 2μB₀B₀ᵀ in plane stress. The principal
-axes of B₀ᵀPB₀ define the coordinates of :mod:`quadratic_law`. Σ is the projection in space at σ_zz
-= 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
+The thickness of bodies is free to change; all strain rates in the plane are therefore admissible.
+Let P, shape (3, 3), be the form in (σ_xx, σ_yy, √2σ_xy), and C = 2μB₀B₀ᵀ in plane stress. The
+principal axes of B₀ᵀPB₀ define the coordinates of :mod:`quadratic_law`. Σ is the 3D projection at
+σ_zz = 0 (J. C. Simo, R. L. Taylor, Int. J. Numer. Meth. Eng. 22 (1986), 649).
 
-The module also defines Hooke's tensor of an isotropic sheet and its in-plane inverse. The
-expressions are UFL at a point.
+The module also defines Hooke's tensor of an isotropic sheet and the in-plane inverse of this
+tensor. All expressions are UFL expressions at a point.
 
 Mandel vectors have four components, as in plane strain (:mod:`mandel`). The out-of-plane component
-is zero for stresses and ignored for strains, since the thickness of bodies is free to change.
+is zero for stresses and ignored for strains, because the thickness of bodies is free to change.
 """
 
 import math
@@ -63,12 +63,12 @@ def _flat(factor: Expr, x: Expr, mean: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class SheetForm:
-    """The form Σ h_i s_i² for rates with the coordinates Bᵀε and stresses σ = Bs.
+    """The form Σ h_i s_i², for rates with the coordinates Bᵀε and stresses σ = Bs.
 
     Args:
-        sizes: The h_i.
-        rows: Bᵀ, three components in each row.
-        inverse: B⁻¹, in the same layout.
+        sizes: The three h_i.
+        rows: Rows of Bᵀ, three components in each row.
+        inverse: Rows of B⁻¹, in the same layout.
     """
 
     sizes: Sequence[Expr]
@@ -89,7 +89,7 @@ class SheetForm:
 
 
 def _wide(row: Sequence[Expr]) -> list[Expr]:
-    """Return a row with a zero inserted for the out-of-plane component."""
+    """Return a row with a zero for the out-of-plane component."""
     return [row[0], row[1], 0.0, row[2]]
 
 
@@ -131,7 +131,7 @@ class SheetSet:
         return (Cone(self.strength, ufl.as_vector([0.0] * size), matrix),)
 
     def inadmissible(self, rate: Expr) -> Expr:
-        """Return zero: every rate in the plane is admissible."""
+        """Return zero, because every rate in the plane is admissible."""
         return 0 * rate
 
 
@@ -192,13 +192,13 @@ class SheetLaw(QuadraticLaw):
         return SheetSet(self.form, self.strength)
 
     def free(self, e: Expr) -> Expr:
-        """Return zero, since the condition bounds all stresses in the plane."""
+        """Return zero, because the condition bounds all stresses in the plane."""
         return ufl.as_vector([0.0] * len(e))
 
     def flow(self, e: Expr) -> Expr:
         """Return the plastic strain of the strain e.
 
-        The out-of-plane component is chosen so that the plastic strain preserves the volume.
+        The out-of-plane component has the value with which the plastic strain preserves the volume.
         """
         p = super().flow(e)
         return ufl.as_vector([p[0], p[1], -p[0] - p[1], p[3]])

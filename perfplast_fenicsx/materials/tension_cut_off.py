@@ -2,7 +2,7 @@ r"""Define the Mohr–Coulomb or Tresca condition with a tensile strength, assoc
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃. The
 tensile strength f is below the apex b/2s of the first condition. A stress is the projection of Ce
-in the norm of C⁻¹. If the projection on the set of one condition satisfies the other condition,
+in the norm of C⁻¹. If the projection onto the set of one condition satisfies the other condition,
 this projection is the result. Otherwise both conditions are active: σ₁ = f, σ₃ = r = ((1 + s)f −
 b)/(1 − s), and σ₂ is the nearest value in [r, f].
 """
@@ -55,9 +55,10 @@ class CutOffLaw(MohrCoulombLaw):
         return ufl.max_value(self._sheared(most, least), most - self.tension)
 
     def _cut(self, e: Expr) -> tuple[list[Expr], Expr, Expr]:
-        """Return the principal stresses of the projection on σ₁ ≤ f, and two flags.
+        """Return the principal stresses of the projection onto σ₁ ≤ f, and two flags.
 
-        The flags mark where at least two, and where all principal stresses are f.
+        The first flag marks places where at least two principal stresses are f, the second flag
+        places where all are f.
         """
         f, lame = self.tension, self._lame
         first, second, third = self._trial(e)
@@ -74,7 +75,7 @@ class CutOffLaw(MohrCoulombLaw):
         return found, edge, tip
 
     def _middle(self, e: Expr) -> Expr:
-        """Return the σ₂ nearest to Ce for σ₁ = f and σ₃ = r; the value may lie outside [r, f]."""
+        """Return the σ₂ nearest to Ce for σ₁ = f and σ₃ = r; it may lie outside [r, f]."""
         first, second, third = self._trial(e)
         poisson = self._lame / (2 * (self._lame + self.shear))
         return second + poisson * (self.tension + self._lowest - first - third)
@@ -84,11 +85,10 @@ class CutOffLaw(MohrCoulombLaw):
 
         Args:
             e: The strain.
-            coulomb: Value where at most the Mohr–Coulomb condition is active.
-            cut: Values where only the tensile strength is active: for σ₁, for σ₁ and σ₂, for all
-                three.
-            both: Values where both conditions are active: for r < σ₂ < f, and for σ₂ equal to r or
-                f.
+            coulomb: Value if no condition other than the Mohr–Coulomb condition is active.
+            cut: Values if only the tensile strength is active: for σ₁, for σ₁ and σ₂, for all three
+                stresses.
+            both: Values if both conditions are active: for r < σ₂ < f, and for σ₂ equal to r or f.
         """
         (first, _, third), edge, tip = self._cut(e)
         f, middle = self.tension, self._middle(e)
@@ -109,13 +109,13 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ due to rotating axes at yield; 0 where all stresses are f."""
+        """Return the reduction of 2μ from rotating axes at yield; 0 if all stresses are f."""
         lost = self._turned(stresses, strains)
         without = super()._lost(e, stresses, strains)
         return self._by_kind(e, without, [lost, lost, 0.0], [lost, lost])
 
     def _keeps(self, e: Expr) -> Expr:
-        """Return 0 where all principal stresses are f, else 1."""
+        """Return 0 if all principal stresses are f, else 1."""
         return self._by_kind(e, super()._keeps(e), [1.0, 1.0, 0.0], [1.0, 1.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
@@ -141,10 +141,10 @@ class CutOffLaw(MohrCoulombLaw):
         return found
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the fields of :class:`MohrCoulombLaw` and a further vector V.
+        """Return the fields of :class:`MohrCoulombLaw`, and a further vector V.
 
-        V is not zero only where σ₂ is r or f and both conditions are active. V, U and M together
-        make the three principal stresses constant there.
+        V is zero unless both conditions are active and σ₂ is r or f. In this case V, U and M
+        together keep the three principal stresses constant.
         """
         corner = self._by_kind(e, 0.0, [0.0, 0.0, 0.0], [0.0, 1.0])
         third = principal_axes(e).vector([corner, corner, -2 * corner])

@@ -1,18 +1,18 @@
-"""Define friction angles that vary in space for the Mohr–Coulomb condition.
+"""Define spatially varying friction angles for the Mohr–Coulomb condition.
 
 In plane strain the yield set at a point x is ‖dev σ‖ ≤ √2 s(x)(a(x) − p), with s = sin φ, the mean
-stress p and the apex a = c cot φ. For a stress that is linear in a cell, s(x) p(x) is quadratic. It
-is therefore not enough to check the condition at the vertices. Strict bounds use one slope for each
-cell:
+stress p and the apex a = c cot φ. For a stress that is linear in a cell, s(x) p(x) is quadratic. A
+check of the condition at the vertices is therefore not sufficient. Strict bounds use one slope for
+each cell:
 
 - The lower bound uses the smallest s in the cell, and a linear function b ≤ s a instead of s a.
-  Wherever b − s p ≥ 0, p ≤ b/s ≤ a, so that b − s p ≤ s(x)(a(x) − p): the set lies inside the yield
-  set of each point.
+  If b − s p ≥ 0, then p ≤ b/s ≤ a, and therefore b − s p ≤ s(x)(a(x) − p). So the set lies inside
+  the yield set of each point.
 - The upper bound uses the largest s, and a linear function b ≥ s a. The set therefore contains the
   yield set of each point.
 
 The linear functions follow from linear bounds of φ, because the cotangent is convex: it lies above
-its tangent and below its chord. Both bounds converge to the same number as cells become smaller.
+its tangents and below its chords. Both bounds converge to the same value as cells become smaller.
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ from perfplast_fenicsx.spatial_fields import SpatialField, Strength
 
 @dataclass(frozen=True)
 class FrictionAngle(SpatialField):
-    """A field of friction angles φ (degrees) whose tan φ is divided by a number.
+    """A field of friction angles φ (degrees), with tan φ divided by a number.
 
     Args:
-        angle: The angle before the division (degrees).
+        angle: The field of angles before the division (degrees).
         divisor: F > 0.
         scale: Always 1.
     """
@@ -54,7 +54,7 @@ class FrictionAngle(SpatialField):
         """Return tan φ at points.
 
         Raises:
-            InputError: If an angle is out of its range; the message names the point of the worst
+            InputError: If an angle is out of its range; the message gives the point with the worst
                 angle.
         """
         angles = self.angle.at(x, place)
@@ -74,7 +74,7 @@ class FrictionAngle(SpatialField):
 
         Args:
             corners: Vertices of the simplices, shape (n, k, d).
-            place: Name of the object that has the field, for messages.
+            place: Name of the object with the field, for messages.
 
         Returns:
             Values of the lower and the upper bound at the vertices, each of shape (n, k).
@@ -94,14 +94,14 @@ class FrictionAngle(SpatialField):
         return np.radians(low), np.radians(high)
 
     def extremes(self, corners: Floats, place: str) -> Pair:
-        """Return a lower and an upper bound of tan φ in each simplex, each of shape (n,)."""
+        """Return a lower and an upper bound of tan φ/F in each simplex, each of shape (n,)."""
         low, high = self.angles_between(corners, place)
         return np.tan(low.min(axis=1)) / self.divisor, np.tan(high.max(axis=1)) / self.divisor
 
 
 @dataclass(frozen=True)
 class FrictionSine(SpatialField):
-    """The field sin φ; its bounds from one side are constant in each cell.
+    """The field sin φ, with lower and upper bounds that are constant in each cell.
 
     Args:
         friction: φ.
@@ -124,7 +124,7 @@ class FrictionSine(SpatialField):
 
 @dataclass(frozen=True)
 class FrictionStrength(SpatialField):
-    """The field 2c cos φ, whose linear bounds in a cell match the slope of :class:`FrictionSine`.
+    """The field 2c cos φ, with linear bounds in a cell that fit the slope of :class:`FrictionSine`.
 
     Args:
         cohesion: c > 0 (stress).
@@ -183,5 +183,5 @@ def _sine(tangent: Floats) -> Floats:
 
 
 def _even(values: Floats, corners: Floats) -> Floats:
-    """Return one value for each simplex, repeated at each of its vertices."""
+    """Return the value of each simplex, repeated for each of its vertices."""
     return np.repeat(values[:, None], corners.shape[1], axis=1)

@@ -1,7 +1,7 @@
 r"""Define perfect plasticity with von Mises' condition, in Hencky's form.
 
-With θ = 1 / max(1, 2μ‖dev e‖/γ), which is exactly 1 on the elastic branch and needs neither a
-condition nor a division by ‖dev e‖,
+Let θ = 1 / max(1, 2μ‖dev e‖/γ). This number is exactly 1 on the elastic branch, and needs neither a
+condition nor a division by ‖dev e‖. Then
 
     Σ(e)     = κ tr(e) δ + 2μθ dev e
     ψ(e)     = ½ κ tr(e)² + μ θ(2 − θ) ‖dev e‖²
@@ -48,7 +48,7 @@ class VonMisesSet:
         return ufl.dot(a, b)
 
     def cones(self, size: int) -> Sequence[Cone]:
-        """Return one cone, whose slope is zero."""
+        """Return one cone with zero slope."""
         return (axial_cone(self.radius, 0.0, size),)
 
     def inadmissible(self, rate: Expr) -> Expr:
@@ -58,7 +58,7 @@ class VonMisesSet:
 
 @dataclass(frozen=True)
 class FirstYield(Law):
-    """Base of laws that first yield at ‖dev σ‖ = γ; :class:`Law` describes the methods.
+    """Base class for laws that first yield at ‖dev σ‖ = γ; :class:`Law` describes the methods.
 
     Args:
         bulk: κ (stress).
@@ -94,7 +94,7 @@ class VonMisesLaw(FirstYield):
     projects: ClassVar[bool] = True
 
     def overstress(self, e: Expr) -> Expr:
-        """Return 2μ‖dev e‖/γ; the point is plastic where the value exceeds 1."""
+        """Return 2μ‖dev e‖/γ; the point is plastic if this value exceeds 1."""
         return 2 * self.shear * _size(deviator(e)) / self.yield_radius
 
     def secant(self, e: Expr) -> Expr:
@@ -121,11 +121,11 @@ class VonMisesLaw(FirstYield):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def flow(self, e: Expr) -> Expr:
-        """Return the plastic strain (1 − θ) dev e of a strain, 0 where it is elastic."""
+        """Return the plastic strain (1 − θ) dev e, 0 for elastic strains e."""
         return (1 - self.secant(e)) * deviator(e)
 
     def direction(self, e: Expr) -> Expr:
-        """Return n̂ = dev e/‖dev e‖ where plastic, else 0.
+        """Return n̂ = dev e/‖dev e‖ for plastic strains, else 0.
 
         The expression does not divide by zero at e = 0.
         """
@@ -156,7 +156,7 @@ class VonMises:
         poisson: Poisson's ratio ν in (−1, ½).
         yield_stress: Uniaxial yield stress σ_y > 0 (stress), a number or a field.
         expansion: Thermal strain per degree (1/temperature).
-        reduced: Whether F of ``control = "strength"`` divides its strength, as by default.
+        reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:
         InputError: If a number is out of its range.
