@@ -1,4 +1,4 @@
-"""Install packages of one module by hand, and run commands that find them."""
+"""Install one-module packages by hand, and run commands that find them."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def install(folder: Path, module: str, code: str, group: str, entry: str) -> None:
-    """Install a package of one module with one entry point, in the way of pip.
+    """Install a package of one module with one entry point, as pip does.
 
     Args:
         folder: Folder in which Python finds the package.

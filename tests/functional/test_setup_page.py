@@ -634,7 +634,7 @@ def test_entries_are_marked_on_the_bodies(prop: Path, browser: Any) -> None:
 
 
 def bored() -> None:
-    """A block with a bore of radius 0.5 and a rounded edge of radius 1."""
+    """Return a block with a bore of radius 0.5 and a rounded edge of radius 1."""
     occ = gmsh.model.occ
     block = occ.addBox(0, 0, 0, 4, 3, 2)
     occ.synchronize()
@@ -644,7 +644,7 @@ def bored() -> None:
 
 
 def test_a_bore_is_told_from_a_shaft(tmp_path: Path, browser: Any) -> None:
-    """Words say what a cylinder is; arrows of a pressure go from the axis to the wall."""
+    """The page says what a cylinder is; arrows of a pressure go from the axis to the wall."""
     step, folder = write(tmp_path / "bored.step", bored), tmp_path / "case"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
@@ -659,7 +659,7 @@ def test_a_bore_is_told_from_a_shaft(tmp_path: Path, browser: Any) -> None:
     assert page.part("told").text.startswith(f"{name}: cylindrical, bore, R 0.5, along z, area")
     page.add("pressure", pressure="1")
     arrows = marks(browser, "load", name)[0::3]
-    away = np.linalg.norm(arrows[..., :2] - 1.0, axis=2)  # of tail and tip from the axis
+    away = np.linalg.norm(arrows[..., :2] - 1.0, axis=2)  # distances of tail and tip from the axis
     assert len(arrows) == 24
     assert away[:, 1] == pytest.approx(0.5, rel=0.05)
     assert away[:, 0] == pytest.approx(0.08, abs=0.03)
@@ -698,7 +698,7 @@ LARGE = """(() => {
   const kept = [...found.corners].every((corner, k) => corner % 3 === k % 3);
   return [triangles.length / 3, found.starts, area(triangles), area(found.points), kept];
 })()"""
-"""A square of two bodies and 28800 triangles, and what it is while it turns."""
+"""Script with a square of two bodies and 28800 triangles, and its picture while it turns."""
 
 
 def test_a_large_mesh_turns_with_fewer_triangles(prop: Path, browser: Any) -> None:
@@ -706,7 +706,7 @@ def test_a_large_mesh_turns_with_fewer_triangles(prop: Path, browser: Any) -> No
     count, starts, area, drawn, kept = in_scene(browser, LARGE)
     assert count == 28800
     assert 0 < starts[1] < starts[2] <= 6000
-    assert drawn == pytest.approx(area, rel=0.06)  # cut off at two sides by less than a cube
+    assert drawn == pytest.approx(area, rel=0.06)  # less than a cube is cut off at two sides
     assert kept
 
 
@@ -720,14 +720,14 @@ return [[true, 0], [true, 60], [false, 60], [true, 60]].map(([turning, pace]) =>
   return [canvas.width, canvas.height];
 });
 """
-"""The pixels of a picture that turns, turns slowly, rests, and turns again."""
+"""Script that returns the pixels of a picture that turns, turns slowly, rests, and turns again."""
 
 
 @pytest.mark.parametrize("many", [True, False])
 def test_a_large_mesh_that_turns_slowly_has_fewer_pixels(
     prop: Path, browser: Any, many: bool
 ) -> None:
-    """A picture that rests has all of them."""
+    """A picture at rest has all pixels."""
     SetupPage(browser, prop / "setup.html")
     sizes = browser.execute_script(asset("viewer.js") + TURNED, many)
     slow = [100, 50] if many else [200, 100]
@@ -738,7 +738,7 @@ GALLERY = sorted(ROOT.glob("docs/gallery/*.toml"))
 
 
 def test_a_case_of_the_gallery_is_saved_as_it_was(prop: Path, browser: Any) -> None:
-    """Also after its title has been changed and changed back: each line and comment is kept."""
+    """After a change of the title and back, each line and comment is also kept."""
     page = SetupPage(browser, prop / "setup.html")
     assert len(GALLERY) >= 10
     for file in GALLERY:
@@ -757,7 +757,7 @@ def test_a_case_of_the_gallery_is_saved_as_it_was(prop: Path, browser: Any) -> N
 @pytest.mark.long
 @pytest.mark.parametrize("file", [file for file in GALLERY if file.with_suffix(".geo").exists()])
 def test_a_case_of_the_gallery_fits_its_drawing(file: Path, tmp_path: Path, browser: Any) -> None:
-    """On the page of its own drawing nothing is wrong with it."""
+    """On the page of its drawing, the case has no faults."""
     drawing, folder = file.with_suffix(".geo"), tmp_path / "case"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
@@ -782,7 +782,7 @@ def test_formulas_have_the_values_of_the_program(prop: Path, browser: Any) -> No
 
 @pytest.fixture(scope="module")
 def section(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a plane drawing: a block on a wider one."""
+    """Return the folder of a plane drawing: a block on a wider block."""
     folder = tmp_path_factory.mktemp("section")
     drawing = folder / "section.geo"
     boxes = ("Rectangle(1) = {0, 0, 0, 4, 1};", "Rectangle(2) = {1, 1, 0, 2, 1};")
@@ -795,7 +795,7 @@ def section(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 LABELS = "[...document.querySelectorAll('#wanted label')].map((a) => a.textContent)"
-"""Script for the labels of the form's fields."""
+"""Script that returns the labels of fields in the form."""
 
 UNITS_IN_SPACE = {
     "pressure": "Pressure (MPa)",
@@ -817,7 +817,7 @@ def test_numbers_of_loads_and_materials_have_units(prop: Path, browser: Any) -> 
 
 
 def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> None:
-    """Stresses and forces of the full turn are not."""
+    """Stresses, and forces on the full turn, are not per depth."""
     page = SetupPage(browser, section / "setup.html")
     expected = {"force": "force x (N", "moment": "Moment on the whole face (N mm"}
     for kind, label in expected.items():
@@ -832,7 +832,7 @@ def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> No
 
 
 def test_the_form_and_what_is_missing_are_beside_the_picture(prop: Path, browser: Any) -> None:
-    """On a laptop one window has the picture, the form and what is missing; a phone a column."""
+    """One laptop window has the picture, the form and missing entries; a phone has one column."""
     box = (
         "(() => { const a = document.getElementById(NAME).getBoundingClientRect(); return BOX; })()"
     )
@@ -883,7 +883,7 @@ def test_a_click_chooses_a_line_of_a_plane_drawing(section: Path, browser: Any) 
     page.press("Choose nothing", "part_2_x_high")
     page.add("pressure", pressure="1 + x")
     arrows = marks(browser, "load", "part_2_x_high")
-    assert (arrows[0::3, 1, 0] < arrows[0::3, 0, 0]).all()  # from the outside
+    assert (arrows[0::3, 1, 0] < arrows[0::3, 0, 0]).all()  # from outside
     assert arrows[0::3, 1, 0] == pytest.approx(3, abs=1e-3)
 
 
@@ -904,7 +904,10 @@ def test_combinations_are_asked_for(prop: Path, browser: Any) -> None:
 
 
 def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
-    """Words beside the field refuse what is wrong; the rest is in the file, and undo removes it."""
+    """Messages beside the field refuse wrong entries.
+
+    Other entries go into the file; undo removes them.
+    """
     page = SetupPage(browser, prop / "setup.html")
     before = page.case
     page.add("support")
@@ -947,7 +950,7 @@ def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
 
 
 def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
-    """The page says before what it adds, takes empty components as 0, and answers at the click."""
+    """The page announces the loads, takes empty components as 0, and adds loads at the click."""
     page = SetupPage(browser, prop / "setup.html")
     adds, near = "document.getElementById('adds').textContent", "document.getElementById('near')"
     page.press("beam_x_low", "block_z_low")
@@ -1003,7 +1006,7 @@ def test_one_material_is_given_to_all_bodies(prop: Path, browser: Any) -> None:
 
 
 def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) -> None:
-    """Bounds are asked again as in the first case; a comment of one's own stays."""
+    """The case asks for bounds again as in the first case; the user's comment stays."""
     page = SetupPage(browser, prop / "setup.html")
     before = page.case
     own = ["proven lower and upper bounds", "of each bound", "refined until the gap"]
@@ -1030,7 +1033,7 @@ def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) 
 
 
 def test_a_reason_against_refinement_goes_with_the_question(prop: Path, browser: Any) -> None:
-    """The line of a first case with a fine mesh is true for its own question only."""
+    """In a first case with a fine mesh, this line is true only for its own question."""
     text = (prop / "setup.html").read_text(encoding="utf-8")
     refined = json.dumps(ADAPT.format(percent=10, until=0.1, cells=12000))[1:-1]
     reason = ONE_MESH.format(why="meshes finer than 9000 elements take long")
@@ -1050,7 +1053,7 @@ def test_a_reason_against_refinement_goes_with_the_question(prop: Path, browser:
 def test_all_loads_become_constant_for_the_factor_of_safety(
     prop: Path, browser: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One button does it, also for a growing weight; check refuses the loads before."""
+    """One button does it, also for a growing weight; before that, check refuses the loads."""
     page = SetupPage(browser, prop / "setup.html")
     page.drop(by_hand(prop))
     page.press("beam_x_high")
@@ -1087,7 +1090,7 @@ def test_all_loads_become_constant_for_the_factor_of_safety(
 
 
 def test_a_file_that_is_dropped_keeps_its_comments(prop: Path, browser: Any) -> None:
-    """The page reads TOML as tomllib does, and a change of a field changes its value alone."""
+    """The page reads TOML as tomllib does, and a change of a field changes only its value."""
     files = [*ROOT.glob("demos/*.toml"), *ROOT.glob("docs/gallery/*.toml")]
     assert len(files) > 10
     script = (

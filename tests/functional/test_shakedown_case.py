@@ -1,4 +1,4 @@
-"""Shakedown from a case file: what is told, written and drawn, and what is refused."""
+"""Test shakedown from a case file: terminal, files, pictures, and refusals."""
 
 import csv
 from pathlib import Path
@@ -50,7 +50,7 @@ def test_a_run(
     run = run_case(comm, shared_tmp_path, CASE, capsys, "--report")
     assert run.status == SOLVED
     out, folder = run.out, run.folder
-    assert "are ignored" not in out  # temperatures count
+    assert "are ignored" not in out  # temperatures matter
     assert "Shakedown to " in out
     assert "the elastic stresses are those of this mesh" in out
     assert "At 45 degrees: " in out
@@ -64,7 +64,7 @@ def test_a_run(
     assert found["load"] == pytest.approx(found["koiter"], rel=2e-4)
     alone = found["diagram"][0]
     assert alone["second"] == 0.0
-    assert alone["first"] > 99.0  # a bar alone; what is glued to it keeps it from narrowing
+    assert alone["first"] > 99.0  # a separate bar; glued bodies would prevent it from narrowing
     assert limit["body"] is None
     if comm.rank == 0:
         with (folder / "path.csv").open(encoding="utf-8", newline="") as file:

@@ -1,4 +1,4 @@
-"""A run in which stages move a punch: forces on file, a restart in the middle of a cycle."""
+"""Test a run in which stages move a punch: forces on file, and a restart within a cycle."""
 
 import json
 from collections.abc import Callable
@@ -41,7 +41,7 @@ def test_a_cycle_of_a_punch_goes_on(
     run_until: Callable[[Path, Path, int], None],
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Ended where the punch has left the blocks, which stay 2 ε_y shorter."""
+    """The run ends where the punch has left the blocks, which remain shorter by 2 ε_y."""
     begin, end = CASE.index("[loading]"), CASE.index("[output]")
     text = CASE[:begin] + STAGES + CASE[end + len("[output]\n") :]
     case = write_case(comm, shared_tmp_path / "case.toml", text)

@@ -1,4 +1,4 @@
-"""Problems of others as their users state them: short, and ready to be run."""
+"""Test cases that state published problems as users would: short, and ready to run."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.serial, pytest.mark.usefixtures("undrawn")]
 FOLDER = Path(__file__).resolve().parents[2] / "demos" / "verification" / "cases"
 CASES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 SHORT = ("arch", "patch")
-"""Those that ``make test`` checks; ``make verify`` checks all."""
+"""Cases that ``make test`` checks; ``make verify`` checks all."""
 MOST_LINES = 30
 
 

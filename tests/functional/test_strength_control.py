@@ -1,4 +1,4 @@
-"""A case file asks for a factor of safety: results, proofs, pictures, page, refusals."""
+"""Test cases for a factor of safety: results, proofs, pictures, page, refusals."""
 
 import csv
 import json
@@ -57,7 +57,7 @@ path = true
 
 @pytest.fixture
 def slope(comm: MPI.Intracomm, shared_tmp_path: Path) -> Path:
-    """A folder with the mesh of the first slope of D. V. Griffiths and P. A. Lane."""
+    """Return a folder with the mesh of the first slope of D. V. Griffiths and P. A. Lane."""
     if comm.rank == 0:
         write_slope(shared_tmp_path / "slope.msh", size=0.3)
     comm.barrier()
@@ -72,8 +72,8 @@ def test_a_slope(comm: MPI.Intracomm, slope: Path) -> None:
         return
     limit = json.loads((results / "summary.json").read_text())["limit"]
     lower, upper = limit["strength"]["lower"], limit["strength"]["upper"]
-    assert 1.2 < lower < 1.3978  # where log spirals fall
-    assert 1.3743 < upper < 1.6  # where finer meshes stand
+    assert 1.2 < lower < 1.3978  # F at which log spirals collapse
+    assert 1.3743 < upper < 1.6  # F proven on finer meshes
     for name, side, value in (("stands", "lower", 1.0), ("falls", "upper", 1.0)):
         halves = check(results / f"{name}.h5")
         assert list(halves) == [side]
@@ -155,7 +155,7 @@ limit_tolerance = 0.05
 def test_a_strength_that_is_not_divided(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
-    """It is told before and after the run, and by the checker, of both proofs."""
+    """The terminal says so before and after the run, and the checker for both proofs."""
     if comm.rank == 0:
         write_retaining_wall(shared_tmp_path / "wall.msh", width=3.0)
     case = write(comm, shared_tmp_path, WALL)
@@ -227,7 +227,7 @@ def test_what_cannot_be_is_one_sentence(
 def test_a_wide_tolerance(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], slope: Path
 ) -> None:
-    """A run solves what check accepts, also with a large tolerance."""
+    """With a large tolerance, a run also solves a case that check accepts."""
     if comm.rank == 0:
         write_slope(slope / "slope.msh", size=1.0)
     comm.barrier()
@@ -244,7 +244,7 @@ def test_an_interrupted_search_prints_and_writes_its_bracket(
     capsys: pytest.CaptureFixture[str],
     undrawn: None,
 ) -> None:
-    """Only proven factors are called proven, before and after the first bounds."""
+    """Only proven factors count as proven, before and after the first bounds."""
     if comm.rank == 0:
         write_slope(slope / "slope.msh", size=1.0)
     comm.barrier()
@@ -286,7 +286,7 @@ def test_an_interrupted_search_prints_and_writes_its_bracket(
 def test_a_side_that_the_checker_refuses_is_not_told(
     comm: MPI.Intracomm, slope: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The stress of the factor that stands is spoiled, and nothing is said of that side."""
+    """The stress for the smaller factor is damaged. The program then claims no lower bound."""
     honest = proof_file._stress
 
     def spoil(proof: proof_file.StressProof) -> proof_file.Blocks:

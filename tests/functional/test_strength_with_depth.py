@@ -1,17 +1,19 @@
-"""Strip footings on clay whose strength grows with depth, beside slip lines.
+"""Test strip footings on clay whose strength grows with depth, against slip lines.
 
-E. H. Davis and J. R. Booker (Géotechnique 23 (1973), 551) solved it by characteristics. With the
-depth z, the mean pressure s and the angle θ of the largest pressure from x, and c = c₀ + ρz,
+E. H. Davis and J. R. Booker (Géotechnique 23 (1973), 551) solved the problem by the method of
+characteristics. With the depth z, the mean pressure s, the angle θ of the largest pressure from x,
+and c = c₀ + ρz,
 
     ds + 2c dθ − ρ dx = 0  along the directions θ + 45°,
     ds − 2c dθ + ρ dx = 0  along the directions θ − 45°.
 
-Beside the footing s = c and θ = 0. Under a smooth one θ = 90°, and it bears s + c₀.
+Beside the footing s = c and θ = 0. Under a smooth footing θ = 90°, and the footing carries s + c₀.
 
-Under a rough one the slip lines of the fan at its edge pass below the footing to the middle, where
-θ = 90°. Above the last of these the ground moves with the footing. If the fan cannot turn further
-than to θ = 135°, where slip lines touch the footing, the ground slips along the outer part of it.
-The last slip line then begins where the slip ends (C. M. Martin, IACMAG 2005).
+Under a rough footing, the slip lines of the fan at its edge pass below the footing to the middle,
+where θ = 90°. The ground above the last of these slip lines moves with the footing. The fan can
+turn at most to θ = 135°, where slip lines are tangential to the footing. If this is not enough, the
+ground slips along the outer part of the footing, and the last slip line begins where the slip ends
+(C. M. Martin, IACMAG 2005).
 """
 
 import math
@@ -47,7 +49,7 @@ from tests.models import Read
 
 
 def crossing(first: Floats, second: Floats, rho: float) -> Floats:
-    """Return (x, z, s, θ) where a line at θ + 45° and one at θ − 45° cross, for c₀ = 1.
+    """Return (x, z, s, θ) where lines at θ + 45° and at θ − 45° cross, for c₀ = 1.
 
     Args:
         first: A point (x, z, s, θ) of the one.
@@ -70,7 +72,7 @@ def crossing(first: Floats, second: Floats, rho: float) -> Floats:
 
 
 def under(point: Floats, rho: float, theta: float = math.pi / 2) -> Floats:
-    """Return the end on the footing, with θ there, of the line at θ − 45° through a point."""
+    """Return the end on the footing, with its θ, of the line at θ − 45° through a point."""
     along = (point[3] + theta) / 2 - math.pi / 4
     x = point[0] - point[1] / math.tan(along)
     c = 2 + rho * point[1]
@@ -78,7 +80,7 @@ def under(point: Floats, rho: float, theta: float = math.pi / 2) -> Floats:
 
 
 def bearing(rho: float, extent: float, n: int) -> tuple[float, float]:
-    """Return where the net of slip lines ends on the footing, and the force on it from there on.
+    """Return where the slip line net ends on the footing, and the force on the footing beyond.
 
     Args:
         rho: ρ of c = 1 + ρz; the edge of the footing is at x = 1.
@@ -103,7 +105,7 @@ def bearing(rho: float, extent: float, n: int) -> tuple[float, float]:
 
 
 def exact(rho: float, n: int) -> float:
-    """Return what the half of the footing bears whose net ends in the middle, by secants."""
+    """Return the force on half a footing whose net ends in the middle, by the secant method."""
     before, now = 0.3, 0.2
     end, _ = bearing(rho, before, n)
     for _ in range(12):
@@ -116,7 +118,7 @@ def exact(rho: float, n: int) -> float:
 
 
 def last_line(rho: float, at: Floats, to: float, slips: int, n: int) -> tuple[Floats, Floats]:
-    """Return the points of the last slip line below a rough footing, and those of the slip.
+    """Return the points of the last slip line below a rough footing, and the points of slip.
 
     Args:
         rho: ρ.
@@ -142,7 +144,7 @@ def last_line(rho: float, at: Floats, to: float, slips: int, n: int) -> tuple[Fl
 
 
 def rough(rho: float, n: int) -> float:
-    """Return what the half of a rough footing bears.
+    """Return the force that half of a rough footing carries.
 
     Args:
         rho: ρ > 0 of c = 1 + ρz; the edge of the footing is at x = 1.
@@ -166,7 +168,7 @@ def rough(rho: float, n: int) -> float:
 
         return ends
 
-    extent = 1 / (2.16 + 0.368 * rho)  # roughly, as is the rest of the guess
+    extent = 1 / (2.16 + 0.368 * rho)  # approximately, like the rest of the initial guess
     guess = [2.2, 0.6] if rho < 1 else [(1 - 0.8 / rho) * extent, extent]
     of = sticking if rho < 1 else slipping
     unknown, _, found, why = fsolve(missed(of), guess, full_output=True)
@@ -174,7 +176,7 @@ def rough(rho: float, n: int) -> float:
     assert (unknown[0] <= most) if of is sticking else (0 < unknown[0] < unknown[1])
     line, base = of(unknown)
     c, (x, z, s, theta) = 1 + rho * line[:, 1], line.T
-    across, along = s - c * np.cos(2 * theta), c * np.sin(2 * theta)  # pressure in z, and shear
+    across, along = s - c * np.cos(2 * theta), c * np.sin(2 * theta)  # pressure along z, and shear
     below = np.diff(z) @ _means(along) - np.diff(x) @ _means(across)
     return float(below - np.diff(base[:, 0]) @ _means(base[:, 2]))
 
@@ -189,16 +191,16 @@ SHAPES = {
     2.5: {"width": 2.4, "depth": 1.0, "size": 0.6, "grading": 1.0},
     10.0: {"width": 1.8, "depth": 0.6, "size": 0.3, "grading": 1.0},
 }
-"""First meshes by ρ. Mechanisms are the smaller the more the strength grows."""
+"""First meshes by ρ. Mechanisms are smaller if the strength grows faster."""
 
 
 def footing(
     read: Read, rho: float, shape: Mapping[str, float], tresca: float | None = None
 ) -> Problem:
-    """Return half a footing of width 2 on clay with c₀ = 1, by a stiff punch in contact.
+    """Return half a footing of width 2 on clay with c₀ = 1, loaded by a stiff punch in contact.
 
-    On a smooth punch there is no friction. A rough one holds the ground with c₀, its strength at
-    the surface: a velocity that is continuous there would need thin cells to slip.
+    A smooth punch has no friction. The contact of a rough punch has the strength c₀ of the surface:
+    with a continuous velocity, slip would need thin cells.
     """
     mesh = read(write_strip_footing, punch=True, **shape)
     materials: dict[str, Material] = {
@@ -211,12 +213,15 @@ def footing(
 
 
 def test_slip_lines_of_constant_strength() -> None:
-    """They are those of Prandtl."""
+    """For constant strength they are Prandtl's slip lines."""
     assert exact(0.0, 4) == pytest.approx(2 + math.pi, rel=1e-9)
 
 
 def test_slip_lines_below_a_rough_footing_converge() -> None:
-    """Twice the lines leave a quarter of the error. The ground sticks at 1, and slips at 5."""
+    """Twice as many lines leave a quarter of the error.
+
+    The ground sticks for ρ = 1, and slips for 5.
+    """
     for rho in (0.5, 2.5):
         coarse, middle, fine = (rough(rho, n) for n in (3, 6, 12))
         assert (middle - coarse) / (fine - middle) == pytest.approx(4.0, rel=0.1)
@@ -231,14 +236,14 @@ def test_a_footing_on_a_coarse_mesh(
     assert bounds.strict
     low, high = bounds.lower.value, bounds.upper.value
     assert low is not None and high is not None
-    net = 2e-3  # of a net of six lines
+    net = 2e-3  # error of a net with six lines
     assert low <= solved(2.5, 6) * (1 + net)
     assert solved(2.5, 6) * (1 - net) <= high
     assert high / low < 1.25
 
 
 def test_a_cut_in_constant_cohesion_is_the_limit_of_strength_that_grows(read: Read) -> None:
-    """Both bounds on one mesh grow with ρ, and come back to 1e-10 as it vanishes."""
+    """Both bounds on one mesh grow with ρ, and tend to the values for ρ = 0 within 1e-10."""
     ground = read(write_vertical_cut, size=0.5)
     supports = [Support("bottom"), Support("sides", "x")]
 
@@ -267,7 +272,7 @@ def test_a_footing_between_narrow_bounds(
     low, high = found.lower.value, found.upper.value
     assert low is not None and high is not None
     value = rough(rho, 40) if tresca and rho else exact(rho, 40)
-    net = 4e-4 if tresca else 1e-4  # of a net of forty lines
+    net = 4e-4 if tresca else 1e-4  # error of a net with forty lines
     assert low <= value * (1 + net)
     assert value * (1 - net) <= high
     assert high - low <= 3e-3 * high

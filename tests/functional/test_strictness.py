@@ -1,6 +1,6 @@
-"""Bounds of random bodies are bounds, and what proves them on file is enough.
+"""Test that bounds for random bodies hold, and that files prove them.
 
-``PERFPLAST_FUZZ=20`` tries forty times as many.
+``PERFPLAST_FUZZ=20`` tries forty times as many bodies.
 """
 
 import os
@@ -45,11 +45,11 @@ SEEDS = [
     pytest.param(
         seed,
         3 if seed % 5 == 4 else 2,
-        marks=[] if seed in (1, 4, 20) else [pytest.mark.serial],  # few on several ranks
+        marks=[] if seed in (1, 4, 20) else [pytest.mark.serial],  # only a few on several ranks
     )
     for seed in sorted({*range(int(10 * EFFORT)), 20})
 ]
-"""In number 20 equilibrium leaves one contact force nothing but zero."""
+"""Seeds of random bodies. In number 20 equilibrium requires one contact force to be zero."""
 
 ENDS = (0.0, 5.0)
 
@@ -57,8 +57,8 @@ CONTRASTS = [
     pytest.param(seed, marks=[] if seed < 4 else [pytest.mark.serial])
     for seed in sorted({*range(int(12 * EFFORT)), 15})
 ]
-"""Bodies of strengths between 1 and 1e15, and loads of which as little as 1e-6 is bounded. In
-number 15 forces that rounding leaves do more work on the mechanism than a proof may leave."""
+"""Seeds of bodies with strengths between 1 and 1e15, and loads of which only a part of 1e-6 is
+bounded. In number 15, forces from rounding do more work on the mechanism than a proof allows."""
 
 
 @pytest.mark.mpi2("1-2")
@@ -71,7 +71,7 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
     COMM.barrier()
     problem, exact = problem_of(it, read_gmsh(COMM, path))
     bounds = limit_bounds(problem)
-    if bounds.lower.value == 0.0:  # exactly, of a mesh that is said to be too coarse
+    if bounds.lower.value == 0.0:  # exactly zero, for a mesh that the program calls too coarse
         assert "refine the mesh" in bounds.in_words()
         every = np.ones(len(problem.tagged_mesh.cell_tags.indices), dtype=np.bool_)
         bounds = limit_bounds(problem.on(refined(problem, every)))
@@ -87,7 +87,7 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
     assert lowest is not None
     assert highest is not None
     assert lowest == pytest.approx(bounds.lower.value, rel=1e-9)
-    assert highest <= bounds.upper.value * (1 + 1e-8)  # the checker may prove a smaller one
+    assert highest <= bounds.upper.value * (1 + 1e-8)  # the checker may prove a smaller bound
     assert lowest <= highest * (1 + 1e-9)
     if exact is not None:
         assert lowest <= exact * (1 + 1e-9)
@@ -96,7 +96,7 @@ def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
 
 
 def test_what_enters_beside_slow_velocities_is_seen(shared_tmp_path: Path) -> None:
-    """A body at rest that others enter by 1e-11 of the velocities there, and 1e-19 of the most."""
+    """Others penetrate a body at rest at 1e-11 of the velocities there, 1e-19 of the largest."""
     it, path = stack(7, 2), shared_tmp_path / "stack.msh"
     if COMM.rank == 0:
         write_stack(path, it)
@@ -107,7 +107,7 @@ def test_what_enters_beside_slow_velocities_is_seen(shared_tmp_path: Path) -> No
 
 
 def pressed(seed: int, path: Path) -> Pressed:
-    """Glued layers, sliding ones in the plane and in space, or a square that is squeezed."""
+    """Return glued layers, sliding layers in 2D and 3D, or a compressed square."""
     kind = seed % 4
     if kind == 0:
         return glued(seed)
@@ -127,7 +127,7 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
         assert words.startswith("Nothing limits the loads, up to rounding")
         assert bounds.lower.value is bounds.upper.value is None
         return
-    if not bounds.strict:  # where pressures nearly balance, rounding of mean stresses is in the way
+    if not bounds.strict:  # rounding of mean stresses, if pressures nearly balance
         assert it.side > 0
         assert it.exact > 2e3
         for bound in (bounds.lower, bounds.upper):
@@ -139,7 +139,7 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
     assert lower is not None
     assert upper is not None
     checked = check_stress(it.problem, bounds.static.stress)
-    left = forces_left(it, checked, lower)  # L is that of 1 on an edge or a side of 1 or 1/2
+    left = forces_left(it, checked, lower)  # L: pressure 1 on a side of 1 or 1/2
     share = left / (upper - lower)
     print(
         f"contrast {seed} {it.contrast:.1e} {it.exact:.8g} {lower / it.exact:.8f}"
@@ -148,7 +148,7 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
     assert lower <= it.exact * (1 + 1e-9)
     assert it.exact <= upper * (1 + 1e-9)
     assert share < 1e-6
-    if it.side == 0.0 or it.exact < 2e3:  # beyond, the balance of mean stresses is rounding
+    if it.side == 0.0 or it.exact < 2e3:  # beyond, rounding prevails
         assert lower > 0.99 * it.exact
     assert upper < 1.1 * it.exact or 'law = "elastic"' in words
 
@@ -156,7 +156,7 @@ def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
 
 
 def proofs_hold(bounds: BodyBounds, path: Path) -> set[str]:
-    """Check what is told as strict from its file; which halves these are. Collective."""
+    """Check strict bounds from their file, and return the checked halves. Collective."""
     folder, halves = ResultFolder(COMM, path), proofs(bounds, bounds)
     if halves == (None, None):
         return set()
@@ -167,7 +167,7 @@ def proofs_hold(bounds: BodyBounds, path: Path) -> set[str]:
 
 
 def cantilever() -> Problem:
-    """A bar 5×1×1 of 30 tetrahedra, held at one end and sheared at the other."""
+    """Return a bar 5×1×1 of 30 tetrahedra, held at one end and sheared at the other end."""
     mesh = create_box(
         COMM,
         [(0.0, 0.0, 0.0), (5.0, 1.0, 1.0)],

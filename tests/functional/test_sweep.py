@@ -1,4 +1,4 @@
-"""Sweeps: a case for each value, one table; what is stopped goes on, and what is wrong is told."""
+"""Test sweeps: a case for each value, one table, continuation after a stop, and refusals."""
 
 import csv
 import json
@@ -32,7 +32,7 @@ VARY = ["--vary", "material.lower.yield_stress=300:500:2", "--vary", "load.top.p
 
 
 def table(comm: MPI.Intracomm, folder: Path) -> list[dict[str, str]]:
-    """The rows of ``sweep.csv``. Collective."""
+    """Return the rows of ``sweep.csv``. Collective."""
     if comm.rank == 0:
         with (folder / "sweep.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -44,7 +44,7 @@ def table(comm: MPI.Intracomm, folder: Path) -> list[dict[str, str]]:
 def test_a_case_for_each_pair_of_values(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The weaker block yields: min(Y, 400)/p."""
+    """The weaker block yields at min(Y, 400)/p."""
     case = write_case(comm, shared_tmp_path / "case.toml", BLOCKS + LIMIT)
     folder = shared_tmp_path / "r"
     assert main(["sweep", str(case), "-o", str(folder), *VARY]) == SOLVED
@@ -74,7 +74,7 @@ def test_a_case_for_each_pair_of_values(
 def test_what_is_stopped_goes_on(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Stopped three times, no level is solved twice."""
+    """The sweep stops three times, and solves no level twice."""
     case = write_case(comm, shared_tmp_path / "case.toml", BLOCKS + LEVELS)
     folder, solved = shared_tmp_path / "r", list[float]()
     level, vary = Recorder.level, ["--vary", "load.top.pressure=0.5,1.0,1.5"]
@@ -141,7 +141,7 @@ def test_values() -> None:
 
 @pytest.mark.serial
 def test_places() -> None:
-    """Tables, entries by name, surface and number, numbers in a list; the given table stays."""
+    """Places are tables, entries by name, surface or number, and list items; the input stays."""
     given = {"m": {"x": 1}, "load": [{"on": "top"}, {"name": "wind", "t": [0.0, 1.0]}]}
     found = varied(given, {"m.x": 2, "load.top.p": 3, "load.wind.t.1": 4, "load.1.u": 5})
     assert found["m"] == {"x": 2}

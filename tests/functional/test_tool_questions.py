@@ -1,6 +1,7 @@
-"""Questions in words, asked by the tools for programs: each is answered with a proof, or refused.
+"""Test questions in words through the tool server: each has a proven answer or a refusal.
 
-``tool_questions.toml`` has the questions, the cases that a caller sends, and the known answers.
+``tool_questions.toml`` contains the questions, the cases that a caller sends, and the known
+answers.
 """
 
 import subprocess
@@ -27,7 +28,7 @@ ANSWERED = [one for one in QUESTIONS if "answer" in one]
 REFUSED = [one for one in QUESTIONS if "refused" in one]
 
 MESHED = ("sand without cohesion", "no support", "side that is not there")
-"""Questions whose refusal needs the mesh, which takes seconds."""
+"""Questions whose refusal requires the mesh, which takes seconds."""
 
 PATIENCE = 900
 """Longest time for a run (s)."""
@@ -40,7 +41,7 @@ def test_there_are_enough_questions() -> None:
 
 
 def asked(question: dict[str, Any], folder: Path) -> Tools:
-    """The tools for a folder with the case of a question."""
+    """Return the tools for a folder with the case of a question."""
     (folder / "case.toml").write_text(question["case"], encoding="utf-8")
     return Tools((folder.resolve(),))
 
@@ -59,7 +60,7 @@ def ended(tools: Tools) -> Answer:
 @pytest.mark.long
 @pytest.mark.parametrize("question", ANSWERED, ids=lambda one: one["name"])
 def test_a_question_is_answered(question: dict[str, Any], tmp_path: Path) -> None:
-    """The known answer is between bounds that the checker proves by itself."""
+    """The known answer lies between bounds that the checker proves independently."""
     tools = asked(question, tmp_path)
     assert tools.describe("case.toml")["ok"]
     status = ended(tools)
@@ -68,7 +69,7 @@ def test_a_question_is_answered(question: dict[str, Any], tmp_path: Path) -> Non
     assert claim["ok"], claim
     assert claim["not_proven"] == []
     lower, upper, answer = claim["lower"], claim["upper"], question["answer"]
-    rounding = 1e-6  # of an answer in seven digits
+    rounding = 1e-6  # error of an answer with seven digits
     assert lower <= answer * (1 + rounding)
     assert upper >= answer * (1 - rounding)
     assert upper - lower <= question["width"] * lower
@@ -77,13 +78,13 @@ def test_a_question_is_answered(question: dict[str, Any], tmp_path: Path) -> Non
     files = {one["half"]: Path("out") / Path(one["file"]).name for one in claim["proofs"]}
     assert all(tools.prove(str(file))["ok"] for file in set(files.values()))
     for half, file in files.items():
-        if question["quantity"] != "factor of safety":  # whose files prove a multiple at a factor
+        if question["quantity"] != "factor of safety":  # files prove a multiple at a factor
             assert check(tmp_path / file)[half].proven == pytest.approx(claim[half], rel=1e-12)
 
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Runs the commands of tools in this process, which is faster."""
+    """Run the commands of the tools in this process, which is faster."""
 
     def end(command: Sequence[str]) -> subprocess.CompletedProcess[bytes]:
         capsys.readouterr()
@@ -104,7 +105,7 @@ def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     ],
 )
 def test_a_question_is_refused(question: dict[str, Any], tmp_path: Path) -> None:
-    """A number that is missing, or has a wrong unit, is no default; no run begins."""
+    """A missing number, or a wrong unit, does not become a default; no run begins."""
     tools = asked(question, tmp_path)
     for refused in (tools.check("case.toml"), answering(tools.run)("case.toml", "out")):
         assert not refused["ok"]

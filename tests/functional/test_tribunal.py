@@ -1,4 +1,4 @@
-"""Published factors of safety before a proof: the judge, the tables, the cases, the page."""
+"""Test published factors of safety against proofs: verdicts, tables, cases, page."""
 
 import csv
 import math
@@ -48,7 +48,7 @@ CASES = tribunal.all_cases()
 PUBLISHED = read(Published, tribunal.HERE / tribunal.PUBLISHED)
 STORED = {row.problem: row for row in read(Solved, tribunal.HERE / tribunal.BOUNDS)}
 SHORT = ("pruska_01", "arai_tagyo_3")
-"""Those that ``make test`` checks; ``make verify`` checks all."""
+"""Cases that ``make test`` checks; ``make verify`` checks all."""
 MOST_LINES = 25
 
 
@@ -128,7 +128,7 @@ def test_numbers_have_a_source_and_a_case() -> None:
 
 
 def test_numbers_have_a_place_or_a_transcription() -> None:
-    """A number that was read in its source has a page, a DOI or a commit there."""
+    """A number that was read in its source has a page, a DOI or a commit."""
     place = re.compile(r"doi:10\.\d{4}|, \d+–\d+|\(\d{4}\) \d+|p\. \d+|commit [0-9a-f]{8}")
     for number in PUBLISHED:
         assert number.transcribed_by or place.search(number.source), number
@@ -189,7 +189,7 @@ def test_each_problem_has_a_small_picture() -> None:
 
 
 def test_a_picture_shows_what_moves(tmp_path: Path) -> None:
-    """Two squares of different strength, of which the right one moves."""
+    """Two squares have different strengths, and the right square moves."""
     x, y = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0])
     cells = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
     half = {
@@ -210,12 +210,12 @@ def test_a_picture_shows_what_moves(tmp_path: Path) -> None:
     assert tuple(pixels[middle, third]) == tuple(COLOURS[0])
     assert tuple(pixels[middle, 2 * third]) == tuple(COLOURS[-1])
     dark = np.flatnonzero(pixels[middle].sum(axis=1) < 100)
-    assert any(abs(dark - columns / 2) < 2)  # the boundary between both strengths
+    assert any(abs(dark - columns / 2) < 2)  # the boundary between the strengths
 
 
 @alone
 def test_the_page_filters_rows_by_verdict(tmp_path: Path, browser: Any) -> None:
-    """As the site builds it: tables become HTML, and ``tribunal.js`` is loaded."""
+    """The site turns tables into HTML and loads ``tribunal.js``, as here."""
     lines = tribunal.page(CASES, PUBLISHED, STORED).splitlines()
     boxes = [n for n, line in enumerate(lines) if line == '<div class="tribunal">']
     assert len(boxes) == 2
@@ -232,7 +232,7 @@ def test_the_page_filters_rows_by_verdict(tmp_path: Path, browser: Any) -> None:
     browser.get(page.as_uri())
 
     def shown(table: int, *words: str) -> str:
-        """Press buttons above a table, and return the number of rows that are shown."""
+        """Press buttons above a table, and return the number of visible rows."""
         for word in words:
             browser.execute_script(
                 """const box = document.querySelectorAll("div.tribunal")[arguments[0]];
@@ -264,7 +264,7 @@ def test_the_page_filters_rows_by_verdict(tmp_path: Path, browser: Any) -> None:
 def test_what_was_solved_is_not_solved_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A case that fails leaves the others alone; a case that was changed is solved again."""
+    """A failed case does not affect other cases; a changed case is solved again."""
     home = tmp_path / "tribunal"
     home.mkdir()
     for name in ("pruska_01", "pruska_02"):
@@ -333,7 +333,7 @@ def test_a_problem_is_solved_and_its_proofs_are_checked(tmp_path: Path) -> None:
 
 
 def test_a_limit_load_is_solved_and_its_proof_is_checked(tmp_path: Path) -> None:
-    """Ewing and Hill's constraint factor lies between the bounds."""
+    """The constraint factor of Ewing and Hill lies between the bounds."""
     text = CASES["double_cracks_50"].read_text(encoding="utf-8")
     case = tmp_path / "double_cracks_50.toml"
     case.write_text(text.replace("until = 0.005, cells = 6000", "until = 0.1"), encoding="utf-8")
@@ -381,7 +381,7 @@ def test_the_best_log_spiral_is_found() -> None:
 
 
 def test_the_work_is_that_of_a_polygon() -> None:
-    """With chords in place of the arc, and with Green's formula."""
+    """The test replaces the arc by chords, and uses Green's formula."""
     mechanism, factor = (3.9, 2.2, 4.0), 1.1
     pole, t = np.array(mechanism[:2]), SLOPE.friction / factor
     start = np.array([4.0, 0.0]) - pole

@@ -1,4 +1,4 @@
-"""Quadratic elements in contact, obstacles, measured gaps, and what they are made of."""
+"""Test quadratic elements in contact, obstacles and measured gaps."""
 
 import itertools
 import math
@@ -53,7 +53,7 @@ FINE = 1e-11
 
 
 def bent_blocks(comm: MPI.Intracomm) -> Problem:
-    """In space: two cantilevers on each other, which part near their supports."""
+    """In 3D: two stacked cantilevers, which separate near their supports."""
     return Problem(
         two_blocks(comm, 2),
         dict.fromkeys(("lower", "upper"), STEEL),
@@ -65,7 +65,7 @@ def bent_blocks(comm: MPI.Intracomm) -> Problem:
 
 
 def pressed_cylinder(tagged_mesh: TaggedMesh) -> Problem:
-    """In plane strain: a cylinder on a rigid plane, which it touches in one node at first."""
+    """In plane strain: a cylinder on a rigid plane; at first they touch at one node."""
     return Problem(
         tagged_mesh,
         {"upper": VonMises(2e5, 0.3, 400.0)},
@@ -77,7 +77,7 @@ def pressed_cylinder(tagged_mesh: TaggedMesh) -> Problem:
 
 
 def assert_algorithms_agree(problem: Problem, zeta: float) -> None:
-    """All four find the same stress and work; those of prescribed work start from nearby."""
+    """All algorithms find the same stress and work; those with prescribed work start nearby."""
     options = NewtonOptions(tolerance=FINE)
     newton = Newton(problem, options)
     start = newton.solve(0.97 * zeta)
@@ -110,7 +110,7 @@ def test_all_algorithms_find_the_same_state_in_plane_strain(read: Read) -> None:
 
 
 def assert_the_same_on_one_rank(together: Problem, alone: Problem, zeta: float) -> None:
-    """Results of all ranks against those of one rank by itself."""
+    """Compare results on all ranks with results on one rank."""
     levels = [Newton(problem).solve(zeta) for problem in (together, alone)]
     for level in levels:
         assert_solved(level)
@@ -149,7 +149,7 @@ def test_plane_strain_on_one_rank_and_on_all(read: Read, comm: MPI.Intracomm) ->
 def test_a_uniform_pressure_leaves_nothing_at_vertices_and_is_found_soon(
     read: Read, active_set: Any
 ) -> None:
-    """The vertices of quadratic faces carry none of it: their forces are rounding."""
+    """Vertices of quadratic faces carry no uniform pressure: their forces are rounding errors."""
     upper = Elastic(7e4, 0.2)
     problem = Problem(
         read(write_contact_patch, dim=3, size=0.3),
@@ -194,7 +194,7 @@ def test_divided_sphere_near_its_collapse(read: Read) -> None:
 
 
 def test_a_ball_on_a_plane_needs_few_active_sets(read: Read) -> None:
-    """One node touches at first, many in the end: sets shrink ring by ring, not in circles."""
+    """One node touches at first, many finally: active sets shrink ring by ring, without cycles."""
     tagged_mesh = read(write_hertz_sphere, contact_size=0.015)
     problem = Problem(
         tagged_mesh,
@@ -215,7 +215,7 @@ def test_a_ball_on_a_plane_needs_few_active_sets(read: Read) -> None:
 
 
 def blocks(comm: MPI.Intracomm, **changes: Any) -> Problem:
-    """The upper one of two stacked blocks, the lower one being held all over."""
+    """Return the upper of two stacked blocks; the whole lower block is held."""
     arguments: dict[str, Any] = {
         "materials": {"lower": STEEL, "upper": STEEL},
         "supports": [*SYMMETRY, Support("bottom"), Support("lower_top", "z")],
@@ -226,7 +226,7 @@ def blocks(comm: MPI.Intracomm, **changes: Any) -> Problem:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_plane_is_a_flat_body_that_does_not_move(comm: MPI.Intracomm, degree: int) -> None:
-    """A cantilever is bent against it; part of the contact opens."""
+    """A cantilever is bent against the plane; a part of the contact opens."""
     arguments: dict[str, Any] = {
         "materials": {"lower": STEEL, "upper": STEEL},
         "supports": [Support("left"), Support("lower_top", "z"), Support("lower_top", "y")],
@@ -297,7 +297,7 @@ def test_a_body_pulled_off_its_obstacle_has_no_equilibrium(
 @pytest.mark.long(but=["1"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tube_in_a_rigid_round_hole(read: Read, degree: int) -> None:
-    """Lamé's solution with u(b) = 0."""
+    """Lamé's solution with u(b) = 0 is exact."""
     material = Elastic(70e3, 0.3)
     nu, a, b = material.poisson, 1.0, TUBE
     A = -1 / (1 + (1 - 2 * nu) * b**2 / a**2)  # σ_r = A − B/r², B = −(1 − 2ν)Ab²
@@ -316,13 +316,13 @@ def test_tube_in_a_rigid_round_hole(read: Read, degree: int) -> None:
     assert level.report.alpha == pytest.approx(10 * math.pi / 2 * a * inner, rel=error)
     recovery = OutputFields(problem)
     recovery.update(level)
-    force = -10 * (2 - 2 * nu) * -A * b  # of a quarter of the hole, along each axis
+    force = -10 * (2 - 2 * nu) * -A * b  # force on a quarter of the hole, along each axis
     assert recovery.resultants == pytest.approx(np.array([[force, force]]), rel=error)
 
 
 @pytest.mark.long
 def test_shell_in_a_hollow_sphere(read: Read) -> None:
-    """Lamé's solution with u(b) = 0, held by symmetry and the obstacle alone along the axes."""
+    """Lamé's solution with u(b) = 0; only symmetry and the obstacle hold it along the axes."""
     material = Elastic(70e3, 0.3)
     bulk, shear, a, b = material.bulk, material.shear, 1.0, SPHERE
     D = 1 / (4 * shear / a**3 + 3 * bulk / b**3)  # u = D (1/r² − r/b³), σ_r(a) = −1
@@ -346,7 +346,7 @@ def test_shell_in_a_hollow_sphere(read: Read) -> None:
 
 
 def test_ball_in_a_hollow_sphere_that_is_larger(read: Read) -> None:
-    """It touches at one point, and is held by it alone along z."""
+    """The ball touches at one point, and only this point holds it along z."""
     problem = Problem(
         read(write_hertz_sphere, contact_size=0.04, order=2),
         {"upper": Elastic(2e5, 0.3)},
@@ -380,7 +380,7 @@ def test_block_on_a_rigid_cylinder(comm: MPI.Intracomm) -> None:
 
 @pytest.mark.long
 def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
-    """Every node has two conditions; those on the edge are closed by both."""
+    """Every node has two conditions; at nodes on the edge both are closed."""
     planes = [Plane("block_corner", (0.0, 0.0, 0.0), n) for n in ((1.0, 0, 0), (0, 1.0, 0))]
     problem = Problem(
         read(write_corner_seat, dim=3, size=0.5),
@@ -397,7 +397,7 @@ def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
     assert touching[on_edge].all()
     edge, all_touching = problem.comm.allreduce(np.array([on_edge.sum(), touching.sum()]))
     assert 0 < edge < problem.num_pairs
-    assert 2 * (all_touching - edge) == problem.num_pairs - edge  # the others touch one plane
+    assert 2 * (all_touching - edge) == problem.num_pairs - edge  # the other nodes touch one plane
     level = Newton(problem).solve(100.0)
     assert_solved(level)
     exact = 100 * (1 + 0.25 - STEEL.poisson) / STEEL.young
@@ -408,7 +408,7 @@ def test_two_planes_hold_a_block_at_the_edge_they_share(read: Read) -> None:
 
 
 def brute_force(S: npt.NDArray[np.float64], g: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-    """Where z = 0, by a look at all sets."""
+    """Return where z = 0, from all possible sets."""
     n = len(g)
     best, closed = np.inf, np.zeros(n, dtype=bool)
     for flags in itertools.product((False, True), repeat=n):
@@ -439,7 +439,7 @@ def test_closed_pairs_of_extreme_programs() -> None:
     assert not closed_pairs(S, np.array([1.0, 1.0])).any()
     assert closed_pairs(S, np.array([4.0, 1.0])).tolist() == [False, True]
     assert closed_pairs(S, np.array([-1.0, 4.0])).tolist() == [True, False]
-    # a motion that costs nothing, as of a body that loses its hold: rounding must not matter
+    # a motion without energy, like that of a body without support: rounding must not matter
     assert closed_pairs(np.ones((2, 2)), np.array([-1.0, 1.0])).tolist() == [True, False]
 
 
@@ -448,7 +448,7 @@ def test_closed_pairs_of_extreme_programs() -> None:
 
 @pytest.mark.parametrize("active_set", ["adaptive", "exact"])
 def test_a_block_that_slides_along_a_corner_needs_few_solves(read: Read, active_set: str) -> None:
-    """Pairs are judged before they are pushed back, or their sets go in circles (limit 50.07)."""
+    """The solver selects pairs before it projects them, else sets cycle (limit 50.07)."""
     flat = (0.0, 0.0, 0.0)
     problem = Problem(
         read(write_corner_seat, dim=3, size=0.4),

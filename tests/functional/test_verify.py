@@ -1,4 +1,4 @@
-"""The table of the verification cases: what counts as wrong, and who notices."""
+"""Test the table of the verification cases: wrong numbers, and the failures they cause."""
 
 import math
 from dataclasses import replace

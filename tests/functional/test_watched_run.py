@@ -1,4 +1,4 @@
-"""``run --watch``: the page is current while the run goes on, and says nothing that ages."""
+"""Test ``run --watch``: the page is current during the run, and contains nothing that expires."""
 
 import csv
 import json
@@ -33,7 +33,7 @@ GOING_ON = re.compile(r"<strong>At [-0-9: ]{19} this run was in progress\.</stro
 def test_bounds_as_they_narrow(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each page has the bounds on file, and the last one is that of a run without a watch."""
+    """Each page has the bounds on file; the last page equals that of a run without a watch."""
     if comm.rank == 0:
         write_strip_footing(shared_tmp_path / "ground.msh", size=0.4)
     case = write_case(comm, shared_tmp_path / "case.toml", CASE)
@@ -71,7 +71,7 @@ def test_bounds_as_they_narrow(
 def test_what_the_run_is_doing(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Levels are on the page as they come, and steps between them."""
+    """Levels appear on the page when they are solved, and steps between them."""
     case, results = write(comm, shared_tmp_path, LEVELS), shared_tmp_path / "results"
     seen = []
     say = LiveReport.say
@@ -106,7 +106,7 @@ def test_a_page_that_cannot_be_written_is_no_end(
 
 @pytest.mark.serial
 def test_a_killed_run_leaves_a_page_that_is_true(shared_tmp_path: Path) -> None:
-    """The page says when the run was going on, and has what is proven on file; then go on."""
+    """The page gives the time of the run, and the bounds proven on file; then the run continues."""
     write_strip_footing(shared_tmp_path / "ground.msh", size=0.4)
     case = shared_tmp_path / "case.toml"
     case.write_text(CASE.replace("until = 0.2, cells = 800", "until = 1e-3, cells = 100000"))
@@ -154,11 +154,11 @@ def refresh(self):
 LiveReport.refresh = refresh
 sys.exit(main(arguments))
 """
-"""A run with a watch that keeps each of its pages, and may end itself without a warning."""
+"""A run with a watch that stores each page, and may end without a warning."""
 
 
 def zetas(page: str) -> list[float]:
-    """The load factors in the table of levels; an empty list without the table."""
+    """Return the load factors in the table of levels; an empty list without the table."""
     _, there, table = page.partition('id="levels"')
     rows = re.findall(r'row">\d+</th><td>([^<]+)</td>', table.partition("</table>")[0])
     assert bool(rows) == bool(there)
@@ -170,7 +170,7 @@ def zetas(page: str) -> list[float]:
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("when", ["before the page is written", "behind it"])
 def test_a_watched_run_that_is_killed_and_goes_on(tmp_path: Path, ranks: int, when: str) -> None:
-    """No page has a level that is not on file, or loses one that a page before had."""
+    """Each page has only levels that are on file, and all levels of earlier pages."""
     text = LEVELS.replace("[50.0, 80.0]", "[30.0, 50.0, 70.0, 80.0]")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     results = tmp_path / "results"
@@ -199,7 +199,7 @@ def test_a_watched_run_that_is_killed_and_goes_on(tmp_path: Path, ranks: int, wh
         with (results / "path.csv").open(encoding="utf-8", newline="") as file:
             return [float(row["zeta"]) for row in csv.DictReader(file)]
 
-    status, pages = watched(3, "-o")  # the first page comes before any level
+    status, pages = watched(3, "-o")  # the first page has no levels
     assert status != SOLVED
     killed, known = (results / "report.html").read_text(encoding="utf-8"), on_file()
     assert killed == pages[-1]

@@ -1,4 +1,4 @@
-"""The wheel: what it holds, and that the command works from it, away from the sources."""
+"""Test the wheel: its content, and that the command works from it, without the sources."""
 
 import shutil
 import subprocess
@@ -37,7 +37,7 @@ COMP_LINE='perfplast ru' COMP_POINT=12 COMP_TYPE=9 COMP_WORDBREAKS=' '
 _python_argcomplete perfplast
 echo "${COMPREPLY[@]}"
 """
-"""Script for the completion of bash, with the folders of commands and of shared files."""
+"""Script for completion in bash, with the folders of commands and shared files."""
 
 
 def run(*command: str | Path, cwd: Path) -> str:
@@ -57,7 +57,7 @@ def run(*command: str | Path, cwd: Path) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of a copy of the sources, since building leaves files among them."""
+    """Return the wheel from a copy of the sources, because building leaves files in them."""
     folder = tmp_path_factory.mktemp("wheel")
     unwanted = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "perfplast_fenicsx", folder / "perfplast_fenicsx", ignore=unwanted)
@@ -92,7 +92,7 @@ def test_the_man_page_is_that_of_the_parser() -> None:
 def test_the_command_of_an_installed_wheel(wheel: Path, tmp_path: Path) -> None:
     venv = tmp_path / "venv"
     run(sys.executable, "-m", "venv", "--system-site-packages", venv, cwd=tmp_path)
-    # where the system has the package too, pip would think that this will do
+    # if the system also has the package, pip would use that package
     offline = ("--ignore-installed", "--no-deps", "--no-index", "--quiet")
     run(venv / "bin/python3", "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
     code = "import perfplast_fenicsx.io.case.case as case; print(case.__file__)"

@@ -1,4 +1,4 @@
-"""Bodies without loads: a press fit, cooling or a settlement that the load factor multiplies."""
+"""Test bodies without loads: ζ multiplies a press fit, a temperature or a settlement."""
 
 import json
 from pathlib import Path
@@ -32,8 +32,7 @@ ALONE = {
     )
     + CONTACT,
 }
-"""A strain of 5e-4 over the height 2, or a shortening of 1e-3: 100 of pressure by Young's modulus
-of 2e5."""
+"""Strain 5e-4 over the height 2, or shortening 1e-3: pressure 100 with Young's modulus 2e5."""
 
 
 @pytest.mark.parametrize("what", ALONE)

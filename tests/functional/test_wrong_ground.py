@@ -1,4 +1,4 @@
-"""Ground and water that cannot be: ``check`` and ``run`` refuse each with its place."""
+"""Test invalid ground and water: ``check`` and ``run`` refuse each and name the place."""
 
 from collections.abc import Sequence
 from pathlib import Path

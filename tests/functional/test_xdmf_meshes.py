@@ -1,4 +1,4 @@
-"""Meshes from XDMF files, by way of a gmsh file."""
+"""Test meshes from XDMF files, through a gmsh file."""
 
 from pathlib import Path
 

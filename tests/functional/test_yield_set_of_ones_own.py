@@ -1,4 +1,4 @@
-"""A yield set that the package does not have, as one class and one entry, through whole runs."""
+"""Test a yield set from outside the package, as one class and one entry, in whole runs."""
 
 import json
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
 
 @pytest.fixture(autouse=True)
 def known() -> Iterator[None]:
-    """The one entry that it takes."""
+    """Return the one entry of this yield set."""
     with mock.patch.dict(MATERIALS, {"energy-cap": Foam}):
         yield
 

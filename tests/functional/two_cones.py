@@ -1,9 +1,9 @@
-"""Ground whose cone a second, wider cone cuts off: a kind of cone in one file, as a package has it.
+"""Ground with two intersecting cones: a kind of cone in one file, as in a separate package.
 
 ‖s‖ ≤ γ_k − α_k p for k = 1, 2 with α₂ = 2α₁. A point has the members x_k = (γ_k − α_k p, s), which
 are linear in y = (p, s), x = h + Gy, and multipliers z_k with −Gᵀz = w(tr ε, dev ε). With the
-scaling W of Nesterov and Todd the stress changes by dy = H⁻¹(GᵀW⁻¹r + Gᵀz + w(ε + dε)),
-H = GᵀW⁻²G, where the products are to change by W z ∘ r.
+scaling W of Nesterov and Todd the stress changes by dy = H⁻¹(GᵀW⁻¹r + Gᵀz + w(ε + dε)), H = GᵀW⁻²G,
+where r is the required change of the products W z ∘ x.
 """
 
 import math
@@ -58,7 +58,7 @@ class Sets:
 
     @property
     def caps(self):
-        """Mean stress at the apex of the second cone."""
+        """Return the mean stress at the apex of the second cone."""
         return np.full(len(self.at), self.of.radii[1] / self.of.slopes[1])
 
     def those(self, chosen):
@@ -70,7 +70,7 @@ class Sets:
         return np.max([(sizes + a * pressure[self.at]) / c for c, a in both], axis=0)
 
     def powers(self, trace, deviator):
-        """Σ γ_k z_k of the cheapest z with Σ α_k z_k = tr ε and Σ z_k ≥ ‖dev ε‖."""
+        """Return Σ γ_k z_k for the cheapest z with Σ α_k z_k = tr ε and Σ z_k ≥ ‖dev ε‖."""
         sizes, grows = np.linalg.norm(deviator[self.at, : self.m], axis=1), trace[self.at]
         (c, d), (a, b) = self.of.radii, self.of.slopes
         first = np.maximum((b * sizes - grows) / (b - a), 0.0)
@@ -147,7 +147,7 @@ class ScaledPoints:
         self._off = self._works(now.kinematic) + self._rates(rates)
 
     def _works(self, kinematic):
-        """Gᵀz, shape (num, 1 + m)."""
+        """Return Gᵀz, shape (num, 1 + m)."""
         z = kinematic.reshape(len(self._G), 2, -1)
         return np.einsum("nkij,nki->nj", self._G, z)
 
@@ -178,7 +178,7 @@ class ScaledPoints:
         self._put(dy, change)
         static = np.einsum("nkij,nj->nki", self._G, dy).reshape(aim.shape)
         kinematic = self._scaling.invert(aim - self._scaling.invert(static))
-        left = self._works(kinematic) + self._off + more  # rounding: the first cone takes it
+        left = self._works(kinematic) + self._off + more  # the first cone takes the rounding error
         kinematic[::2, 0] += left[:, 0] / self._block.slopes[0]
         kinematic[::2, 1:] -= left[:, 1:]
         return Members(static, kinematic)
@@ -216,7 +216,7 @@ class CutSet(DruckerPragerSet):
 
 @dataclass(frozen=True)
 class CutLaw(DruckerPragerLaw):
-    """Its law; levels are none of its business."""
+    """The law; it has no use for levels."""
 
     tension: Expr
 
@@ -227,7 +227,7 @@ class CutLaw(DruckerPragerLaw):
 
 @dataclass(frozen=True)
 class CutGround(DruckerPrager):
-    """Ground that a second cone cuts off.
+    """Ground whose cone a second cone cuts off.
 
     Args:
         young: Young's modulus (stress).

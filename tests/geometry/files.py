@@ -1,4 +1,4 @@
-"""Geometry files that several tests mesh."""
+"""Define geometry files that several tests mesh."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ from perfplast_fenicsx.mesh import gmsh_session
 
 
 def pin_in_plate(shift: float = 0.0, beside: float = 0.0) -> None:
-    """A plate with a hole, the pin in it, a block on top, and one that stands beside."""
+    """Return a plate with a hole, a pin in it, a block on top, and a separate block beside them."""
     occ = gmsh.model.occ
     plate, hole = occ.addBox(-10, -10, 0, 30, 20, 4), occ.addCylinder(0, 0, 0, 0, 0, 4, 5)
     occ.cut([(3, plate)], [(3, hole)])
@@ -23,7 +23,7 @@ def pin_in_plate(shift: float = 0.0, beside: float = 0.0) -> None:
 
 
 def write(path: Path, make: Callable[[], None]) -> Path:
-    """Write a geometry by rank 0."""
+    """Write a geometry on rank 0."""
     if MPI.COMM_WORLD.rank == 0:
         with gmsh_session():
             make()
@@ -34,7 +34,7 @@ def write(path: Path, make: Callable[[], None]) -> Path:
 
 
 def survey_of(source: Path, mesh: Path, options: MeshingOptions | None = None) -> Survey:
-    """Mesh by rank 0; the same survey or refusal on all ranks."""
+    """Mesh on rank 0, and return the survey, or raise the same refusal, on all ranks."""
     found: Survey | InputError | None = None
     if MPI.COMM_WORLD.rank == 0:
         try:

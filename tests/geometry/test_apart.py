@@ -1,4 +1,4 @@
-"""Bodies that touch no other one are told of."""
+"""Test that the program names bodies that touch no other body."""
 
 import pytest
 

@@ -1,7 +1,7 @@
-"""Each face of a drawing is a surface of the mesh, with its own area: imprints, pads, feet, bores.
+"""Test that each face of a drawing is a mesh surface: imprints, pads, feet, bores.
 
-Areas in the file are OpenCASCADE's. The mesh's are compared to 1e-9 where a face is flat with
-straight edges, and to the error of polygons elsewhere.
+Areas in the file come from OpenCASCADE. The test compares areas of the mesh to 1e-9 for flat faces
+with straight edges, and to the error of polygons for other faces.
 """
 
 import math
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.serial
 ROOT = Path(__file__).parents[2]
 
 EXACT = 1e-9
-"""Share by which areas may differ that are the same."""
+"""Relative difference below which areas count as equal."""
 
 
 def block() -> int:
@@ -43,7 +43,7 @@ def block() -> int:
 
 
 def imprinted(*surfaces: int) -> None:
-    """Imprint surfaces on a block, and leave the solid alone."""
+    """Imprint surfaces on a block, without a change of the solid."""
     occ = gmsh.model.occ
     occ.fragment([(3, block())], [(2, surface) for surface in surfaces])
 
@@ -70,7 +70,7 @@ def round_pad() -> None:
 
 
 def washer() -> None:
-    """A hole, and an imprint about it."""
+    """Return a block with a hole, and an imprint around the hole."""
     occ = gmsh.model.occ
     hole = occ.addCylinder(5, 5, 0, 0, 0, 5, 1)
     body, _ = occ.cut([(3, block())], [(3, hole)])
@@ -98,14 +98,14 @@ def four_feet() -> None:
 
 
 def pockets() -> None:
-    """Their floors lie in one plane, which is no side."""
+    """Return a block with pockets; their floors lie in one plane, which is not a side."""
     occ = gmsh.model.occ
     holes = [(3, occ.addBox(x, y, 3, 2, 3, 2)) for x in (1, 6) for y in (1, 6)]
     occ.cut([(3, block())], holes)
 
 
 def clevis() -> None:
-    """Two ears with bores on one axis."""
+    """Return two ears with bores on one axis."""
     occ = gmsh.model.occ
     ears = [(3, occ.addBox(x, 0, 2, 2, 4, 6)) for x in (0, 6)]
     body, _ = occ.fuse([(3, occ.addBox(0, 0, 0, 8, 4, 2))], ears)
@@ -129,7 +129,7 @@ def bolt_circle() -> None:
 
 
 def halves(x: float, y: float, radius: float, height: float) -> list[tuple[int, int]]:
-    """A cylinder as two halves."""
+    """Return a cylinder as two halves."""
     occ = gmsh.model.occ
     found = []
     for side in (0, 1):
@@ -140,7 +140,7 @@ def halves(x: float, y: float, radius: float, height: float) -> list[tuple[int, 
 
 
 def split_bore() -> None:
-    """A bore as many CAD systems draw it: of two half cylinders."""
+    """Return a bore of two half cylinders, as many CAD systems draw it."""
     body = [(3, block())]
     for half in halves(5, 5, 2, 5):
         body, _ = gmsh.model.occ.cut(body, [half])
@@ -166,7 +166,7 @@ def stepped_shaft() -> None:
 
 
 def oblique() -> None:
-    """Two pads on a roof that is no side."""
+    """Return two pads on a roof that is not parallel to a side."""
     imprinted(
         gmsh.model.occ.addRectangle(1, 1, 5, 2, 2), gmsh.model.occ.addRectangle(6, 5, 5, 3, 2)
     )
@@ -195,18 +195,18 @@ SOLIDS: list[tuple[Callable[[], None], str, dict[str, tuple[int, float]]]] = [
     (stepped_shaft, "step", {"cylinder": (2, 12 * math.pi)}),
     (oblique, "step", {"plane": (3, 100.0)}),
 ]
-"""Drawings, the kind of file, and the faces and the area of sets, by name or the kind of it."""
+"""Drawings, the kind of file, and the faces and areas of sets, by name or by kind."""
 
 
 def surveyed(source: Path, mesh: Path, **options: object) -> Survey:
-    """Mesh in this process, coarsely."""
+    """Mesh a drawing coarsely in this process."""
     usual = {"curvature": 8.0} if source.suffix != ".geo" else {}
     with gmsh_session():
         return mesh_file(source, mesh, MeshingOptions(**(usual | options)))  # type: ignore[arg-type]
 
 
 def drawn_areas(source: Path, dim: int) -> list[float]:
-    """Return the areas of all faces of a file of one body, as OpenCASCADE has them, sorted."""
+    """Return the sorted areas of all faces in a file with one body, from OpenCASCADE."""
     with gmsh_session():
         gmsh.model.occ.importShapes(str(source))
         gmsh.model.occ.synchronize()
@@ -214,7 +214,7 @@ def drawn_areas(source: Path, dim: int) -> list[float]:
 
 
 def check_areas(survey: Survey, mesh: Path) -> None:
-    """Compare each face and each set of the list with the surface of the mesh, and with CAD."""
+    """Compare each face and set in the list with the surface of the mesh, and with CAD."""
     read = read_gmsh(MPI.COMM_WORLD, mesh)
     by_number = {face.number: face for face in survey.faces}
     assert len(by_number) == len(survey.faces)
@@ -300,7 +300,7 @@ PLATES = {
         {"part_y_high": (2, 6.0)},
     ),
 }
-"""Scripts of plane bodies, and the sides that several lines make."""
+"""Scripts of plane bodies, and the sides that several lines form."""
 
 
 @pytest.mark.parametrize("name", PLATES)
@@ -335,7 +335,7 @@ def test_a_point_takes_the_face_in_which_it_lies(tmp_path: Path) -> None:
 
 
 def test_an_angle_takes_what_is_smoothly_joined(tmp_path: Path) -> None:
-    """The two halves of a bore, and of a bent line; no corners."""
+    """Select both halves of a bore, and of a bent line, without corners."""
     near = NamedFace("bore", point=[5 + math.sqrt(2), 5 + math.sqrt(2), 2.0], angle=10.0)
     survey = surveyed(write(tmp_path / "a.step", split_bore), tmp_path / "a.msh", face=[near])
     (bore,) = (one for one in survey.sets if one.name == "bore")
@@ -408,7 +408,7 @@ Physical Surface("top") = {6, 12};
 
 
 def test_physical_groups_of_what_is_cut(tmp_path: Path) -> None:
-    """A top of which another body covers a half, and a plane of symmetry through both."""
+    """Another body covers half of a top, and a symmetry plane cuts both bodies."""
     source, mesh = tmp_path / "cut.geo", tmp_path / "cut.msh"
     source.write_text(COVERED)
     survey = surveyed(source, mesh, size=1.0, symmetry={"x": 0.0})
@@ -420,7 +420,7 @@ def test_physical_groups_of_what_is_cut(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["prop.step"])
 def test_faces_of_drawings_in_the_documentation(tmp_path: Path, name: str) -> None:
-    """Free faces and joints have all the area that the drawing has."""
+    """Free faces and joints together have the whole area of the drawing."""
     survey = surveyed(ROOT / "docs" / name, tmp_path / "a.msh", curvature=8.0)
     joints = sum(joint.area for joint in survey.joints)
     areas = sum(drawn_areas(ROOT / "docs" / name, 2))
@@ -430,7 +430,7 @@ def test_faces_of_drawings_in_the_documentation(tmp_path: Path, name: str) -> No
 
 
 OPENCASCADE = Path("/usr/share/opencascade/data")
-"""Drawings that Debian has beside OpenCASCADE."""
+"""Drawings that Debian distributes with OpenCASCADE."""
 
 
 @pytest.mark.long

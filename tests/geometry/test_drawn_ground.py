@@ -1,4 +1,4 @@
-"""Ground that is drawn by coordinates: bodies, sides, and what is refused with its place."""
+"""Test ground that is drawn by coordinates: bodies, sides, and refusals with the place."""
 
 import itertools
 
@@ -18,7 +18,7 @@ def square(x: float, y: float, size: float = 4.0) -> list[list[float]]:
 
 
 def lengths(ground: DrawnGround) -> dict[str, float]:
-    """Length of each whole side."""
+    """Return the length of each whole side."""
     outline = ground.outline()
     ends = outline.plan.points[outline.plan.edges]
     each = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

@@ -1,4 +1,4 @@
-"""Ground from DXF files: regions and lines by the names of layers."""
+"""Test ground from DXF files: regions and lines have the names of layers."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ clay = { law = "tresca", young = 1e4, poisson = 0.3, cohesion = 60.0 }
 
 @pytest.fixture
 def drawing() -> Any:
-    """A new drawing of ezdxf."""
+    """Return a new drawing of ezdxf."""
     return pytest.importorskip("ezdxf", reason="ezdxf is not installed").new()
 
 
@@ -46,7 +46,7 @@ def polyline(drawing: Any, layer: str, points: Sequence[Any], close: bool = True
 
 
 def section(drawing: Any) -> None:
-    """Draw two regions, one of them by single segments, and a line."""
+    """Draw two regions, one of them with single segments, and a line."""
     polyline(drawing, "Fill, sand", SAND)
     ends = [*CLAY, CLAY[0]]
     for start, end in [(ends[k], ends[k + 1]) for k in (3, 0, 4, 2, 1)]:

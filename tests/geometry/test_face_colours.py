@@ -1,4 +1,4 @@
-"""Faces of STEP files that have a colour of their own."""
+"""Test faces of STEP files that have a separate colour."""
 
 import re
 from pathlib import Path
@@ -45,13 +45,13 @@ def painted(path: Path, colours: dict[int, tuple[float, float, float]]) -> Path:
 
 
 def two_boxes() -> None:
-    """A plate, and a block that stands on a part of it."""
+    """Return a plate, and a block on a part of the plate."""
     gmsh.model.occ.addBox(0, 0, 0, 10, 4, 1)
     gmsh.model.occ.addBox(0, 0, 1, 5, 4, 4)
 
 
 def found(folder: Path, *faces: NamedFace, **options: object) -> Survey:
-    """The boxes, in which faces are painted that are cut and that are not."""
+    """Return the two boxes; some painted faces are cut, and others are not."""
     colours = {LOW_X: RED, HIGH_Z: BLUE, LOW_Z: BLUE, 6 + HIGH_X: RED}
     step = painted(write(folder / "boxes.step", two_boxes), colours)
     chosen = MeshingOptions(size=2.0, face=list(faces), **options)  # type: ignore[arg-type]
@@ -68,7 +68,7 @@ def test_they_have_its_name_and_what_is_cut_off_too(
     areas |= {one.name: one.area for one in survey.sets}
     plate, block = (body.name for body in survey.bodies)
     assert areas[f"{plate}_red"] == pytest.approx(4 / half)
-    assert areas[f"{plate}_blue"] == pytest.approx((40 + 20) / half)  # below, and free on top
+    assert areas[f"{plate}_blue"] == pytest.approx((40 + 20) / half)  # below, free on top
     assert areas[f"{block}_red"] == pytest.approx(16 / half)
     assert sum("red" in face.shape or "blue" in face.shape for face in survey.faces) == 4
     total = sum(face.area for face in survey.faces)

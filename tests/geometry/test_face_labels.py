@@ -1,4 +1,4 @@
-"""Faces of STEP files that have a label of their own."""
+"""Test faces of STEP files that have a separate label."""
 
 import re
 from collections.abc import Callable
@@ -29,7 +29,7 @@ def labelled(path: Path, labels: dict[int, str]) -> Path:
 def surveyed(
     folder: Path, make: Callable[[], None], labels: dict[int, str], **options: object
 ) -> Survey:
-    """Bodies whose faces have labels."""
+    """Return bodies whose faces have labels."""
     step = labelled(write(folder / "bodies.step", make), labels)
     chosen = MeshingOptions(size=2.0, **options)  # type: ignore[arg-type]
     return survey_of(step, folder / "bodies.msh", chosen)
@@ -59,7 +59,7 @@ def test_they_are_names_and_what_is_cut_off_too(
 
 
 def drilled() -> None:
-    """A block with a bore, whose faces are of several kinds."""
+    """Return a block with a bore, whose faces have different kinds."""
     occ = gmsh.model.occ
     occ.cut([(3, occ.addBox(0, 0, 0, 4, 3, 2))], [(3, occ.addCylinder(1, 1, -1, 0, 0, 4, 0.5))])
 
@@ -84,7 +84,7 @@ def test_a_label_goes_before_a_colour(shared_tmp_path: Path) -> None:
 
 
 def twice() -> None:
-    """Two equal blocks."""
+    """Return two equal blocks."""
     for x in (0, 9):
         gmsh.model.occ.addBox(x, 0, 0, 3, 2, 1)
 

@@ -1,4 +1,4 @@
-"""Faces are the drawing's, with names of their own and together, and those that a user gives."""
+"""Test faces of the drawing: separate names, common names, and names that a user gives."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
 
 
 def named(folder: Path, *faces: NamedFace) -> dict[str, list[int]]:
-    """Name free faces of the plate with a pin; the numbers of those with each name."""
+    """Name free faces of the plate with a pin, and return the face numbers of each name."""
     step, mesh = write(folder / "pin.step", pin_in_plate), folder / "named.msh"
     found = survey_of(step, mesh, MeshingOptions(size=12.0, curvature=8.0, face=list(faces)))
     named = {face.name for face in found.faces} | {one.name for one in found.sets}
@@ -33,7 +33,7 @@ def test_by_plane_point_and_number(shared_tmp_path: Path) -> None:
         NamedFace("end", plane={"x": -10.0}, body="part_1"),
     )
     assert {name: len(numbers) for name, numbers in faces.items()} == {
-        **{"bottom": 3, "lid": 1},  # the pin, the plate and what stands beside
+        **{"bottom": 3, "lid": 1},  # the pin, the plate and the separate block
         **{"second": 1, "end": 1},
     }
     assert faces["second"] == [2]

@@ -1,4 +1,4 @@
-"""The loading of a first case."""
+"""Test the loading of a first case."""
 
 import tomllib
 

@@ -1,4 +1,4 @@
-"""Geometry files become meshes with names, or one sentence."""
+"""Test that geometry files become meshes with names, or cause one sentence."""
 
 import math
 import re
@@ -31,11 +31,11 @@ from tests.geometry.files import pin_in_plate, survey_of, write
 pytestmark = pytest.mark.serial
 
 FOREIGN = Path("/usr/share/opencascade/data")
-"""Sample files of Debian's OpenCASCADE."""
+"""Sample files in Debian's OpenCASCADE package."""
 
 
 def nodes_in(mesh: Path) -> int:
-    """How many nodes a .msh file has. Collective."""
+    """Return the number of nodes in a .msh file. Collective."""
     count = 0
     if MPI.COMM_WORLD.rank == 0:
         with gmsh_session():
@@ -51,7 +51,7 @@ def test_bodies_joints_and_faces(shared_tmp_path: Path) -> None:
     assert [body.name for body in found.bodies] == [f"part_{n}" for n in (1, 2, 3, 4)]
     volumes = [body.volume for body in found.bodies]
     assert volumes == pytest.approx([2400 - 100 * math.pi, 100 * math.pi, 800, 400], rel=0.02)
-    assert sum(volumes[:2]) == pytest.approx(2400)  # what the pin lacks the plate has
+    assert sum(volumes[:2]) == pytest.approx(2400)  # the plate has the volume that the pin lacks
     joints = {joint.bodies: joint for joint in found.joints}
     assert set(joints) == {("part_1", "part_2"), ("part_1", "part_3"), ("part_1", "part_4")}
     assert joints["part_1", "part_2"].shapes == ("cylindrical",)
@@ -101,7 +101,7 @@ def test_groups_with_names(shared_tmp_path: Path) -> None:
     found = survey_of(source, mesh, MeshingOptions(size=0.5))
     assert [body.name for body in found.bodies] == ["a_1", "a_x_low", "a_2"]
     assert [joint.bodies for joint in found.joints] == [("a_1", "a_x_low"), ("a_1", "a_2")]
-    assert found.nodes == nodes_in(mesh)  # where all three meet each has its own
+    assert found.nodes == nodes_in(mesh)  # where all three meet, each has a separate node
     read = read_gmsh(MPI.COMM_WORLD, mesh)
     assert set(read.volumes) == {"a_1", "a_2", "a_x_low"}
     assert {face.name for face in found.faces} < set(read.surfaces)
@@ -143,7 +143,7 @@ def test_command(shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> No
 
 
 def pyramid_in_block() -> None:
-    """Its apex has four normals, and a node has three components."""
+    """The apex of the pyramid has four normals, but a node has three components."""
     occ = gmsh.model.occ
     base = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
     corners = [occ.addPoint(x, y, -1) for x, y in base]
@@ -307,7 +307,7 @@ def test_a_file_of_others_without_solids(shared_tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
 def test_a_drawing_of_others_that_is_sewn(shared_tmp_path: Path) -> None:
-    """Its round faces would take more cells than a first mesh may have: 2.4 % are missing."""
+    """With its round faces the mesh would exceed the cells of a first mesh: 2.4 % are missing."""
     found = survey_of(FOREIGN / "iges" / "hammer.iges", shared_tmp_path / "hammer.msh")
     for body in found.bodies:
         assert body.cad is not None
@@ -325,7 +325,7 @@ def test_faces_are_sewn_to_solids(shared_tmp_path: Path) -> None:
 
 
 def test_faces_of_bodies_that_touch_are_sewn_to_several_solids(shared_tmp_path: Path) -> None:
-    """Edges belong to faces of both; sewn together they enclosed nothing."""
+    """Edges belong to faces of both bodies. Sewn together, the faces enclosed no volume."""
 
     def stacked() -> None:
         gmsh.model.occ.addBox(0, 0, 0, 10, 20, 30)
@@ -336,7 +336,7 @@ def test_faces_of_bodies_that_touch_are_sewn_to_several_solids(shared_tmp_path: 
     found = survey_of(iges, shared_tmp_path / "stacked.msh", options)
     assert [joint.shapes for joint in found.joints] == [("flat",)]
     volumes = sorted(body.cad or 0.0 for body in found.bodies)
-    assert volumes == pytest.approx([160 * math.pi, 6000.0], rel=0.01)  # of splines, by OpenCASCADE
+    assert volumes == pytest.approx([160 * math.pi, 6000.0], rel=0.01)  # splines, by OpenCASCADE
     assert not any("enclose no solid" in remark for remark in found.remarks)
 
 
@@ -352,7 +352,7 @@ def test_faces_of_no_solid_are_told(shared_tmp_path: Path) -> None:
 
 
 def test_small_gaps_are_closed(shared_tmp_path: Path) -> None:
-    """A plate over another one, and a pin that is too thin for its hole in the lower one."""
+    """A plate lies over another plate, and a pin is too thin for its hole in the lower plate."""
 
     def plates() -> None:
         occ = gmsh.model.occ
@@ -373,7 +373,7 @@ def test_small_gaps_are_closed(shared_tmp_path: Path) -> None:
     found = {frozenset(joint.bodies): joint.area for joint in closed.joints}
     assert len(found) == 3
     assert found[frozenset({"part_1", "part_3"})] == pytest.approx(600 - 16 * math.pi, rel=0.02)
-    with gmsh_session():  # contact on a face that is bent would push bodies aside
+    with gmsh_session():  # contact on a bent face would push bodies aside
         gmsh.open(str(mesh))
         groups = {
             gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()
@@ -405,7 +405,7 @@ def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
 
 
 def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
-    """A shaft: ten elements about it would make its ends 6.5 % too small."""
+    """With ten elements around the shaft, its ends would be 6.5 % too small."""
     step = write(shared_tmp_path / "shaft.step", lambda: gmsh.model.occ.addCylinder(*SHAFT))
     mesh = shared_tmp_path / "shaft.msh"
     found = survey_of(step, mesh, MeshingOptions(size=20.0))
@@ -438,7 +438,7 @@ def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
 
 
 def test_a_round_rod_with_few_edges_around_it(shared_tmp_path: Path) -> None:
-    """The remark names the missing volume, and the size that it recommends is small enough."""
+    """The remark names the missing volume, and recommends a size that is small enough."""
     cylinder = (0, 0, 0, 150, 0, 0, 5)
     rod = write(shared_tmp_path / "rod.step", lambda: gmsh.model.occ.addCylinder(*cylinder))
     mesh = shared_tmp_path / "rod.msh"
@@ -448,7 +448,7 @@ def test_a_round_rod_with_few_edges_around_it(shared_tmp_path: Path) -> None:
         return next((it for it in remarks if "differ in volume" in it), "")
 
     coarse = remark(size=12.0)
-    assert "'part' (-3" in coarse  # a square has 36 % less area than its circle
+    assert "'part' (-3" in coarse  # a square is 36 % smaller than its circle
     advice = re.search(r"--size-of part=([\d.]+)", coarse)
     assert advice is not None
     assert remark(size=12.0, sizes={"part": float(advice[1])}) == ""
@@ -463,11 +463,11 @@ def test_a_screw_of_others(shared_tmp_path: Path) -> None:
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process meshes")
 def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the first algorithm makes such, the next is tried, and the best is taken or none."""
+    """After flat elements, the program tries the next algorithm, and uses the best mesh or none."""
     step = write(tmp_path / "block.step", lambda: gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1))
 
     def meshed(*worst: float) -> list[tuple[float, ...]]:
-        """Mesh where algorithms leave elements of these qualities; the ones that were tried."""
+        """Mesh with algorithms of given qualities, and return the algorithms that were tried."""
         tried: list[tuple[float, ...]] = []
 
         def worst_of(dim: int, part: Part) -> npt.NDArray[np.float64]:
@@ -495,7 +495,7 @@ def test_elements_without_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.long
 @pytest.mark.skipif(not (FOREIGN / "occ" / "CrankArm.brep").exists(), reason="no such file")
 def test_a_drawing_of_others_with_tiny_edges(shared_tmp_path: Path) -> None:
-    """By default gmsh gives it elements of no volume."""
+    """By default gmsh makes elements without volume in this drawing."""
     found = survey_of(FOREIGN / "occ" / "CrankArm.brep", shared_tmp_path / "crank.msh")
     assert min(body.worst for body in found.bodies) > generated_mesh.NO_VOLUME
     assert read_gmsh(MPI.COMM_WORLD, shared_tmp_path / "crank.msh").volumes

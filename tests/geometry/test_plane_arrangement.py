@@ -1,4 +1,4 @@
-"""Lines in the plane: where they are divided, and the faces between them."""
+"""Test lines in the plane: their intersections, and the faces between them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The step at which a meshing program took too long."""
+"""Test the step at which a meshing program took too long."""
 
 import pytest
 

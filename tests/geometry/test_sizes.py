@@ -1,4 +1,4 @@
-"""Sizes of the program's own: finer ones where gmsh fails with coarse ones."""
+"""Test element sizes that the program chooses: smaller ones where gmsh fails."""
 
 import math
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Made = Callable[[Callable[[], None]], Path]
 
 @pytest.fixture
 def made(tmp_path: Path) -> Made:
-    """Writes a geometry."""
+    """Write a geometry."""
 
     def write(make: Callable[[], None]) -> Path:
         path = tmp_path / "body.brep"
@@ -32,7 +32,7 @@ def made(tmp_path: Path) -> Made:
 
 
 def tube() -> None:
-    """A thin one, whose inner and outer polygons cross each other on a coarse mesh."""
+    """Return a thin tube, whose inner and outer polygons cross each other on a coarse mesh."""
     occ = gmsh.model.occ
     outer, inner = (
         occ.addCylinder(0, 0, 0, 0, 0, 300, 10),
@@ -43,7 +43,7 @@ def tube() -> None:
 
 
 def test_where_faces_cross_on_a_coarse_mesh_a_finer_one_is_made(made: Made, tmp_path: Path) -> None:
-    """A size that is given is kept, and the refusal says what to do."""
+    """A given size remains, and the refusal names a remedy."""
     path = made(tube)
     found = mesh_geometry(path, tmp_path / "body.msh")
     assert found.bodies[0].worst > 0

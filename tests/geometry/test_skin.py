@@ -1,4 +1,4 @@
-"""The drawn surface of a geometry."""
+"""Test the drawn surface of a geometry."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
-    """Two squares or cubes side by side: all free faces are there, each with its number on it."""
+    """Two squares or cubes side by side have all free faces, each with its number on it."""
     geo, skin, picture = (tmp_path / name for name in ("two.brep", "skin.npz", "two.png"))
     if dim == 2:
         geo = geo.with_suffix(".geo")
@@ -50,7 +50,7 @@ def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
 @pytest.mark.long(but=["size0"])
 @pytest.mark.parametrize("size", [(1, 1, 3), (6, 1, 1), (1, 6, 1)])
 def test_long_bodies_are_not_cut_off(tmp_path: Path, size: tuple[int, int, int]) -> None:
-    """A box ends in corners, on all sides of its picture; cut off, it would end in a line."""
+    """The picture of a box ends in corners on all sides; if cut off, it would end in a line."""
     geo, skin, picture = (tmp_path / name for name in ("bar.brep", "skin.npz", "bar.png"))
     with gmsh_session():
         gmsh.model.occ.addBox(0, 0, 0, *size)

@@ -1,4 +1,4 @@
-"""Splines and surfaces of revolution that are planes, cylinders or spheres."""
+"""Test splines and surfaces of revolution that are planes, cylinders or spheres."""
 
 import gmsh
 import pytest
@@ -10,7 +10,7 @@ pytestmark = pytest.mark.serial
 
 
 def spline(places: list[tuple[float, float, float]], along: int) -> int:
-    """A B-spline surface through control points, some along its first parameter."""
+    """Return a B-spline surface through control points, with some along its first parameter."""
     points = [gmsh.model.occ.addPoint(*place) for place in places]
     surface = int(gmsh.model.occ.addBSplineSurface(points, along, degreeU=2, degreeV=1))
     gmsh.model.occ.synchronize()
@@ -38,7 +38,10 @@ def test_a_curved_spline_stays_one() -> None:
     ("weights", "shape"), [([1.0, 0.5**0.5, 1.0] * 2, "cylindrical"), ([1.0] * 6, "bspline")]
 )
 def test_a_cylinder_given_as_a_rational_spline(weights: list[float], shape: str) -> None:
-    """A quarter of radius 2 about z has the weight √½ at its middle; without it is a parabola."""
+    """The middle of a quarter circle of radius 2 has the weight √½.
+
+    With weight 1 the curve is a parabola.
+    """
     with gmsh_session():
         quarter = [(2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
         points = [gmsh.model.occ.addPoint(x, y, z) for z in (0.0, 1.0) for x, y in quarter]

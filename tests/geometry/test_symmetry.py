@@ -1,4 +1,4 @@
-"""Halves of symmetric bodies."""
+"""Test halves of symmetric bodies."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.serial
 
 
 def mirrored() -> None:
-    """A plate, a pin in its middle, and a block at each end."""
+    """Return a plate, a pin in its middle, and a block at each end."""
     occ = gmsh.model.occ
     plate, hole = occ.addBox(-10, -5, 0, 20, 10, 2), occ.addCylinder(0, 0, 0, 0, 0, 2, 2)
     occ.cut([(3, plate)], [(3, hole)])

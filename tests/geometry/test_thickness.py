@@ -1,4 +1,4 @@
-"""How many elements reach through a body."""
+"""Test the number of elements through the thickness of a body."""
 
 import numpy as np
 import pytest

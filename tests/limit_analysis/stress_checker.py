@@ -1,4 +1,4 @@
-"""Check whether a piecewise linear stress is admissible, from its values and the mesh alone."""
+"""Check whether a piecewise linear stress is admissible, from its values and the mesh only."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from perfplast_fenicsx.compat import geometry_dofmap
 
 @dataclass(frozen=True)
 class Checked:
-    """Errors of a stress in the conditions that it must satisfy.
+    """Errors of a stress in its admissibility conditions.
 
     Attributes:
         divergence: Largest |div σ + f|, times the size of the cell.
@@ -37,7 +37,7 @@ class Checked:
     forces: float
 
     def pressures(self, chosen: npt.NDArray[np.bool_]) -> Floats:
-        """Return the pressure at the vertices of chosen facets of the boundary."""
+        """Return the pressure at the vertices of given boundary facets."""
         found: Floats = -np.einsum("fvi,fi->fv", self.tractions[chosen], self.normals[chosen])
         return found
 
@@ -106,7 +106,7 @@ def check_stress(
 
 
 def opposite(checked: Checked, chosen: np.ndarray) -> Floats:
-    """Return the tractions on facets that coincide with chosen facets, vertex by vertex."""
+    """Return the tractions on facets that coincide with given facets, vertex by vertex."""
     others = {}
     for x, push in zip(checked.x[~chosen], checked.tractions[~chosen], strict=True):
         others[_name(x)] = x, push

@@ -1,4 +1,4 @@
-"""Case files: what they become, and one sentence on every rank for each thing wrong in them."""
+"""Test case files: the resulting cases, and one sentence on every rank for each fault."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -94,7 +94,7 @@ poisson = 0.3
 
 @pytest.fixture
 def read(shared_tmp_path: Path, comm: MPI.Intracomm) -> Read:
-    """Reads a text as the case file ``bad.toml``."""
+    """Read a text as the case file ``bad.toml``."""
 
     def read_text(text: str) -> Case:
         path = shared_tmp_path / "bad.toml"
@@ -107,7 +107,7 @@ def read(shared_tmp_path: Path, comm: MPI.Intracomm) -> Read:
 
 
 def assert_one_sentence(comm: MPI.Intracomm, error: BaseException, *parts: str) -> None:
-    """The message has these parts, is one line, and is the same on every rank."""
+    """Check that the message has these parts, is one line, and is equal on every rank."""
     message = str(error)
     assert "\n" not in message
     assert len(set(comm.allgather(message))) == 1
@@ -121,7 +121,7 @@ def replaced(old: str, new: str) -> str:
 
 
 def with_bounds(mesh: str) -> str:
-    """Bounds of the body, with other arguments of the builder."""
+    """Return the case with bounds for the body, and other arguments of the builder."""
     return replaced(BASE[BASE.index("[solve]") :], '[loading]\ncontrol = "bounds"\n').replace(
         "n = 2", mesh
     )
@@ -316,7 +316,7 @@ control = "displacement"
 until = 1.0
 """,
 )
-"""Everything behind the materials, and the same with a support that follows ζ."""
+"""Everything after the materials, and the same with a support that follows ζ."""
 
 
 def test_motions_that_follow_the_load_factor(read: Read, comm: MPI.Intracomm) -> None:
@@ -409,7 +409,7 @@ FORMAT_FAULTS = [
     ("[20.0, 40.0]", "[-1, 20]", ["[loading]", "-1.0"]),
     ("[20.0, 40.0]", "[nan]", ["[loading]", "nan"]),
     ("[20.0, 40.0]", "[1, inf]", ["[loading]", "inf"]),
-    # controls and the methods that go with them
+    # controls and their methods
     ('control = "load"', 'control = "work"', ["method = 'newton'", "'work-newton'"]),
     ('"newton"', '"bordered-newton"', ["'bordered-newton'", "control = 'load'", "'newton'"]),
     (WORK[0], WORK[1] + "values = []", ["[loading]", "values is empty"]),
@@ -539,7 +539,7 @@ def test_adaptation_goes_with_bounds(read: Read, comm: MPI.Intracomm) -> None:
 
 def test_a_body_held_by_nothing(read: Read, comm: MPI.Intracomm) -> None:
     case = read(BASE[: BASE.index("[[contact]]")] + BASE[BASE.index("[solve]") :])
-    assert case.problem(comm).num_pairs == 0  # both blocks are clamped: no contact is needed
+    assert case.problem(comm).num_pairs == 0  # both blocks are clamped, so they need no contact
     stacked = replaced('"two_blocks"', '"stacked_blocks"').replace('"left"', '"bottom"')
     case = read(stacked[: stacked.index("[[contact]]")] + stacked[stacked.index("[solve]") :])
     with pytest.raises(InputError) as caught:

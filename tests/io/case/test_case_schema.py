@@ -1,4 +1,4 @@
-"""The JSON Schema of case files: what is right passes, and seeded faults are marked."""
+"""Test the JSON Schema of case files: it accepts valid cases, and marks seeded faults."""
 
 import json
 import tomllib
@@ -34,7 +34,7 @@ factors = {push = 1.0}
 
 @pytest.fixture(scope="module")
 def validator() -> Any:
-    """A validator of whole cases, after the schema itself was held against its own."""
+    """Return a validator of whole cases, after a validation of the schema itself."""
     schema = case_schema()
     jsonschema.Draft7Validator.check_schema(schema)
     return jsonschema.Draft7Validator(schema)
@@ -97,7 +97,7 @@ FAULTS: dict[str, tuple[tuple[str | int, ...], dict[str, Any], str | None]] = {
     "an unknown builder": ((), {"mesh": {"builder": "three_blocks", "n": 1}}, None),
     "an argument that the builder has not": (("mesh",), {"size": 1.0}, None),
 }
-"""Place in the case below, entries that are added there, and the key that is removed."""
+"""Place in the case below, entries to add there, and the key to remove."""
 
 CASE = """
 [mesh]

@@ -1,4 +1,4 @@
-"""Templates of codes: each is refused until all is filled in, and is read then."""
+"""Test templates of design codes: refused until all is filled in, and read afterwards."""
 
 import re
 import tomllib
@@ -21,7 +21,7 @@ NAMES = OPEN_ONES | GROUND
 
 
 def case(name: str, filled: float | None) -> tuple[Path, str]:
-    """Two blocks with a template, and with loads of the names that it has."""
+    """Return a case of two blocks with a template, and with loads named as in the template."""
     text = TEMPLATES[name]
     if filled is not None:
         text = re.sub(f'"{OPEN}[^"]*"', str(filled), text)
@@ -37,7 +37,7 @@ def case(name: str, filled: float | None) -> tuple[Path, str]:
 
 
 def read(name: str, filled: float | None) -> list[str]:
-    """Remarks of the case."""
+    """Return the remarks on the case."""
     path, text = case(name, filled)
     return list(case_of(path, text, tomllib.loads(text)).remarks)
 
@@ -48,14 +48,14 @@ def test_names() -> None:
 
 @pytest.mark.parametrize("name", sorted(OPEN_ONES))
 def test_what_is_open_is_refused(name: str) -> None:
-    """With what is missing and where the code has it."""
+    """The refusal names the missing number, and its place in the code."""
     with pytest.raises(InputError, match=r"(EN|ASME).*give a"):
         read(name, None)
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_filled_in_it_is_read(name: str) -> None:
-    """And its code is told with the results."""
+    """The results also name the code."""
     (remark,) = read(name, 1.25)
     assert tomllib.loads(TEMPLATES[name])["design"]["code"] in remark
     assert remark.endswith("the program does not check the factors")
@@ -63,7 +63,7 @@ def test_filled_in_it_is_read(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_numbers_have_sources(name: str) -> None:
-    """No number that is not quoted in the comments, and none but those of EN 1990."""
+    """All numbers are quoted in the comments, and only EN 1990 gives numbers."""
     numbers = re.findall(r"^(?!#).*= *(\d[\d.]*)", TEMPLATES[name], re.M)
     numbers += re.findall(
         r"(?<=[a-z] = )\d[\d.]*", "".join(re.findall("(?m)^fact.*", TEMPLATES[name]))

@@ -1,4 +1,4 @@
-"""The weight of bodies by their densities, and tractions by their whole force."""
+"""Test the weight of bodies by their densities, and tractions by their total force."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -73,7 +73,7 @@ def test_a_whole_force_is_kept_on_any_mesh(n: int) -> None:
     (load,) = load_resultants(problem)
     assert load.force == pytest.approx([0.0, 0.0, -7.0], rel=1e-12)
     (given,) = problem.given.loads
-    area = {1: 1.0, 2: 1.5}[n]  # facets stand for what they are part of
+    area = {1: 1.0, 2: 1.5}[n]  # facets represent the area of which they are a part
     assert np.asarray(given.value, dtype=float)[2] == pytest.approx(-7.0 / area, rel=1e-12)
     assert problem.on(problem.tagged_mesh).given.loads == problem.given.loads
 

@@ -1,4 +1,4 @@
-"""``scene.json``: what it says is what was given."""
+"""Test that ``scene.json`` agrees with the input."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Stages in case files: what they become, and one sentence for each thing wrong in them."""
+"""Test stages in case files: the resulting stages, and one sentence for each fault."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -84,7 +84,10 @@ def test_everything_arrives(read: Read) -> None:
 
 
 def test_what_moves_follows_the_stage_that_names_it(read: Read) -> None:
-    """By its own name or by its surface; what no stage names, or a load is called like, stays."""
+    """Motions follow the stage that gives their name or surface.
+
+    Motions that no stage names, and motions with the name of a load, stay.
+    """
     moved = [
         '[[support]]\nname = "press"\non = "x0"\ncomponents = "x"\nvalue = 1.0\n',
         '[[support]]\non = "y0"\ncomponents = "y"\nvalue = 2.0\n',

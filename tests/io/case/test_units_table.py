@@ -1,4 +1,4 @@
-"""``[units]`` of a case file, and what the numbers of a case mean."""
+"""Test ``[units]`` of a case file, and the meaning of the numbers in a case."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ WEIGHT = '[[load]]\non = "lower"\nbody_force = [0, 0, "-x"]\nconstant = true\n'
 
 
 def text(units: str, more: str = "") -> str:
-    """Two blocks with the numbers of s235 in MPa."""
+    """Return the case of two blocks with the numbers of s235 in MPa."""
     bodies = {"lower": VonMises(210000.0, 0.3, 235.0), "upper": Elastic(210000.0, 0.3)}
     mesh = {"builder": "stacked_blocks", "n": 1}
     return case_text(mesh, bodies, [Support("bottom")], more=f"{LOADING}[units]\n{units}\n{more}")
@@ -46,7 +46,7 @@ def test_meaning(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
 
 def test_meaning_in_inches(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """Steel A36 of AISC 360: 29 000 ksi and 36 ksi."""
+    """Steel A36 in AISC 360 has 29 000 ksi and 36 ksi."""
     given = text('system = "in-kip-ksi"', WEIGHT)
     given = given.replace("210000.0", "29000.0").replace("235.0", "36.0")
     case = read_case(write_case(comm, shared_tmp_path / "case.toml", given))

@@ -1,4 +1,4 @@
-"""Water of case files: pressures, what of it is above the ground, weights, and what is refused."""
+"""Test water in case files: pressures, water above the ground, weights, and refusals."""
 
 from typing import Any
 
@@ -63,7 +63,7 @@ def test_saturated_ground_weighs_more_below_the_table() -> None:
 
 
 def test_a_share_of_the_weight_above() -> None:
-    """The ground has layers of different weights, one of which ends inside."""
+    """The ground has layers of different weights; one layer ends inside the ground."""
     low: list[list[float]] = [[0.0, 0], [60, 0], [60, 10], [40, 10], [20, 12], [0, 16]]
     top: list[list[float]] = [[0.0, 20], [20, 20], [40, 10], [20, 12], [0, 16]]
     ground = DrawnGround([Region("top", top), Region("soil", low)])

@@ -1,4 +1,4 @@
-"""A checkpoint returns what was written, at the same places, on other numbers of ranks."""
+"""Test that checkpoints return the written values at the same places on any number of ranks."""
 
 import dataclasses
 from pathlib import Path
@@ -31,7 +31,7 @@ def displacement(x: np.ndarray, gdim: int, size: float) -> np.ndarray:
 
 
 def closed(problem: Problem, shift: float) -> np.ndarray:
-    """Flags of the pairs, the same on any rank: at each node some of its faces."""
+    """Return flags of the pairs, equal on any rank: at each node some of its faces."""
     rows = problem.constraints
     x = problem.V.tabulate_dof_coordinates()[rows.host]
     along = rows.normal @ np.array([4.0, 7.0, 5.0])[: rows.normal.shape[1]]
@@ -47,7 +47,7 @@ def state(problem: Problem, size: float) -> State:
 
 
 def history(problem: Problem, size: float) -> dict[str, fem.Function]:
-    """Internal variables of no law: a number, a Mandel vector and another vector at the points."""
+    """Return internal variables at the points: a number, a Mandel vector and another vector."""
     mesh = problem.tagged_mesh.mesh
     spaces = {
         "hardening": problem.Q,
@@ -81,7 +81,7 @@ def stress(problem: Problem, state: State) -> fem.Function:
 def test_other_ranks_read_what_was_written(
     seat: str, dim: int, degree: int, gather: bool, comm: MPI.Intracomm, shared_tmp_path: Path
 ) -> None:
-    """All ranks write and each reads alone, or one writes alone and all read."""
+    """All ranks write and each rank reads alone, or one rank writes and all ranks read."""
     file = shared_tmp_path / "corner.msh"
     if comm.rank == 0:
         write_corner_seat(file, dim=dim, size=0.5)

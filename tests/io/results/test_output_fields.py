@@ -1,4 +1,4 @@
-"""Fields that people look at."""
+"""Test the output fields."""
 
 from mpi4py import MPI
 
@@ -37,7 +37,7 @@ def test_dissipation(comm: MPI.Intracomm, degree: int) -> None:
 
 
 def test_stresses_in_python(comm: MPI.Intracomm) -> None:
-    """Order and factor of Mandel vectors, tensors of cells, and the mesh of a stress of bounds."""
+    """Test Mandel vectors, tensors in cells, and the mesh for the stress of bounds."""
     shear = 3.0
     problem = Problem(
         stones(comm, [box([0, 0, 0], [1, 1, 1])], (1, 1, 1)),

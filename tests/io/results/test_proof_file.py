@@ -1,4 +1,4 @@
-"""Bounds are proven from their file; what it cannot say is refused in a sentence."""
+"""Test that files prove bounds, and that one sentence refuses bounds that they cannot contain."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +33,7 @@ COMM = MPI.COMM_WORLD
 
 
 def refused(problem: Problem, folder: Path, words: list[str]) -> None:
-    """Nothing is written."""
+    """Check that nothing is written."""
     proof = VelocityProof(problem, 1.0, fem.Function(problem.V))
     results = ResultFolder(COMM, folder)
     assert_refused(lambda: write_proof(results, results.file("bounds.h5"), None, proof), words)
@@ -110,7 +110,8 @@ def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> No
     found = check(path)
     assert found["lower"].proven == pytest.approx(bounds.lower.value, rel=1e-9)
     assert found["upper"].proven == pytest.approx(bounds.upper.value, rel=1e-9)
-    # A stress that nearly balances the loads proves a smaller bound, which the program then has.
+    # A stress that nearly balances the loads proves a smaller bound, which the program then
+    # reports.
     honest = found["lower"].proven
     more = replace(bounds, lower=replace(bounds.lower, value=1.001 * found["lower"].claimed))
     low, high = judge(results, path, more, bounds)
@@ -118,7 +119,7 @@ def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> No
     assert low.lower.value is not None and honest is not None
     assert 0 < low.lower.value <= honest
     assert check(path)["lower"].proven == low.lower.value
-    # Bounds that the stress or the mechanism does not have are of the mesh, and not on file.
+    # Bounds not proven by the stress or the mechanism are bounds for the mesh, and not on file.
     assert bounds.stress is not None
     more = replace(bounds, stress=np.full_like(bounds.stress, np.nan))
     low, high = judge(results, path, more, bounds)

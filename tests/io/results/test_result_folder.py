@@ -1,4 +1,4 @@
-"""The result folder: what it refuses, and that its files say what was computed."""
+"""Test the result folder: refusals, and files that agree with the computation."""
 
 import csv
 import dataclasses
@@ -58,7 +58,7 @@ SUMMARY_KEYS = [
 
 
 def report(zeta: float, **changes: object) -> LevelReport:
-    """A report with made-up numbers, all different."""
+    """Return a report with arbitrary numbers, all different."""
     values: dict[str, object] = {"converged": True, "reason": "criterion met, at last"}
     values |= {"stage": "pumping", "factors": {"water": 0.375}, "works": {"water": 3.5}}
     values |= {"driving_forces": {}, "bolts": {}}
@@ -71,7 +71,7 @@ def report(zeta: float, **changes: object) -> LevelReport:
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    """Two elastic blocks."""
+    """Return a problem of two elastic blocks."""
     tagged_mesh = build(MPI.COMM_WORLD, "two_blocks", n=1)
     materials = {name: Elastic(1.0, 0.3) for name in tagged_mesh.volumes}
     contact = Contact("upper_bottom", "lower_top")
@@ -80,7 +80,7 @@ def problem() -> Problem:
 
 
 def refused(comm: MPI.Intracomm, path: Path, force: bool = False) -> str:
-    """The sentence of a refusal, the same on every rank."""
+    """Return the sentence of a refusal, which is the same on every rank."""
     with pytest.raises(InputError) as caught:
         ResultFolder(comm, path, force).create()
     messages = comm.allgather(str(caught.value))
@@ -111,7 +111,7 @@ def test_results_are_not_overwritten(comm: MPI.Intracomm, shared_tmp_path: Path)
     comm.barrier()
 
     folder = ResultFolder(comm, shared_tmp_path, force=True)
-    assert old.exists()  # nothing is removed before all else is known to be right
+    assert old.exists()  # the program removes nothing before it has checked everything else
     comm.barrier()
     folder.create()
     assert not old.exists()

@@ -1,4 +1,4 @@
-"""Forces and moments as ``summary.json`` has them."""
+"""Test forces and moments in ``summary.json``."""
 
 from mpi4py import MPI
 
@@ -12,7 +12,7 @@ from tests.models import STEEL
 
 
 def loaded(point: tuple[float, float, float]) -> Problem:
-    """Two blocks with a force whose line goes through a point."""
+    """Return two blocks under a force whose line passes through a point."""
     mesh, load = two_blocks(MPI.COMM_WORLD, 1), Force("top", (0.0, -2.0, -3.0), point=point)
     materials = {"lower": STEEL, "upper": STEEL}
     return Problem(mesh, materials, [Support("left")], [load])
@@ -29,7 +29,7 @@ def test_moments_are_told_with_arms_in_metres() -> None:
 
 
 def test_moments_of_rounding_are_none() -> None:
-    """A force through the origin has no moment, whatever its nodal forces leave."""
+    """A force through the origin has no moment, apart from rounding of its nodal forces."""
     problem = loaded((0.0, 0.0, 0.0))
     assert any(load_resultants(problem)[0].moment)
     (told,) = ResultantTables(Units(system="mm-N-MPa"), whole=True).loads(problem)

@@ -1,4 +1,4 @@
-"""Fields on file are what VTK and h5py read, on any number of ranks, and midsides are kept."""
+"""Test that VTK and h5py read stored fields on any number of ranks, with midside nodes."""
 
 import importlib.util
 import json
@@ -27,10 +27,10 @@ from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from tests.io.results.test_result_folder import report
 
 SPANS = {5: 3, 22: 3, 10: 4, 24: 4}
-"""Vertices of the cells by VTK's number of their kind."""
+"""Number of vertices of cells, by VTK's type."""
 
 MIDSIDES = {22: [(0, 1), (1, 2), (2, 0)], 24: [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]}
-"""Ends of the edges on whose middles the nodes behind the vertices lie, as VTK's manual has it."""
+"""Ends of the edges whose middles contain the nodes after the vertices, from VTK's manual."""
 
 needs_pyvista = pytest.mark.skipif(
     importlib.util.find_spec("pyvista") is None, reason="no pyvista to read with"
@@ -52,7 +52,10 @@ numpy.savez(sys.argv[2], **arrays)
 
 
 def read_by_pyvista(comm: MPI.Intracomm, path: Path) -> dict[str, np.ndarray]:
-    """A grid as PyVista has it, in a process apart (VTK brings an MPI of its own). Collective."""
+    """Return a grid as PyVista reads it, in a separate process (VTK brings its own MPI).
+
+    Collective.
+    """
     arrays: dict[str, np.ndarray] = {}
     failure = ""
     if comm.rank == 0:
@@ -71,7 +74,10 @@ def read_by_pyvista(comm: MPI.Intracomm, path: Path) -> dict[str, np.ndarray]:
 
 
 def bodies(comm: MPI.Intracomm, folder: Path, dim: int, order: int) -> TaggedMesh:
-    """Two bodies, one in the other, with straight or curved edges. Collective on all ranks."""
+    """Return two bodies, one in the other, with straight or curved edges.
+
+    Collective on all ranks.
+    """
     path = folder / f"bodies_{dim}_{order}.msh"
     if MPI.COMM_WORLD.rank == 0 and not path.exists():
         if dim == 2:
@@ -89,12 +95,12 @@ def loaded(tagged_mesh: TaggedMesh, degree: int) -> Problem:
 
 
 def displacement(x: np.ndarray) -> np.ndarray:
-    """Quadratic, three components, from points (3, n)."""
+    """Return a quadratic displacement with three components at points (3, n)."""
     return np.array([x[0] * x[1], x[0] ** 2 - x[1], x[1] ** 2 + x[2] * x[0]])
 
 
 def some_fields(problem: Problem) -> dict[str, fem.Function]:
-    """One of each kind."""
+    """Return one field of each kind."""
     mesh = problem.tagged_mesh.mesh
     spaces = {
         "displacement": problem.V,
@@ -111,7 +117,7 @@ def some_fields(problem: Problem) -> dict[str, fem.Function]:
 
 
 def write(problem: Problem, path: Path) -> ResultFolder:
-    """A series of one level."""
+    """Write a series with one level."""
     folder = ResultFolder(problem.comm, path)
     folder.create()
     FieldSeries(folder, problem, Prescribed.WORK).write(
@@ -141,7 +147,7 @@ def test_vtk_reads_what_was_written(
         assert len(grid["points"]) == problem.V.dofmap.index_map.size_global
     assert not np.any(grid["points"][:, dim:])
 
-    # where the points are, which cells are of which body, and how large the bodies are
+    # positions of the points, bodies of the cells, and sizes of the bodies
     dx = ufl.Measure("dx", domain=tagged_mesh.mesh, subdomain_data=tagged_mesh.cell_tags)
     one = fem.Constant(tagged_mesh.mesh, 1.0)
     names = [str(name) for name in grid["body_names"]]
@@ -159,12 +165,12 @@ def test_vtk_reads_what_was_written(
         vertices = np.linalg.norm(grid["points"][cells[mine][:, : dim + 1]], axis=2)
         assert vertices.min() == pytest.approx(inner, rel=1e-6)
         size = comm.allreduce(fem.assemble_scalar(fem.form(one * dx(tagged_mesh.volumes[name]))))
-        # VTK cuts quadratic cells into linear ones, which is exact where the edges are straight
+        # VTK cuts quadratic cells into linear cells, which is exact for straight edges
         accuracy = 1e-9 if order == 1 else {2: 5e-3, 3: 5e-2}[dim]
         assert grid["size"][mine].sum() == pytest.approx(size, rel=accuracy)
     assert grid["size"].min() > 0
 
-    # midsides: in the middle where edges are straight, with displacements of their own
+    # midside nodes: in the middle of straight edges, with separate displacements
     middle = np.array(MIDSIDES.get(kind, np.zeros((0, 2))), dtype=int)
     ends = cells[:, middle]
     mids = cells[:, SPANS[kind] :]
@@ -187,7 +193,7 @@ def test_vtk_reads_what_was_written(
     assert np.allclose(pressure[at_vertices], linear[at_vertices], atol=1e-12)
     assert np.allclose(pressure[mids], pressure[ends].mean(axis=2), atol=1e-12)
 
-    # what is constant in cells, and what is known of the level
+    # fields that are constant in cells, and data of the level
     stress = grid["stress"]
     assert stress.shape == (len(cells), 9)
     assert np.allclose(stress, np.outer(stress[:, 1], np.arange(9.0)))
@@ -200,7 +206,7 @@ def test_vtk_reads_what_was_written(
 
 
 def content(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of a file, those that are linked too."""
+    """Return all arrays of a file, including linked ones."""
     found = {}
     with h5py.File(path, "r") as file:
 
@@ -287,7 +293,7 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert listed() == [(f"fields/{a}", time) for a, time in zip(names, (1, 2, 3), strict=True)]
     assert on_file() == [*names, "mesh.vtkhdf"]
 
-    # an earlier run is gone on with from its second level
+    # a restart continues an earlier run from its second level
     series = FieldSeries(folder, problem, Prescribed.LOAD_FACTOR, reports[:2])
     assert listed() == [(f"fields/{names[0]}", 1), (f"fields/{names[1]}", 2)]
     assert on_file() == [*names[:2], "mesh.vtkhdf"]
@@ -297,7 +303,7 @@ def test_a_list_of_levels(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
     assert facts["/VTKHDF/FieldData/level"] == 3
     assert facts["/VTKHDF/FieldData/alpha"] == pytest.approx(7.0)
 
-    # levels without fields are left out
+    # levels without fields are omitted
     series.write(7, fields, report(3.5, alpha=9.0))
     assert listed()[3:] == [("fields/level_0007.vtkhdf", 3.5)]
 
@@ -321,7 +327,7 @@ def test_files_are_small_beside_their_fields(comm: MPI.Intracomm, shared_tmp_pat
 @needs_pyvista
 @pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no xvfb-run to draw with")
 def test_the_line_for_pyvista(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """The line of the docstring draws results, word for word, in a folder that was moved."""
+    """The line in the docstring draws results literally, in a folder that was moved."""
     (line,) = re.findall(r"^    (pyvista\..+)$", field_series.__doc__ or "", re.MULTILINE)
     write(loaded(bodies(comm, shared_tmp_path, 3, 1), 2), shared_tmp_path / "first")
     status = ""
