@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line. Collective, except for help, the version and the doctor.
 
     Args:
-        argv: Arguments; by default those of the process.
+        argv: Arguments; by default the arguments of the process.
 
     Returns:
         The exit status, the same on every rank.

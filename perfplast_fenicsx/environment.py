@@ -170,7 +170,7 @@ def compiler_fault() -> str | None:
 
 
 def c_compiler() -> str:
-    """Return the C compiler for forms: that of ``CC``, or that of Python's configuration."""
+    """Return the C compiler for forms, given by ``CC`` or else by Python's configuration."""
     given = os.environ.get("CC", "").split()
     return (given or (sysconfig.get_config_var("CC") or "cc").split())[0]
 

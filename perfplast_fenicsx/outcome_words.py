@@ -1,6 +1,6 @@
 """Write outcomes in words: factors of safety, estimates of meshes, brackets of paths, forces.
 
-The limit load of a mesh is an estimate for the body, and no bound. A mesh has a static side: the
+The limit load of a mesh is an estimate for the body, not a bound. A mesh has a static side: the
 load of a stress that is in equilibrium and within yield at certain points. Its kinematic side is
 the power of a mechanism. The two sides bound the limit load of the finite element model from below
 and above, but bound the limit load of the body on neither side. So the program prints only the

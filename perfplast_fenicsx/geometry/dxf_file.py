@@ -49,7 +49,7 @@ def read_dxf(path: Path) -> DxfDrawing:
     are numbered.
 
     Args:
-        path: The file, whose coordinates x and y are those of the case.
+        path: The file, in the coordinates x and y of the case.
 
     Raises:
         InputError: If the package ezdxf is missing, if the file cannot be read or has no line, if a

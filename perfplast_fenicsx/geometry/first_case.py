@@ -55,7 +55,7 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
     why = next(_against_adapting(survey), None)
     if why is not None:
         return BOUNDS + ONE_MESH.format(why=why)
-    growth = 2.0  # largest number of cells of the last mesh, relative to that of the first mesh
+    growth = 2.0  # largest number of cells of the last mesh, relative to the first mesh
     cells = round(growth * _most(survey, ADAPTED))
     until = 0.1  # relative distance between the bounds at which the refinement ends
     return BOUNDS + ADAPT.format(percent=100 * until, until=until, cells=cells)

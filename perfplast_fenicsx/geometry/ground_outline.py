@@ -63,7 +63,7 @@ class Outline:
 
         Args:
             shapes: Bodies and openings.
-            chains: The polylines of each line, followed by those of all kinks.
+            chains: The polylines of each line, followed by the polylines of all kinks.
         """
         parts, owner = segments_of(shapes)
         for number, some in enumerate(chains, start=len(shapes)):
@@ -78,7 +78,7 @@ class Outline:
         inside = faces_inside(shapes, plan)
         cut = [inside[k] for k, one in enumerate(shapes) if one.opening]
         free = ~np.any(cut, axis=0) if cut else np.ones(len(plan.faces), dtype=bool)
-        of_face = [-1] * len(plan.faces) + [-1]  # the last entry is that of face -1, the outside
+        of_face = [-1] * len(plan.faces) + [-1]  # the last entry belongs to face -1, the outside
         for number, k in enumerate(solid):
             for face in np.flatnonzero(inside[k] & free):
                 of_face[face] = number

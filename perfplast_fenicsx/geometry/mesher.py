@@ -76,7 +76,7 @@ def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[st
 
 
 def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
-    """Yield a remark if the mesh of a body has another volume than the body in the file.
+    """Yield a remark if the volume of a body in the mesh differs from its volume in the file.
 
     Args:
         dim: Dimension of the bodies.

@@ -90,7 +90,7 @@ def sewn(path: Path, count: int) -> tuple[list[int], list[str]]:
         for gap in gaps:
             shells = closed_shells(faces, gap * size)
             if len(shells) > 1 and (solids := _filled(shells, gap * size)):
-                # Where bodies touch, the gaps between their corners are as wide as those between
+                # Where bodies touch, the gaps between their corners are as wide as the gaps between
                 # their faces.
                 gmsh.option.setNumber("Geometry.ToleranceBoolean", gap * size)
                 return _alone(solids), _left_out(whole)

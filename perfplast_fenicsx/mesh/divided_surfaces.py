@@ -5,8 +5,8 @@ After a division on both sides of an interface, the facets of both sides match.
 
 The surface may also approximate a curve by chords. Two polygons that approximate the same curve
 have their vertices on the curve, but differ between the vertices. So a point next to a chord counts
-as a point of the curve if two conditions hold. The point lies on the convex side, and its distance
-from the chord is at most that of an arc that turns by the same angles as the chords.
+as a point of the curve if two conditions hold. The point lies on the convex side, and it is at most
+as far from the chord as an arc that turns by the same angles as the chords.
 """
 
 import basix.ufl
@@ -47,7 +47,7 @@ def bulges(ends: Floats, every: Floats) -> Floats:
     for end in (0, 1):
         here = ends[:, end]
         apart, which = tree.query(here, k=2)
-        # the nearest ends are those of this chord and, except at an end of the surface, of the next
+        # the nearest ends belong to this chord and, except at an end of the surface, to the next
         # one
         near = apart <= _off_by_rounding(lengths)[:, None]
         far = every[which // 2, 1 - which % 2] - here[:, None]
@@ -228,7 +228,7 @@ def divided(
 
 
 def _numbers(vertices: IndexMap, first: int) -> Longs:
-    """Return new global numbers of the local vertices; those of each rank begin at its ``first``.
+    """Return new global numbers of the local vertices; each rank's numbers begin at its ``first``.
 
     Collective.
     """

@@ -113,7 +113,7 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
     Args:
         mesh: The mesh.
         cells: Local nodes of each local cell, shape (num_cells, nodes_per_cell).
-        index_map: Index map of the nodes: those of the geometry or of the displacements.
+        index_map: Index map of the nodes of the geometry or of the displacements.
     """
     owned, per_cell = index_map.size_local, cells.shape[1]
     cells = cells[: len(_input_cells(mesh))]
@@ -128,7 +128,7 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
 
 
 def with_ghosts(index_map: IndexMap, owned: Longs) -> Longs:
-    """Return integers of local nodes from those of owned nodes. Collective."""
+    """Return integers of local nodes from the integers of owned nodes. Collective."""
     vector = la.vector(index_map, 1, dtype=np.int64)
     vector.array[: index_map.size_local] = owned
     vector.scatter_forward()

@@ -140,7 +140,7 @@ class GluedEdges:
         return mean
 
     def _largest(self, values: Floats) -> Floats:
-        """Return values for local edges from those of owned edges, the larger of both sides."""
+        """Return values for local edges from owned edges: the larger value of both sides."""
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[: self._owned] = values
         vector.array[self._twins] = self._meeting.largest(values[self._twins])

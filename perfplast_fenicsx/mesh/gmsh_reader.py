@@ -262,7 +262,7 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     tags, coordinates = content.tags, content.coordinates
     named = facet_values > 0
     facets, facet_values = _once(facets[named], facet_values[named])
-    # Nodes that belong to no cell, such as those of geometry points, are omitted.
+    # Nodes that belong to no cell, such as nodes of geometry points, are omitted.
     used = np.unique(cells)
     order = np.argsort(tags)
     if not np.isin(used, tags).all():

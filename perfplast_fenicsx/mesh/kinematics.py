@@ -29,7 +29,7 @@ class Kinematics(Protocol):
     """The meaning of the coordinates of a mesh.
 
     The methods :meth:`measure`, :meth:`around`, :meth:`carried` and :meth:`held` of this class are
-    those for Cartesian coordinates.
+    for Cartesian coordinates.
 
     Attributes:
         name: The ``kind`` in ``[model]``.
@@ -208,7 +208,7 @@ class RingFlux(Axisymmetric):
 
     On the axis v is zero. The volume is preserved if the plane divergence of v in the section is
     zero. Polynomials can satisfy this condition everywhere, for any flow through a ring. Strains rε
-    and measures 2π dμ replace ε and 2πr dμ, so the works are those of u.
+    and measures 2π dμ replace ε and 2πr dμ, so the works of v and u are equal.
 
     Attributes:
         shift: Radius of the bodies' centre divided by their size

@@ -285,7 +285,7 @@ def _sagittas(
     """Return the largest possible distance of facets at each local vertex from a curved surface.
 
     Collective. The distance is zero if all facets at the vertex lie in one plane; otherwise it is
-    about that of the facet with the largest distance.
+    about the largest distance of a single facet.
     """
     sums = la.vector(vertices, area.shape[1], dtype=np.float64)
     mean = sums.array.reshape(-1, area.shape[1])

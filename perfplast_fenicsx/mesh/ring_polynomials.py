@@ -1,6 +1,6 @@
 """Represent quadratic functions on half sections of bodies of revolution by Bernstein coefficients.
 
-The coefficients of a cell are those of its vertices, followed by those of its edges. The Bernstein
+A cell has coefficients at its vertices, followed by coefficients at its edges. The Bernstein
 polynomials B_i are non-negative and sum to 1. This module uses only NumPy.
 """
 

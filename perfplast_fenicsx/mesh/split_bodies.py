@@ -59,7 +59,7 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
     Args:
         path: The file to write.
         cracks: Names of both sides of each open crack. Both names have the same curves; the first
-            name is that of the side on the left along the direction of the curves.
+            name belongs to the side on the left along the direction of the curves.
 
     Raises:
         InputError: If the model has no physical volume, if a volume is in no physical volume or in

@@ -49,7 +49,7 @@ class TaggedMesh:
         remarks: Remarks on the mesh for the user, each a sentence.
         glued: Pairs of surfaces of bodies that share a face in the drawing. A pair is tied if no
             contact or tie names its surfaces.
-        taken: Differences between the bodies of this mesh and those of the given mesh, each a
+        taken: Differences between the bodies of this mesh and the bodies of the given mesh, each a
             clause.
         drawn: Areas (in the plane lengths) of surfaces in the drawing by name, as far as they are
             known.

@@ -75,7 +75,8 @@ def to_owners(
         shared: The distributed mesh.
         copy: The copy of the mesh on this rank.
         root: The rank that has the results.
-        rows: Arrays by name with a row for each cell of the copy; only those on ``root`` are used.
+        rows: Arrays by name with a row for each cell of the copy; only the arrays on ``root`` are
+            used.
 
     Returns:
         Arrays by name with a row for each owned cell.

@@ -154,7 +154,7 @@ def _elements(
         count = most if whole else shape.corners
         table = _whole(mine, 2, count + 3)
         nodes = index.of(table[:, 1:])
-        # Nastran lists the midside nodes of the vertical edges before those of the top face
+        # Nastran lists the midside nodes of the vertical edges before the ones of the top face
         if count in (15, 20):
             base, edges = shape.corners, shape.corners // 2
             tops = [*range(base + 2 * edges, base + 3 * edges)]

@@ -148,8 +148,8 @@ def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
             "the yield stress in the case."
         )
     known = [given.young for given in model.materials.values() if given.young is not None]
-    # Young's moduli of one material in the same unit differ at most by this factor; those of steels
-    # differ by less, and units differ by more.
+    # Young's moduli of one material in the same unit differ at most by this factor; the moduli of
+    # steels differ by less, and units differ by more.
     alike = 2.0
     fitting = [
         system

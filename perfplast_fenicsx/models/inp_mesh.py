@@ -31,7 +31,7 @@ SCOPES = ("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTA
 
 @dataclass
 class Part:
-    """Nodes and elements with a common numbering: those of a part, or of a file without parts.
+    """Nodes and elements with a common numbering, of a part or of a file without parts.
 
     Attributes:
         nodes: Numbers, shape (n,), and coordinates, shape (n, 3), of the nodes in each ``*NODE``

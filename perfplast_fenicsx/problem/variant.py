@@ -48,8 +48,8 @@ def variant(
         basis: The basis in which the inequalities are bounds; its rows that are not pairs are tied.
         friction: Friction data for the rows of the problem.
         loads: Loads, as for a new problem.
-        rubbing: Contacts and obstacles that differ from those of the problem only in the friction
-            of surfaces that already have friction.
+        rubbing: Contacts and obstacles that differ from the problem only in the friction of
+            surfaces that already have friction.
 
     Raises:
         InputError: If materials or loads do not fit the mesh.

@@ -1,4 +1,4 @@
-"""Define the numbers of a run that a page compares with those of another run."""
+"""Define the numbers of a run that a page compares with the numbers of another run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

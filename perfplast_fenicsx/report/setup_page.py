@@ -19,7 +19,7 @@ from perfplast_fenicsx.report.tables import scrolled
 from perfplast_fenicsx.report.view_data import view_mesh
 
 SETUP = ("toml", "case_check", "case_marks", "setup")
-"""Script files of the forms, read in this order after those of the view."""
+"""Script files of the forms, read in this order after the scripts of the view."""
 
 BAND = 0.006
 """Half-width of the band along a face of a plane body, relative to the size of the bodies."""

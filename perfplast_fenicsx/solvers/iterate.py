@@ -384,9 +384,9 @@ class Iterate:
     def take_step(self, beta: float, stopping: str, zeta: float = 0.0) -> float:
         """Advance by β δu, and return the size of the step in the criterion ``stopping``.
 
-        The criteria are those of Remark 1. The criterion "energy" is the relative change of J_ζ;
-        with prescribed work ζ = 0, and J_ζ is Ψ − L₀. With constant loads the change is relative to
-        at least |Ψ| + ½‖σ‖².
+        Remark 1 of the paper defines the criteria. The criterion "energy" is the relative change of
+        J_ζ; with prescribed work ζ = 0, and J_ζ is Ψ − L₀. With constant loads the change is
+        relative to at least |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)

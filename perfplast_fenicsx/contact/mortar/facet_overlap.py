@@ -8,8 +8,8 @@ algorithm finds them, and slivers keep their area.
 
 The overlaps of curved facets are found between straight pieces. Their quadrature points are mapped
 to the host facet by reference coordinates, and from there to the guest facet along the host's
-normal. So areas, positions and normals are those of the second-order facets, not those of the
-pieces (T. Dickopf and R. Krause, Int. J. Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
+normal. So areas, positions and normals belong to the second-order facets, not to the pieces (T.
+Dickopf and R. Krause, Int. J. Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
 """
 
 import functools

@@ -294,7 +294,7 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
 
 
 def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) -> Floats:
-    """Return M, corrected so that its sums over guests equal those of the hosts.
+    """Return M, corrected so that its sums over guests equal the sums of the hosts.
 
     The correction is constant on a facet; it is large only where M_e is almost singular.
 
@@ -339,7 +339,7 @@ class MortarRows:
         weight: Weight of each term. In each row, the weights on the host's surface sum to 1 and the
             others to −1.
         along: Weight times normal for each term if the normal varies between nodes, shape
-            (num_terms, gdim); None if the normal is that of the host.
+            (num_terms, gdim); None if all terms use the host's normal.
         own: Whether the term belongs to the host's surface.
         lost: Number of covered nodes on all ranks that can neither have a multiplier nor transfer
             it.

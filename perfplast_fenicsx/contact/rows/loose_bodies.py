@@ -156,8 +156,8 @@ def _weak(
         comm: Communicator of the ranks.
         rows: Functionals of the rigid motions of the body, shape (n, num_modes).
         motions: Rigid motions at the nodes of the rows, shape (n, gdim, num_modes).
-        exact: Whether the normal of a row is that of the true surface instead of a facet, shape
-            (n,).
+        exact: Whether the normal of a row is the normal of the true surface instead of a facet,
+            shape (n,).
     """
     solid, facets = (comm.allreduce(some.T @ some) for some in (rows[exact], rows[~exact]))
     moved = comm.allreduce(np.einsum("nij,nik->jk", motions, motions))

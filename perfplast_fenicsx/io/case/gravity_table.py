@@ -17,9 +17,9 @@ from perfplast_fenicsx.problem.declared.loads import BodyForce, Load
 class GravityTable:
     """The weight of bodies as a body force: density times acceleration.
 
-    Units are those of the case. With mm, N and MPa, steel has the density 7.85e-9 t/mm³, and the
-    acceleration is 9810 mm/s². In SI units the numbers are 7850 kg/m³ and 9.81 m/s². To give unit
-    weights (force per volume) as densities, use an acceleration of magnitude 1: steel 0.284
+    Numbers have the units of the case. With mm, N and MPa, steel has the density 7.85e-9 t/mm³, and
+    the acceleration is 9810 mm/s². In SI units the numbers are 7850 kg/m³ and 9.81 m/s². To give
+    unit weights (force per volume) as densities, use an acceleration of magnitude 1: steel 0.284
     lbf/in³, ground 120 lbf/ft³.
 
     Args:

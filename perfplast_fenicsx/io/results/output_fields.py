@@ -280,7 +280,7 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     tagged_mesh = body.problem.tagged_mesh
     if body.stress is not None:
         means = body.stress.mean(axis=1)
-        if tagged_mesh.axisymmetric:  # the stress coefficients are those of rσ
+        if tagged_mesh.axisymmetric:  # the coefficients describe rσ
             vertices, points = corners(tagged_mesh.mesh)
             means /= points[vertices][..., 0].mean(axis=1)[:, None]
         fields["lower_bound_stress"] = _tensors(body, means)

@@ -169,7 +169,7 @@ class ContactOperator:
         self.matrix.assemble()
 
     def _take_out(self, held: Ints) -> None:
-        """Replace the rows and columns of held unknowns by those of a scaled identity."""
+        """Replace the rows and columns of held unknowns by a scaled identity."""
         diagonal = self.matrix.getDiagonal()
         scale = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
