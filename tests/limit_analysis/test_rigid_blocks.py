@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -27,6 +28,7 @@ from perfplast_fenicsx import (
 )
 from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import BodyBounds
+from perfplast_fenicsx.limit_analysis.blocks import block_limit
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.strength_search import check_curve
@@ -77,6 +79,32 @@ def test_a_stone_slides_or_tips(
     low, up = proven(shared_tmp_path, limit_bounds(pushed(mu, wide, high, c)))
     assert low == pytest.approx(exact, rel=1e-8 if c else 1e-11)
     assert up == pytest.approx(exact, rel=1e-11)
+
+
+@pytest.mark.serial
+def test_rounding_below_zero_is_no_negative_bound(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stone that slides under its weight; the linear program may return −1e-14 for 0."""
+    mesh = stones(COMM, [box([0, -1], [2, 0]), box([0, 0], [2, 1])], (3, 2))
+    problem = Problem(
+        mesh,
+        {"0": Rigid(), "1": Rigid()},
+        [Support("0_y0")],
+        [BodyForce("1", (0.5, -1.0), constant=True)],
+        [Contact("0_y1", "1_y0", associated=True, coulomb=0.3)],
+        degree=2,
+    )
+    solve, seen = block_limit.best_of_joints, []
+
+    def rounded(*how: Any) -> Any:
+        low, high, count = solve(*how)
+        seen.append(high.value)
+        return low, replace(high, value=high.value - 1e-14), count
+
+    monkeypatch.setattr(block_limit, "best_of_joints", rounded)
+    assert proven(shared_tmp_path, limit_bounds(problem)) == (0.0, 0.0)
+    assert seen == [pytest.approx(0.0, abs=1e-13)]
 
 
 def oppenheim(push: bool = True) -> Problem:

@@ -253,6 +253,8 @@ def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
         low = replace(low, value=0.0, aside=0.0, cones=0 * low.cones, discs=0 * low.discs)
     if low.outcome is Outcome.FOUND and abs(low.value) <= ROUNDING:
         low = replace(low, value=0.0)
+    if high.outcome is Outcome.FOUND and not most[1] and -NOTHING <= high.value < 0:
+        high = replace(high, value=0.0)  # without constant loads, blocks carry the factor 0
     inner = None
     if low.outcome is Outcome.FOUND and low.cones.any():
         inner = inner_forces(programs[0], low)
