@@ -313,6 +313,10 @@ class Recorder:
             effort = Effort(self._run.problem.bodies.gdim, mesh["cells"], solve, ended)
             steps = next_steps(body, effort)
             self._run.terminal.body(body, steps)
+            if adaptive is not None and not any(adaptive.reason in step for step in steps):
+                ended = f"Refinement ended: {adaptive.reason}."
+                self._run.terminal.say(ended)
+                self._run.journal.say(ended)
         follows = body is not None and body.friction is not None
         self._run.terminal.limit(limit, last=adaptive is not None, associated=follows)
         self._run.journal.limit(limit, body)

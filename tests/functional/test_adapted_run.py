@@ -74,6 +74,9 @@ def test_adapted_run(
     if comm.rank == 0:
         assert f"Mesh {last['number']}: {last['cells']} cells, lower bound" in out
         assert "Limit load of the last mesh: " in out
+        words = " ".join(line for line in out.splitlines() if "as requested" in line)
+        assert words.count("bounds are within 0.2 of each other, as requested") == 1
+        assert "a smaller until brings them closer" in words
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def test_wide_bounds() -> None:
 @pytest.mark.serial
 def test_wide_bounds_of_several_meshes_say_why_there_are_no_more() -> None:
     (step,) = steps(lower(20.0), upper(27.4), Effort(3, 9, 1.0, "the next one is too large"))
-    assert "37 % apart, and the next one is too large; more meshes (a smaller until" in step
+    assert "37 % apart, and the next one is too large; a first mesh with smaller" in step
 
 
 @pytest.mark.serial

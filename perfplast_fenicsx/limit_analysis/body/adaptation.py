@@ -78,7 +78,8 @@ class Adaptation:
             return None
         strict = lower.strict and upper.strict
         what = "bounds" if strict else "values, which are not bounds of the body,"
-        return f"{what} are within {self.until:g} of each other, as requested"
+        closer = "a smaller until brings them closer"
+        return f"{what} are within {self.until:g} of each other, as requested; {closer}"
 
     def check(self, tagged_mesh: TaggedMesh) -> None:
         """Refuse a first mesh that cannot be adapted. Collective.

@@ -73,7 +73,7 @@ class AdaptiveBounds(NotebookResult):
         problem: The problem on the last mesh, before its tetrahedra are split.
         sources: The problems on the meshes of ``low`` and ``high``.
         rounds: A report for each mesh.
-        reason: Why the sequence ended.
+        reason: Why the sequence ended, and a remedy if there is one, in a clause.
     """
 
     low: BodyBounds
@@ -212,7 +212,7 @@ def adaptive_bounds(
             try:
                 found = limit_bounds(finer_problem, nearness(rtol, gap), steps)
             except TooLarge as fault:
-                reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}"
+                reason = f"the next mesh has {number_of_cells(finer)} cells: {fault}".rstrip(".")
                 break
             problem = finer_problem
             other = (

@@ -469,9 +469,8 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
         wide = 0.1
         if apart > wide and effort.ended:
             yield (
-                f"the bounds are {percent(apart)} apart, and {effort.ended}; more meshes (a "
-                "smaller until, more cells), or a first mesh with smaller elements, reduce the "
-                "distance"
+                f"the bounds are {percent(apart)} apart, and {effort.ended}; a first mesh with "
+                "smaller elements also reduces the distance"
             )
         elif apart > wide:
             # Relative cost of bounds with half the element size, by dimension. There are 4 or 8

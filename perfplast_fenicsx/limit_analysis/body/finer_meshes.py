@@ -280,14 +280,14 @@ def finer_mesh(
     if much and problem.bodies.gdim == 2:
         part, worth_while = 0.8, 1.5
     cells, now = adaptation.cells, number_of_cells(problem.tagged_mesh)
-    too_many = f"a finer mesh would have more than {cells} cells"
+    too_many = f"a finer mesh would have more than {cells} cells; give more cells under adapt"
     if now >= cells:
         return too_many
     if found.static is not None and found.static.verdict is Verdict.NO_RESISTANCE:
         part = 1.0  # without a result there are no indicators; cells are too large everywhere
     marked = to_refine(problem, found, part)
     if not problem.comm.allreduce(int(marked.sum())):
-        return "no result indicates where to refine"
+        return "no result indicates where to refine; give smaller elements in the first mesh"
     usual = refined(problem, marked, found, cells)
     least, most = 0.0, float(cells)
     if problem.bodies.gdim == 3 and part < 1.0:
