@@ -132,8 +132,9 @@ def test_ground_that_dilates_too_little_by_rounding(where: str) -> None:
 
     assert missing() > 1e-12
     changed = let_dilate(problem, v, rates)
-    assert missing() == 0.0
-    assert np.array_equal(changed.trace, mechanism_rates(problem, v).trace)
+    rounding = 1e-14  # of rates of size 1, and a hundredth of the growth that was missing
+    assert missing() < rounding
+    assert np.allclose(changed.trace, mechanism_rates(problem, v).trace, rtol=0, atol=rounding)
     most = COMM.allreduce(float(np.abs(v.x.array - before).max()), MPI.MAX)
     assert 1e-12 < most < 1e-9
     assert np.abs(v.x.array.reshape(problem.fixed.shape)[problem.fixed]).max(initial=0.0) < 1e-15
@@ -181,8 +182,8 @@ def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
     assert before > 1e-10
     assert entering_between_nodes(problem, v)
     let_rest(problem, v)
-    assert (values[upper] == 0).all()
-    assert (values[~upper, 0] == away[~upper]).all()
+    assert np.abs(values[upper]).max(initial=0.0) < 1e-6 * rounding  # it rests
+    assert np.allclose(values[~upper, 0], away[~upper], rtol=1e-12, atol=0)
     assert entered_share(problem, v) == pytest.approx(0, abs=1e-13)
     assert not entering_between_nodes(problem, v)
 
@@ -282,7 +283,8 @@ def test_three_nodes_that_do_not_enter_are_not_enough(enters: bool) -> None:
     for sign in (1, -1):
         v.x.array.reshape(-1, 3)[:, 2] = sign * np.where(_of_upper(problem), apart, 0.0)
         jumps = problem.constraints.jumps(v.x.petsc_vec)
-        if problem.comm.allreduce(float(jumps.max(initial=0)), MPI.MAX) == 0:
+        half = 0.5  # jumps are whole numbers, up to rounding
+        if problem.comm.allreduce(float(jumps.max(initial=0)), MPI.MAX) < half:
             break
     expected = ["the mechanism enters contact between nodes"] if enters else []
     assert entering_between_nodes(problem, v) == expected
