@@ -68,14 +68,19 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
 
 
 def _in_words(halves: Mapping[str, Checked]) -> str:
-    """Return in words what each half of a proof file proves."""
+    """Return in words what each half of a proof file proves.
+
+    A confirmed bound has the digits of its claim, which the verdict shows too. The proven value may
+    differ from the claim by rounding, and then outward rounding would give another last digit.
+    """
     words = []
     for kind, half in halves.items():
         if half.proven is None:
             words.append(f"the {kind} bound {half.claimed:.6g} is not proven")
         else:
             rounded = rounded_down if kind == "lower" else rounded_up
-            words.append(f"{kind} bound {rounded(half.proven)} proven")
+            value = half.proven if half.faults else half.claimed
+            words.append(f"{kind} bound {rounded(value)} proven")
     return ", ".join(words)
 
 

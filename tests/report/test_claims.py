@@ -15,6 +15,7 @@ import pytest
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.claims import check_claims, direction_file
 from perfplast_fenicsx.io.results.proof_file import read_proven, write_proven
+from perfplast_fenicsx.io.results.result_files import PROOF
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
 from perfplast_fenicsx.limit_analysis.body.interaction import Proven
 from perfplast_fenicsx.proof.verdict import Checked
@@ -43,6 +44,13 @@ def test_what_the_file_proves_is_on_the_page(honest: Halves, tmp_path: Path) -> 
     assert "lower bound" in page and "upper bound" in page and page.count("proven,") == 1
     assert fingerprint([path]) in page
     assert proof_section(tmp_path, {}) == ""
+    # The verdict rounds the claims 2 and 1.5 outwards; the checker's rounding must not show.
+    both = {"lower": (1.5, 1.5 * (1 - 1e-15)), "upper": (2.0, 2.0 * (1 + 1e-15))}
+    halves = {k: Checked(k, claimed, proven, {}, ()) for k, (claimed, proven) in both.items()}
+    page = proof_section(tmp_path, {PROOF: halves})
+    assert "lower bound 1.5 proven, upper bound 2 proven" in page
+    less = Checked("lower", 1.5, 1.25, {}, ("only 1.25 is proven",))
+    assert "lower bound 1.25 proven" in proof_section(tmp_path, {PROOF: {"lower": less}})
 
 
 FALSE: dict[str, tuple[Callable[[float, float], tuple[float, float]], str]] = {
