@@ -19,7 +19,7 @@ import numpy as np
 from perfplast_fenicsx.atomic_files import replace as replace_file
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.first_case import Glued, affordable_cells, first_case
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey, listed
@@ -375,6 +375,8 @@ def _page(
     setup = {
         "dim": survey.dim,
         "bodies": [body.name for body in survey.bodies],
+        "cells": sum(body.cells for body in survey.bodies),
+        "affordable": affordable_cells(survey),
         "faces": [{"number": a.number, "name": a.name, "body": a.body} for a in survey.faces],
         "sets": [{"name": one.name, "faces": one.faces} for one in survey.sets],
         "joints": [

@@ -14,6 +14,10 @@ ADAPTED = {2: 20_000, 3: 9_000}
 """Largest number of cells, by dimension, with which the case also adapts the mesh. Adaptation takes
 three to five times as long as one mesh."""
 
+AFFORDABLE = {2: 60_000, 3: 30_000}
+"""Largest number of cells, by dimension, with which a first case computes bounds. They take some
+minutes on one core."""
+
 IN_CONTACT = 2 / 3
 """Factor on these numbers for bodies in contact, whose factorisations take longer."""
 
@@ -67,10 +71,7 @@ def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
         yield ("bounds need matching nodes of bodies in space, but the bodies are meshed apart")
     if survey.degree > 1:
         yield "bounds are not available for curved elements (order = 2)"
-    # numbers of cells by dimension up to which a first case computes bounds; some minutes on one
-    # core
-    affordable = {2: 60_000, 3: 30_000}
-    if (cells := _cells(survey)) > _most(survey, affordable):
+    if (cells := _cells(survey)) > affordable_cells(survey):
         yield f"bounds take long with {cells} elements (a larger size gives fewer elements)"
 
 
@@ -78,6 +79,11 @@ def _against_adapting(survey: Survey) -> Iterator[str]:
     """Yield the reason why bounds are computed on one mesh only."""
     if _cells(survey) > _most(survey, ADAPTED):
         yield f"meshes finer than {_cells(survey)} elements take long; see adapt under [mesh]"
+
+
+def affordable_cells(survey: Survey) -> int:
+    """Return the largest number of cells with which a first case of these bodies has bounds."""
+    return int(_most(survey, AFFORDABLE))
 
 
 def _most(survey: Survey, cells: Mapping[int, int]) -> float:

@@ -69,7 +69,8 @@ def setup_page(
         title: Title of the page.
         skin: The .npz file of :func:`perfplast_fenicsx.geometry.mesher.skin_of`.
         faces: The free faces.
-        setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; ``faces``, ``sets``
+        setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; the number of
+            ``cells``, and the number up to which bounds are ``affordable``; ``faces``, ``sets``
             and ``joints`` with their names; the contacts that a run has ``refused``, or None; the
             text of the initial ``case``; the JSON ``schema`` of case files; ``systems`` of units;
             the ``library`` of materials for each system.
@@ -205,7 +206,7 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
             f'<button type="button" aria-pressed="false">{escape(face.name)}</button></th>'
             f"{cells}</tr>"
         )
-    return scrolled([escape(title) for title in titles], "".join(rows))
+    return scrolled([escape(title) for title in titles], "".join(rows), "Free faces")
 
 
 def _warnings(warnings: Sequence[str]) -> str:
@@ -221,4 +222,4 @@ def _section(heading: str, table: Sequence[Sequence[str]]) -> str:
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table[1:]
     )
     heads = [escape(head[:1].upper() + head[1:]) for head in table[0]]
-    return f"<section><h2>{escape(heading)}</h2>\n{scrolled(heads, rows)}</section>"
+    return f"<section><h2>{escape(heading)}</h2>\n{scrolled(heads, rows, heading)}</section>"

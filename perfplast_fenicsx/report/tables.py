@@ -124,17 +124,20 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return scrolled(heads, body)
 
 
-def scrolled(heads: Sequence[str], rows: str) -> str:
+def scrolled(heads: Sequence[str], rows: str, name: str = "") -> str:
     """Return a table that scrolls sideways on a narrow page.
 
     Args:
         heads: HTML of the column headings.
         rows: HTML of the rows.
+        name: Name of the table for screen readers; "" for no name.
     """
-    head = "".join(f'<th scope="col">{name}</th>' for name in heads)
+    head = "".join(f'<th scope="col">{words}</th>' for words in heads)
+    label = escape(f"{name}: table" if name else "table") + ", which scrolls sideways"
+    named = f' aria-label="{escape(name)}"' if name else ""
     return (
-        '<div class="scroll" tabindex="0" role="region" aria-label="table, which scrolls sideways">'
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{label}">'
+        f"<table{named}><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
 

@@ -852,6 +852,86 @@ def test_the_form_and_what_is_missing_are_beside_the_picture(prop: Path, browser
     assert page("document.documentElement.scrollWidth <= innerWidth")
 
 
+CONTROLS = ("button", "textbox", "combobox", "checkbox", "slider", "link", "table", "region")
+"""Roles of parts that a screen reader names."""
+
+CONTRASTS = """(() => {
+  const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
+  const light = (colour) => colour.slice(0, 3).map((a) => a / 255)
+    .map((a) => (a <= 0.04045 ? a / 12.92 : ((a + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, a, k) => sum + a * [0.2126, 0.7152, 0.0722][k], 0);
+  const behind = (part) => {
+    const colour = rgb(getComputedStyle(part).backgroundColor);
+    return (colour[3] ?? 1) > 0.5 || !part.parentElement ? colour : behind(part.parentElement);
+  };
+  const texts = [...document.querySelectorAll("body *")].filter((part) => part.offsetParent
+    && !part.closest(".stage") && !part.matches(":disabled, option, optgroup")
+    && [...part.childNodes].some((one) => one.nodeType === 3 && one.textContent.trim()));
+  return texts.map((part) => {
+    const [a, b] = [rgb(getComputedStyle(part).color), behind(part)].map(light);
+    const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    return [contrast, part.outerHTML.slice(0, 80)];
+  }).sort((one, other) => one[0] - other[0])[0];
+})()"""
+"""Script for the least contrast of a text and its element."""
+
+FOCUSED = """[...document.querySelectorAll("button, input, select, textarea, summary, #canvas")]
+  .filter((part) => part.offsetParent && !part.disabled).filter((part) => {
+    part.focus({ focusVisible: true });
+    const seen = part.type === "file" ? part.parentElement : part;
+    return parseFloat(getComputedStyle(seen).outlineWidth) < 2
+      || getComputedStyle(seen).outlineStyle === "none" || document.activeElement !== part;
+  }).map((part) => part.outerHTML.slice(0, 80))"""
+"""Script for the controls whose focus cannot be seen."""
+
+
+def test_a_screen_reader_and_dark_colours_are_served(prop: Path, browser: Any) -> None:
+    """Controls have names, headings are in order, and a narrow page does not scroll sideways."""
+
+    def emulate(what: str, **given: Any) -> Any:
+        return browser.execute_cdp_cmd(f"Emulation.{what}", given)
+
+    narrow = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    emulate("setDeviceMetricsOverride", **narrow)
+    try:
+        page = SetupPage(browser, prop / "setup.html")
+        page.drop(rich(prop))
+        page.press("beam_x_low", "beam_z_high")
+        page.choose("kind", "force")
+        page.press("Add")  # words of a fault are on the page, too
+        assert page("document.documentElement.scrollWidth") <= 390
+        assert page(FOCUSED) == []
+        for scheme in ("light", "dark"):
+            emulate(
+                "setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}]
+            )
+            least, text = page(CONTRASTS)
+            assert least >= 4.5, (scheme, text)
+        nodes = browser.execute_cdp_cmd("Accessibility.getFullAXTree", {})["nodes"]
+    finally:
+        emulate("clearDeviceMetricsOverride")
+        emulate("setEmulatedMedia", features=[])
+    seen = [node for node in nodes if not node["ignored"]]
+    named = [
+        (node["role"]["value"], node["name"]["value"].strip())
+        for node in seen
+        if node["role"]["value"] in CONTROLS
+    ]
+    assert len(named) > 100
+    assert [role for role, name in named if not name] == []
+    levels = [
+        next(one["value"]["value"] for one in node["properties"] if one["name"] == "level")
+        for node in seen
+        if node["role"]["value"] == "heading"
+    ]
+    assert levels[0] == 1
+    assert max(np.diff(levels)) <= 1
+    page.type("add-force-z", "-1")
+    page.press("Add")
+    assert page("document.getElementById('done').role") == "status"
+    assert page.part("done").text.startswith("Added: force on the whole face")
+
+
 def test_what_was_clicked_is_not_called_chosen_after_its_entry(prop: Path, browser: Any) -> None:
     page = SetupPage(browser, prop / "setup.html")
     page.press("beam_x_low")
@@ -1011,8 +1091,13 @@ def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) 
     before = page.case
     own = ["proven lower and upper bounds", "of each bound", "refined until the gap"]
     assert all(words in before for words in own)
+    cells = json.loads(page("document.getElementById('data').textContent"))["setup"]["cells"]
+    assert cells > 20
     for question, gone in {"work": own, "load": own, "strength": own[:2]}.items():
         page.choose("question", question)
+        told = page.part("time").text
+        assert told.startswith(f"Run time: the first mesh has {cells} elements. ")
+        assert ("prints the time of each mesh" in told) == (question == "strength")
         if question == "load":
             page.part("ask-values").send_keys("1")
         page.press("Ask this")

@@ -529,6 +529,17 @@ function showQuestion() {
   }));
   part("question-fields").replaceChildren(...questionFields.map((field) => field.element));
   part("ask-fault").textContent = "";
+  part("time").textContent = timeWords(control);
+}
+
+/** What is known of the run time before a mesh is solved, in words. */
+function timeWords(control) {
+  const [cells, most] = [setup.cells, setup.affordable].map((count) => count.toLocaleString("en").replaceAll(",", "\u202f"));
+  const here = setup.cells > setup.affordable ? " This mesh takes longer." : "";
+  const first = `Run time: the first mesh has ${cells} elements. Bounds on a mesh of up to ${most} elements take some minutes on one core.${here} `;
+  return first + (REFINED.includes(control)
+    ? "perfplast run prints the time of each mesh and what finer meshes take; Ctrl+C stops it and keeps its results."
+    : `${control === "work" ? "The limit load of the mesh alone usually takes less. " : ""}Ctrl+C stops perfplast run and keeps its results.`);
 }
 part("question").append(...Object.entries(QUESTIONS).map(([key, { label }]) => new Option(label, key)));
 part("question").addEventListener("change", showQuestion);
@@ -807,6 +818,7 @@ function swapButton(table, id) {
   const extra = extraKeys(table, other);
   const words = other === "tie" ? "Glue instead" : "Contact instead";
   const button = made("button", { type: "button", id: `${id}-swap`, disabled: extra.length > 0 }, words);
+  button.setAttribute("aria-label", `${words}, ${table.value.primary} and ${table.value.secondary}`);
   button.title = extra.length ? `Remove ${extra.join(", ")} first` : "";
   button.addEventListener("click", () => {
     take(swapped(caseText, findTable(table.path, table.number), other));
@@ -1014,6 +1026,7 @@ part("canvas").addEventListener("ready", async ({ detail }) => {
   drawMarks();
   part("drawn").dataset.ready = "";
 });
+part("canvas").setAttribute("aria-label", "The bodies; keys turn, move and zoom them. The lists below choose faces by name");
 open(setup.case, "The first case");
 showQuestion();
 part("undo").disabled = true;
