@@ -1,4 +1,4 @@
-"""Bounds on meshes that find the mechanism: exact limit loads, fans, contact, what is refused."""
+"""Test bounds on adapted meshes: exact limit loads, fans, contact, and refusals."""
 
 import math
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ CONTACT = Contact("upper_bottom", "lower_top")
 
 
 def count(tagged_mesh: TaggedMesh) -> int:
-    """Cells of all ranks."""
+    """Return the number of cells on all ranks."""
     topology = tagged_mesh.mesh.topology
     number: int = topology.index_map(topology.dim).size_global
     return number
@@ -58,7 +58,7 @@ def count(tagged_mesh: TaggedMesh) -> int:
     [(0.95, True, False), (1.05, False, True), (0.999, False, False)],
 )
 def test_until_decided(share: float, carried: bool, refused: bool, shared_tmp_path: Path) -> None:
-    """A decision takes fewer cells than a narrow bracket; near the limit it is left open."""
+    """A decision needs fewer cells than a narrow bracket; near the limit it remains open."""
     design = share * PRANDTL * K
     mesh = made(shared_tmp_path, write_strip_footing, size=1.0, grading=1.0)
     supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
@@ -75,14 +75,14 @@ def test_until_decided(share: float, carried: bool, refused: bool, shared_tmp_pa
 
 
 def decided(rounds: Sequence[Round], design: float) -> bool:
-    """Whether one of the meshes decides it."""
+    """Return whether one of the meshes decides the design load."""
     lows = [round_.lower for round_ in rounds if round_.lower is not None]
     highs = [round_.upper for round_ in rounds if round_.upper is not None]
     return max(lows, default=0.0) >= design or min(highs, default=math.inf) < design
 
 
 def test_a_value_beside_a_proven_bound_ends_nothing() -> None:
-    """It may lie on the wrong side of the bound, so that their difference says nothing."""
+    """The value may lie on the wrong side of the bound, so the difference has no meaning."""
     until = Adaptation(until=0.1)
     lower, upper = Bound(4.33777, "lower", Scope.BODY), Bound(4.34, "upper", Scope.BODY)
     value = replace(upper, of=Scope.MESH, why_not=("curved cells",))
@@ -115,7 +115,7 @@ def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     assert told[-1].cells == count(found.problem.tagged_mesh) < 1200
     gaps = [round_.gap for round_ in told]
     assert None not in gaps
-    assert gaps == sorted(gaps, reverse=True)  # the best bounds of all meshes
+    assert gaps == sorted(gaps, reverse=True)  # the best bounds on all meshes
     assert found.body.lower is found.lower
     assert found.body.problem is found.best.problem
     assert found.problem.num_pairs == 0 or punch
@@ -124,7 +124,7 @@ def test_footing(punch: bool, shared_tmp_path: Path) -> None:
 def test_a_round_that_worsens_bounds_does_not_count(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither in the bounds nor in what comes with them."""
+    """The round changes neither the bounds nor the data that accompany them."""
     meshes: list[BodyBounds] = []
 
     def worse_and_worse(problem: Problem, *args: Any) -> BodyBounds:
@@ -150,7 +150,7 @@ def test_a_round_that_worsens_bounds_does_not_count(
 @pytest.mark.mpi3
 @pytest.mark.skipif(COMM.size == 1, reason="compares numbers of ranks")
 def test_every_number_of_ranks_finds_the_same(shared_tmp_path: Path) -> None:
-    """Each rank alone, and all together: meshes and bounds of every round, with contact."""
+    """Each rank alone and all ranks together find the same meshes and bounds, with contact."""
     file = shared_tmp_path / "ground.msh"
     if COMM.rank == 0:
         write_strip_footing(file, punch=True, width=3.0, depth=2.0, grading=1.0, size=1.0)
@@ -176,10 +176,10 @@ def test_every_number_of_ranks_finds_the_same(shared_tmp_path: Path) -> None:
 
 
 def lattice(n: int) -> TaggedMesh:
-    """Equilateral triangles that fill a parallelogram (0, 6) wide and 3 rows of sides high.
+    """Write equilateral triangles that fill a parallelogram (0, 6) wide and 3 rows of sides high.
 
-    Each point of the straight top is met by three of their angles. Sides are 1/n long; the
-    curves are ``left`` and ``right`` half of the top and ``rest``.
+    Each point of the straight top has three angles of triangles. Sides are 1/n long; the curves are
+    the ``left`` and ``right`` half of the top, and ``rest``.
     """
     here = COMM.rank == 0
     i, j = np.meshgrid(np.arange(6 * n + 1), np.arange(3 * n + 1))
@@ -210,7 +210,7 @@ def lattice(n: int) -> TaggedMesh:
 
 
 def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
-    """Three cells of 60° carry 2√3 k, whatever the mesh elsewhere; fans do away with it."""
+    """Three cells of 60° carry 2√3 k on any mesh elsewhere; fans remove this limit."""
     problem = Problem(
         lattice(1),
         {"ground": SOIL},
@@ -234,7 +234,7 @@ def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
 
 
 def adapted_blocks(comm: MPI.Intracomm, cells: int) -> AdaptiveBounds:
-    """Two blocks in contact, of quadratic elements."""
+    """Return two blocks in contact, with quadratic elements."""
     linear = two_blocks_problem(1, comm=comm)
     problem = Problem(
         linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
@@ -243,7 +243,7 @@ def adapted_blocks(comm: MPI.Intracomm, cells: int) -> AdaptiveBounds:
 
 
 def test_contact_in_space() -> None:
-    """Cells of both bodies, and matching surfaces: else the next mesh has no problem."""
+    """Each mesh has cells of both bodies, and surfaces match. The next problem needs this."""
     cells = 160
     found = adapted_blocks(COMM, cells)
     assert len(found.rounds) > 1
@@ -265,7 +265,7 @@ def test_contact_in_space() -> None:
 
 
 def test_steps_to_the_next_mesh_in_space() -> None:
-    """Twice the cells while bounds are far apart, and no more than are wanted when they are not."""
+    """The step doubles the cells for wide brackets, and is smaller for narrow brackets."""
     linear = two_blocks_problem(2, comm=COMM)
     problem = Problem(
         linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}

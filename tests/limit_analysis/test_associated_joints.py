@@ -1,4 +1,4 @@
-"""Joints whose slip is associated: both limit theorems hold of them, and both bounds are theirs."""
+"""Test joints with associated slip: both limit theorems apply, and both bounds hold."""
 
 import math
 from pathlib import Path
@@ -38,7 +38,7 @@ SINE, COSINE = SLOPE / math.hypot(1, SLOPE), 1 / math.hypot(1, SLOPE)
 
 
 def cut_column(mu: float, c: float, around: float = 0.0) -> Problem:
-    """A column under the pressure 1, cut by a plane, with another pressure on its sides."""
+    """Return a column under the pressure 1, cut by a plane, with another pressure on its sides."""
     sides = ("x0", "x1", "upper_x0", "upper_x1") if around else ()
     return Problem(
         blocks_apart(COMM, (2, 2), (2, 2), moved_by=0.0, slope=SLOPE),
@@ -52,7 +52,7 @@ def cut_column(mu: float, c: float, around: float = 0.0) -> Problem:
 
 @pytest.mark.parametrize(("mu", "c", "around"), [(0.2, 0.3, 0.0), (0.4, 1.0, 0.0), (0.3, 0.0, 2.0)])
 def test_a_column_slides_along_its_cut(mu: float, c: float, around: float) -> None:
-    """Its stress is uniform: (q − p) sin cos = c + μ (q cos² + p sin²) on the cut."""
+    """The stress is uniform: (q − p) sin cos = c + μ (q cos² + p sin²) on the cut."""
     exact = c + around * (SINE * COSINE + mu * SINE**2)
     exact /= SINE * COSINE - mu * COSINE**2
     bounds = limit_bounds(cut_column(mu, c, around), 1e-6)
@@ -64,7 +64,7 @@ def test_a_column_slides_along_its_cut(mu: float, c: float, around: float) -> No
 
 
 def on_an_incline(slope: float, mu: float, c: float, associated: bool) -> Problem:
-    """A block three times as wide as high, of the weight 10 a unit of width, pushed up it."""
+    """Return a block, three times as wide as high, of weight 10 per width, pushed up an incline."""
     mesh = blocks_apart(COMM, (6, 2), (6, 2), moved_by=0.0, slope=3 * slope)
     mesh.mesh.geometry.x[:, 0] *= 3
     return Problem(
@@ -79,7 +79,7 @@ def on_an_incline(slope: float, mu: float, c: float, associated: bool) -> Proble
 
 @pytest.mark.parametrize(("slope", "mu", "c"), [(0.1, 0.2, 1.0), (0.2, 0.6, 0.3), (-0.3, 0.2, 0.0)])
 def test_a_block_on_an_incline(slope: float, mu: float, c: float) -> None:
-    """Statics: F cos − G sin = c A + μ (G cos + F sin); from below of Drucker's pair with μ = 0."""
+    """Statics gives F cos − G sin = c A + μ (G cos + F sin); Drucker's lower bound has μ = 0."""
 
     def statics(mu: float) -> float:
         return (c * (1 + slope**2) + 10 * (mu + slope)) / (1 - mu * slope)
@@ -102,7 +102,7 @@ def test_a_block_on_an_incline(slope: float, mu: float, c: float) -> None:
 @pytest.mark.mpi2("0.5-True")
 @pytest.mark.parametrize(("c", "dead"), [(0.5, True), (0.0, True), (0.5, False)])
 def test_a_block_in_space(shared_tmp_path: Path, c: float, dead: bool) -> None:
-    """From below the statics in any direction along the joint, which the checker finds too."""
+    """The lower bound equals statics in any direction along the joint; the checker finds it too."""
     mu, slope = 0.3, 0.2 * dead
     mesh = blocks_apart(COMM, (2, 2, 1), (2, 2, 1), moved_by=0.0)
     mesh.mesh.geometry.x[:, :2] *= 3
@@ -132,12 +132,15 @@ def test_a_block_in_space(shared_tmp_path: Path, c: float, dead: bool) -> None:
     assert bounds.static is not None
     checked = check_stress(problem, bounds.static.stress)
     joint = np.isclose(checked.x[..., 2], 1.0).all(axis=1) & (checked.normals[:, 2] > 0.9)
-    mean = float(checked.pressures(joint).mean())  # of facets of one size
+    mean = float(checked.pressures(joint).mean())  # the facets have equal size
     assert mean == pytest.approx(-weight[2] - exact * push[2], rel=1e-5)
 
 
 def test_both_bounds_are_those_of_the_joint() -> None:
-    """From above as of Drucker's pair, but for its corner of two cells, from below far above it."""
+    """The upper bound is Drucker's, except at one corner.
+
+    The lower bound is much higher than Drucker's.
+    """
     pair = both(limit_bounds(between_platens(4, coulomb=0.1)))
     joint = both(limit_bounds(between_platens(4, coulomb=0.1, associated=True)))
     assert joint[1] == pytest.approx(pair[1], rel=1e-3)
@@ -157,7 +160,7 @@ def test_around_an_axis() -> None:
 
 @pytest.mark.parametrize("associated", [False, True])
 def test_the_file_says_which_it_is(shared_tmp_path: Path, associated: bool) -> None:
-    """The lower half has the friction of an associated joint, and none of another."""
+    """The lower half has the friction of an associated joint, and no friction of other joints."""
     bounds = limit_bounds(between_platens(2, coulomb=0.1, associated=associated))
     results = ResultFolder(COMM, shared_tmp_path)
     write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))

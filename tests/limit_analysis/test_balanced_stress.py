@@ -1,4 +1,4 @@
-"""The reserve with constant loads, and the mean of stresses inside and outside of yield."""
+"""Test the reserve with constant loads, and the mean of admissible and inadmissible stresses."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.serial
 
 
 def of_sizes(stress: tuple[np.ndarray, np.ndarray]) -> float:
-    """‖s‖ of points with the yield radius 1."""
+    """Return ‖s‖ at points with the yield radius 1."""
     return float(np.linalg.norm(stress[1], axis=1).max())
 
 
@@ -22,7 +22,7 @@ STATIC: Any = SimpleNamespace(program=SimpleNamespace(stress_unit=2.0, overstres
 
 
 def stress(size: float, load: float) -> BalancedStress:
-    """One of three points, where the others have less."""
+    """Return the stress at one of three points; the other points have less."""
     deviator = np.array([[size, 0.0], [0.0, 0.5 * size], [0.0, 0.0]])
     return BalancedStress(np.arange(3.0), deviator, load, 0.1 * load)
 

@@ -1,4 +1,4 @@
-"""Bounds on the limit load of a body, and what is said where there is none."""
+"""Test bounds on the limit load of a body, and the message without bounds."""
 
 import math
 from pathlib import Path
@@ -24,7 +24,7 @@ from tests.models import two_blocks_problem
 
 
 def upper(bounds: BodyBounds) -> float:
-    """The upper bound, which there must be."""
+    """Return the upper bound, which must exist."""
     assert bounds.upper.strict
     assert bounds.upper.value is not None
     return bounds.upper.value
@@ -33,7 +33,7 @@ def upper(bounds: BodyBounds) -> float:
 def test_a_footing(shared_tmp_path: Path) -> None:
     told: list[InteriorStep] = []
     bounds = limit_bounds(footing(shared_tmp_path), monitor=told.append)
-    assert 5.17 < upper(bounds) / K < 5.18  # exact: 5.1416
+    assert 5.17 < upper(bounds) / K < 5.18  # the exact value is 5.1416
     assert bounds.mesh.upper is not None
     assert bounds.mesh.upper < upper(bounds)
     assert bounds.steps == len(told) <= 50
@@ -67,11 +67,11 @@ def test_contact_is_not_entered_between_nodes(shared_tmp_path: Path) -> None:
     assert 5.1416 < upper(bounds) / K < 1.02 * 5.1416
     assert bounds.mesh.contact_forces is not None
     pushed = COMM.allreduce(bounds.mesh.contact_forces.sum())
-    assert pushed == pytest.approx(bounds.mesh.lower, rel=1e-6)  # half of a footing of width 2
+    assert pushed == pytest.approx(bounds.mesh.lower, rel=1e-6)  # half a footing of width 2
 
 
 def quadratic_blocks() -> Problem:
-    """Two cantilevers in contact, of few cells."""
+    """Return two cantilevers in contact, with few cells."""
     problem = two_blocks_problem(1)
     return Problem(problem.tagged_mesh, **vars(problem.given) | {"degree": 2})
 
@@ -87,7 +87,7 @@ def test_tetrahedra_are_split() -> None:
     assert bounds.stress is not None
     owned = [a.tagged_mesh.mesh.topology.index_map(3).size_local for a in (problem, bounds.problem)]
     assert [len(bounds.shares), len(bounds.stress)] == owned
-    gap = upper(bounds) - bounds.lower.value  # a little of it is work on contact that opens
+    gap = upper(bounds) - bounds.lower.value  # a little is work on contact that opens
     shares = COMM.allreduce(bounds.shares.sum())
     assert 0.9 * gap < shares < (1 + 1e-9) * gap
     cells = [
@@ -145,7 +145,7 @@ def test_a_search_in_space_that_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_does_not_fit_into_memory_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is said before anything is computed."""
+    """The program says so before the computation."""
 
     def compute(*_: object) -> None:
         raise AssertionError
@@ -164,7 +164,8 @@ def test_loads_that_were_replaced_stay_where_they_are() -> None:
 
 
 def test_loads_that_are_formulas() -> None:
-    """A quadratic one counts for the mesh alone, and a linear one as numbers do."""
+    """A quadratic formula has only bounds for the mesh; a linear formula has the same as numbers.
+    """
     given = blocks(BLOCK, BLOCK).given
 
     def under(pressure: str) -> Problem:

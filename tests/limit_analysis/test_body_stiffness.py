@@ -1,4 +1,4 @@
-"""K of moduli at points against what strain rates, moduli and forces make of a velocity."""
+"""Test K from moduli at points against strain rates, moduli and forces of a velocity."""
 
 from collections.abc import Callable
 
@@ -33,7 +33,7 @@ def tube(read: Read) -> Problem:
 
 
 def foam(read: Read) -> Problem:
-    """Return a problem with a law whose cones have their own axes."""
+    """Return a problem with a law whose cones have oblique axes."""
     return Problem(
         stacked_blocks(COMM, 1),
         {"lower": Foam(1e4, 0.3, 10.0, 3.0), "upper": VonMises(2e5, 0.3, 100.0)},
@@ -85,7 +85,7 @@ def test_it_is_the_forces_of_moduli_times_strain_rates(
     problem.basis.M.mult(u, y)
     T.mult(y, u)  # ties hold
     p, s = strains.of(y)
-    for _ in range(2):  # nothing is left of the last one
+    for _ in range(2):  # the last result leaves no trace
         moduli = random_moduli(strains.coordinates, s.shape[1])
         stress = np.einsum("nij,nj->ni", moduli.matrices(), np.column_stack([p, s]))
         strains.forces(stress[:, 0].copy(), stress[:, 1:].copy(), expected)

@@ -1,4 +1,4 @@
-"""Inner unknowns of cells eliminated by compiled kernels, against NumPy's own algebra."""
+"""Test the elimination of inner unknowns by compiled kernels against NumPy."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ LAYOUTS = {"plane": (cell_layout(2), 3), "space": (cell_layout(3), 6), "ring": (
 @pytest.mark.parametrize("count", [1, 4, 7])
 @pytest.mark.parametrize("kind", LAYOUTS)
 def test_what_is_left_and_solutions_are_those_of_the_whole_matrix(kind: str, count: int) -> None:
-    """For any number of cells, whole fours of them or not."""
+    """Any number of cells works, also if it is not a multiple of four."""
     layout, m = LAYOUTS[kind]
     outer, inner, rows = layout.outer, layout.inner, _rows(layout)
     of = np.random.default_rng(count)
@@ -58,7 +58,7 @@ def test_what_is_left_and_solutions_are_those_of_the_whole_matrix(kind: str, cou
 
 
 def test_a_cell_that_cannot_be_solved_is_told() -> None:
-    """One of many is enough, and so is one whose numbers are none."""
+    """One singular cell suffices, and so does one cell with nan."""
     layout, m = LAYOUTS["plane"]
     rows, count = _rows(layout), 6
     of = np.random.default_rng(3)
@@ -74,7 +74,7 @@ def test_a_cell_that_cannot_be_solved_is_told() -> None:
 
 
 def test_a_source_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And nothing is left of that but a file."""
+    """Only one file remains after the compilation."""
     monkeypatch.setattr(compiled_kernels, "get_options", lambda: {"cache_dir": str(tmp_path)})
     source = "static int two = 2;\n\ndouble twice(double x) { return two * x; }\n"
     for number in (3.0, 5.0):

@@ -1,4 +1,4 @@
-"""Corrections that bring products of static and kinematic unknowns nearer to one another."""
+"""Test corrections that make products of static and kinematic unknowns more equal."""
 
 from collections.abc import Sequence
 
@@ -38,7 +38,7 @@ def eigenvalues(products: Products) -> list[Floats]:
 
 
 def random_products(spread: float) -> Products:
-    """Some of the products negative where the spread is large."""
+    """Return random products; some are negative if the spread is large."""
     generator = np.random.default_rng(1)
     cones, pairs = generator.normal(size=(50, 4)), generator.normal(size=50)
     half = generator.normal(size=(50, 2, 3, 3))

@@ -1,4 +1,4 @@
-"""The data of a conic program: what is found fulfils them, and Clarabel agrees."""
+"""Test the data of a conic program: solutions satisfy them, and Clarabel agrees."""
 
 from typing import Any
 
@@ -62,7 +62,7 @@ def entries(data: ConeProgram, now: Unknowns) -> Floats:
 @pytest.mark.parametrize("kind", ["velocities", "stresses"])
 @pytest.mark.parametrize("name", BODIES)
 def test_a_solution_fulfils_the_data(name: str, kind: str) -> None:
-    """Equilibrium to the rounding of its terms, and static members of the cones."""
+    """Equilibrium holds to rounding, and static members lie in the cones."""
     problem = BODIES[name]()
     if kind == "velocities":
         program = limit_program(problem, Question.LIMIT, RTOL)
@@ -82,7 +82,7 @@ def test_a_solution_fulfils_the_data(name: str, kind: str) -> None:
 
 
 def by_both(name: str, monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """Solve a frozen body by both solvers, to :data:`RTOL`."""
+    """Solve a rigid–plastic body with both solvers, to :data:`RTOL`."""
 
     def strict(problem: Problem) -> dict[str, Any]:
         found = limit_bounds(problem, RTOL)
@@ -112,13 +112,13 @@ OF_BOUNDS = [
 
 @pytest.mark.parametrize("name", OF_BOUNDS)
 def test_clarabel_finds_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """To 1e-6; a bound that one of them lacks is none of the other's."""
+    """The solvers agree to 1e-6; if one solver lacks a bound, the other lacks it too."""
     pytest.importorskip("clarabel", reason="the conic solver Clarabel is not installed")
     ours, theirs = by_both(name, monkeypatch)
     both = [key for key in ours if ours[key] is not None and theirs[key] is not None]
     assert len(both) >= len(ours) - 1
     for key in both:
-        # beside constant loads without cohesion a reserve of the strengths differs by 1e-6
+        # with constant loads and no cohesion, the reserve changes strengths by 1e-6
         near = 2e-6 if "no cohesion" in name else 1e-6
         assert theirs[key] == pytest.approx(ours[key], rel=near, abs=0), (key, ours, theirs)
 

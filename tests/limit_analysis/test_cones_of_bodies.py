@@ -1,4 +1,4 @@
-"""Any yield set that is one cone: limit loads, strict bounds and proofs of a law of one's own."""
+"""Test user-defined yield sets of one cone: limit loads, strict bounds and proofs."""
 
 import math
 from itertools import pairwise
@@ -44,7 +44,7 @@ ROLLERS = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
 
 
 def blocks(degree: int = 2) -> Problem:
-    """Foam below steel, pressed together."""
+    """Return foam below steel, pressed together."""
     return Problem(
         stacked_blocks(COMM, 1),
         {"lower": FOAM, "upper": STRONG},
@@ -69,7 +69,7 @@ def proven(bounds: BodyBounds, path: Path) -> None:
 
 @pytest.mark.mpi2
 def test_a_block_in_space(shared_tmp_path: Path) -> None:
-    """Uniform stress and flow are in all spaces: both bounds are exact."""
+    """All spaces contain the uniform stress and flow, so both bounds are exact."""
     bounds = limit_bounds(blocks(), 1e-6)
     assert bounds.strict
     assert bounds.lower.value == pytest.approx(FOAM.pressed(), rel=1e-6)
@@ -99,7 +99,7 @@ def footing(read: Read, material: object, sign: float = 1.0) -> Problem:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_footing(read: Read, shared_tmp_path: Path, sign: float) -> None:
-    """The checker's own dissipation, the shares' sum and the bracket say the same."""
+    """The dissipation by the checker, the sum of shares and the bracket agree."""
     bounds = limit_bounds(footing(read, FOAM, sign))
     assert bounds.strict
     low, high, mesh = bounds.lower.value, bounds.upper.value, bounds.mesh.estimate
@@ -115,9 +115,9 @@ def test_a_footing(read: Read, shared_tmp_path: Path, sign: float) -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("centre", [0.0, 4.0])
 def test_a_stack_in_plane_strain(shared_tmp_path: Path, centre: float, sign: int) -> None:
-    """The stress is uniform, with the best out-of-plane stress.
+    """The stress is uniform, with the optimal out-of-plane stress.
 
-    Contact with the platen is smooth.
+    Contact with the platen is frictionless.
     """
     foam, it = Foam(1e4, 0.3, 10.0, centre), stack(3, 2)
     path = shared_tmp_path / "stack.msh"
@@ -149,7 +149,7 @@ def test_a_stack_in_plane_strain(shared_tmp_path: Path, centre: float, sign: int
 
 @pytest.mark.serial
 def test_coordinates_are_of_the_same_set() -> None:
-    """Random cones and stresses: inside of one is inside of the other."""
+    """Random stresses lie inside one of the cones if and only if they lie inside the other."""
     random = np.random.default_rng(3)
     for n, normal in ((3, 2), (4, 3), (6, 3)):
         for k, steep in ((n - 1, 0.0), (n - 1, 3.0), (n, 0.0), (n, 0.6)):
@@ -196,7 +196,7 @@ def test_a_shadow_has_the_best_of_what_is_free() -> None:
 
 
 def test_matches_of_ground_are_cones_about_the_axis(read: Read) -> None:
-    """They and von Mises' stay in mean stress and deviator, and others do not."""
+    """These cones and von Mises' depend on mean stress and deviator only; other cones do not."""
     for material, isotropic in (
         (STRONG, True),
         (DruckerPrager(1e4, 0.3, 1.0, 20.0, "compression"), True),

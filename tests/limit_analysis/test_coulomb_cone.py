@@ -1,4 +1,4 @@
-"""Strict bounds of Mohr and Coulomb's and Tresca's bodies in plane strain."""
+"""Test strict bounds for Mohr–Coulomb and Tresca bodies in plane strain."""
 
 import math
 from collections.abc import Mapping
@@ -34,12 +34,12 @@ from tests.models import Read
 
 COMM = MPI.COMM_WORLD
 FOOTING = {0.0: 2 + math.pi, 10.0: 8.344926, 20.0: 14.834712, 30.0: 30.139628}
-"""Prandtl's N_c by angle of friction."""
+"""Prandtl's N_c by friction angle."""
 
 
 @dataclass(frozen=True)
 class CoulombLimits(ElasticLaw):
-    """A yield set for limit analysis; no flow rule for increments."""
+    """A yield set for limit analysis, without a flow rule for increments."""
 
     cohesion: Expr
     sine: Expr
@@ -52,7 +52,7 @@ class CoulombLimits(ElasticLaw):
 
 @dataclass(frozen=True)
 class TrescaLimits(ElasticLaw):
-    """The same of Tresca."""
+    """The same for Tresca's law."""
 
     cohesion: Expr
 
@@ -63,7 +63,7 @@ class TrescaLimits(ElasticLaw):
 
 @dataclass(frozen=True)
 class Ground:
-    """Cohesion 1 and an angle of friction (degrees)."""
+    """Ground with cohesion 1 and a friction angle (degrees)."""
 
     law: ClassVar[type[CoulombLimits]] = CoulombLimits
     angle: float
@@ -75,7 +75,7 @@ class Ground:
 
 @dataclass(frozen=True)
 class Clay:
-    """Undrained, of cohesion 1."""
+    """Undrained clay with cohesion 1."""
 
     law: ClassVar[type[TrescaLimits]] = TrescaLimits
 
@@ -84,7 +84,7 @@ class Clay:
 
 
 def ground(read: Read, angle: float = 0.0) -> TaggedMesh:
-    """A mesh that is wide enough for an angle."""
+    """Return a mesh that is wide enough for a friction angle."""
     room = 6.0 if angle <= 20 else 12.0
     return read(write_strip_footing, width=room, depth=room / 2, grading=1.0, size=0.7)
 
@@ -102,7 +102,7 @@ def footing(tagged_mesh: TaggedMesh, material: object) -> Problem:
 
 @pytest.mark.parametrize("angle", [0.0, 20.0])
 def test_a_footing(read: Read, shared_tmp_path: Path, angle: float) -> None:
-    """Prandtl's load is between the bounds, and the checker proves them."""
+    """Prandtl's load lies between the bounds, and the checker proves the bounds."""
     bounds = limit_bounds(footing(ground(read, angle), Ground(angle) if angle else Clay()))
     assert bounds.strict
     low, high = bounds.lower.value, bounds.upper.value
@@ -118,7 +118,7 @@ def test_a_footing(read: Read, shared_tmp_path: Path, angle: float) -> None:
 
 @pytest.mark.parametrize("angle", [10.0, 30.0])
 def test_drucker_and_prager_match_it(read: Read, angle: float) -> None:
-    """With the match of plane strain both laws have the same bounds."""
+    """With the plane-strain match, both laws have the same bounds."""
     match = DruckerPrager(2.5e4, 0.25, 1.0, angle, "plane-strain")
     mesh = ground(read, angle)
     one, other = (limit_bounds(footing(mesh, it)) for it in (Ground(angle), match))
@@ -140,7 +140,7 @@ def test_tresca_is_von_mises_of_the_same_shear_strength(read: Read) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize(("angle", "apart"), [(10.0, 0.010), (20.0, 0.015), (30.0, 0.020)])
 def test_footings_on_four_thousand_cells(read: Read, angle: float, apart: float) -> None:
-    # few cells at first, and smaller ones at the edge: what refinement does not need it cannot undo
+    # few cells initially, and smaller cells at the edge: refinement cannot remove unneeded cells
     room = 6.0 if angle <= 20 else 12.0
     mesh = read(write_strip_footing, width=room, depth=room / 2, grading=0.3, size=1.0)
     bounds = adaptive_bounds(footing(mesh, Ground(angle)), Adaptation(until=apart, cells=4000))

@@ -1,4 +1,4 @@
-"""Where a loading path with Coulomb's friction loses equilibrium, against what statics says."""
+"""Test where a path with Coulomb friction loses equilibrium, against statics."""
 
 import math
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ def block(
     mu: float,
     counts: int = 3,
 ) -> Problem:
-    """A block of weight 1 on another one that was meshed apart; both elastic."""
+    """Return a block of weight 1 on another block with a separate mesh; both are elastic."""
     gdim = len(push)
     return Problem(
         blocks_apart(comm, [counts] * gdim, [counts + 1] * gdim),
@@ -58,7 +58,7 @@ def block(
 
 
 def assert_lost_at(limit: LimitLoad, exact: float, rtol: float) -> None:
-    """The bracket is as narrow as asked for, and around the load but for the levels' own error."""
+    """The bracket is as narrow as required, and contains the load to the accuracy of levels."""
     assert limit.levelled_off, limit.reason
     assert not limit.theorem
     assert limit.upper is not None
@@ -76,7 +76,7 @@ def assert_lost_at(limit: LimitLoad, exact: float, rtol: float) -> None:
         ((1.0, 0.0), (0.0, -1.0), 0.3),  # μW
         ((1.0, 0.0), (-0.2, -1.0), 0.5),  # up a slope with tan α = 0.2, along it
         ((1.0, 0.0), (0.2, -1.0), 0.1),  # and down
-        ((0.0, 1.0), (0.0, -1.0), 1.0),  # it is lifted off
+        ((0.0, 1.0), (0.0, -1.0), 1.0),  # the block lifts off
     ],
 )
 def test_a_block_is_moved_at_the_load_of_statics(
@@ -92,7 +92,7 @@ def test_a_block_in_space_slides_in_any_direction(comm: MPI.Intracomm) -> None:
 
 @pytest.mark.serial
 def test_a_rough_block_tips() -> None:
-    """W/2 about the edge against F/2, as the block is as wide as high."""
+    """W/2 about the edge balances F/2, because width and height of the block are equal."""
     problem = block(MPI.COMM_SELF, (1.0, 0.0), (0.0, -1.0), 3.0)
     limit = limit_load(problem, 1e-3)
     assert_lost_at(limit, 1.0, 1e-3)
@@ -100,11 +100,11 @@ def test_a_rough_block_tips() -> None:
 
 
 def test_push_out_force_of_a_press_fit(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """2π a L μ p with Lamé's pressure p.
+    """The force is 2π a L μ p with Lamé's pressure p.
 
-    It is exact for ν = 0, whatever the friction does to the pressure: the work of the tractions on
-    a uniform compression of either body, in which nothing moves along the axis, tells ∫p dz from
-    what the radii change, and that differs by δ everywhere.
+    It is exact for ν = 0, for any effect of friction on the pressure. Consider the work of the
+    tractions on a uniform compression of either body without motion along the axis. This work
+    determines ∫p dz from the change of the radii, which differ by δ everywhere.
     """
     a, b, length, delta, mu, young = 1.0, 2.0, 1.0, 1e-3, 0.2, 2e5
     mesh_file = shared_tmp_path / "ring.msh"
@@ -132,7 +132,7 @@ def test_push_out_force_of_a_press_fit(comm: MPI.Intracomm, shared_tmp_path: Pat
 
 @pytest.mark.serial
 def test_bodies_that_collapse_first_do_so_as_if_they_were_tied() -> None:
-    """2k in plane strain, with friction and without slip."""
+    """The limit is 2k in plane strain, with friction and without slip."""
 
     def pressed(**joint: object) -> Problem:
         return Problem(
@@ -154,7 +154,7 @@ def test_bodies_that_collapse_first_do_so_as_if_they_were_tied() -> None:
 
 
 def grows(loads: Sequence[Load], mu: float, material: object = STEEL, degree: int = 2) -> Problem:
-    """A block on another one, pressed and pushed by loads that all grow."""
+    """Return a block on another block, pressed and pushed by loads that all grow."""
     return Problem(
         blocks_apart(MPI.COMM_SELF, (2, 2), (3, 3)),
         {"lower": material, "upper": material},  # type: ignore[dict-item]
@@ -193,7 +193,7 @@ def test_constant_loads_that_slide_alone_are_said_to() -> None:
 
 
 class Silent(Newton):
-    """ALG1 that knows no verdict."""
+    """ALG1 without a verdict."""
 
     def solve(
         self, value: float, start: State | None = None, monitor: Monitor | None = None

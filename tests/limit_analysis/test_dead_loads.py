@@ -1,4 +1,4 @@
-"""Limit loads and strict bounds beside loads that stay as they are."""
+"""Test limit loads and strict bounds with constant loads."""
 
 import math
 from dataclasses import replace
@@ -46,7 +46,7 @@ RTOL = 1e-4
 
 
 def block(sign: float, lateral: float, weight: float = 0.0, n: int = 2) -> Problem:
-    """A unit square on rollers: ζ presses on top (or pulls), the rest is constant."""
+    """Return a unit square on rollers; ζ presses or pulls on top, and other loads are constant."""
     mesh = rectangle(
         (n, n),
         (1.0, 1.0),
@@ -68,7 +68,7 @@ def block(sign: float, lateral: float, weight: float = 0.0, n: int = 2) -> Probl
 
 
 def footing(live: tuple[float, float], dead: tuple[float, float], n: int = 2) -> Problem:
-    """A strip of unit width on ground 8 wide and 2 deep, with tractions on it."""
+    """Return a strip of unit width on ground 8 wide and 2 deep, with tractions on the strip."""
     mesh = rectangle(
         (8 * n, 2 * n),
         (8.0, 2.0),
@@ -100,7 +100,7 @@ def checked(low: BodyBounds, high: BodyBounds, folder: Path) -> dict[str, Checke
 def test_both_ends_of_what_a_block_carries(
     shared_tmp_path: Path, sign: float, lateral: float
 ) -> None:
-    """|σx − σy| ≤ 2k: the pressure on top is between that on the side less 2k and plus 2k."""
+    """|σx − σy| ≤ 2k: pressures on top and side differ by at most 2k."""
     problem, exact = block(sign, lateral), sign * lateral + 2 * K
     found = limit_load(problem, RTOL)
     assert found.method == "interior-point"
@@ -117,7 +117,7 @@ def test_both_ends_of_what_a_block_carries(
 
 
 def test_weight_lowers_what_a_column_carries() -> None:
-    """A column fails at its foot: 2k less its weight, on a mesh that is fine enough to see it."""
+    """A column fails at its foot, at 2k minus its weight, if the mesh is fine enough."""
     plain, heavy = limit_bounds(block(1.0, 0.0)), limit_bounds(block(1.0, 0.0, weight=0.5))
     assert heavy.strict
     assert heavy.upper.value is not None
@@ -139,7 +139,7 @@ def test_dead_loads_that_are_a_share_of_the_live_ones() -> None:
 
 
 def parting_blocks() -> Problem:
-    """Two blocks in contact, pressed by 100 for ever: a pull of 100 lifts the upper one."""
+    """Return two blocks in contact under a constant pressure of 100; a pull of 100 lifts one."""
     return touching_blocks(
         materials={"lower": STEEL, "upper": STEEL},
         loads=[Pressure("top", -1.0), Pressure("top", 100.0, constant=True)],
@@ -148,9 +148,9 @@ def parting_blocks() -> Problem:
 
 
 def meets_the_load_that_lifts(found: LimitLoad) -> bool:
-    """Whether bounds are 100 but for RTOL of what bounds that nothing dissipates are measured by.
+    """Return whether bounds are 100 to RTOL times the measure for bounds without dissipation.
 
-    That is a thousandth of the load (:func:`load_factor.measure_of`).
+    This measure is a thousandth of the load (:func:`load_factor.measure_of`).
     """
     assert found.upper is not None
     near = 1e-3 * RTOL * 100
@@ -158,7 +158,7 @@ def meets_the_load_that_lifts(found: LimitLoad) -> bool:
 
 
 def test_bodies_part_at_the_load_that_lifts_what_presses() -> None:
-    """Nothing is dissipated, nothing is left that pushes, and no pair of contact is held."""
+    """Nothing dissipates, no contact force remains, and contact holds no pair."""
     problem = parting_blocks()
     assert meets_the_load_that_lifts(limit_load(problem, RTOL))
     bounds = limit_bounds(problem, 1e-3)
@@ -167,7 +167,7 @@ def test_bodies_part_at_the_load_that_lifts_what_presses() -> None:
 
 
 def test_factors_of_rounding_spoil_no_bound(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If bodies separate, the last K may be singular up to rounding, and balance nothing."""
+    """If bodies separate, the last K may be singular up to rounding, and balance no forces."""
     asked = []
 
     def spoilt(_: NewtonDirections, now: Unknowns) -> Unknowns:
@@ -181,7 +181,10 @@ def test_factors_of_rounding_spoil_no_bound(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_green(shared_tmp_path: Path) -> None:
-    """A dead shear of half of what a strip bears: 4.484019 (A. P. Green, J. Appl. Mech. 1954)."""
+    """A constant shear is half of what a strip carries: 4.484019 (A.
+
+    P. Green, J. Appl. Mech. 1954).
+    """
     exact = 4.484019 * K
     found = adaptive_bounds(footing((0.0, -1.0), (0.5 * K, 0.0)), Adaptation(0.01, 1200))
     assert found.lower.strict
@@ -193,7 +196,10 @@ def test_green(shared_tmp_path: Path) -> None:
 @pytest.mark.long(but=["live1"])
 @pytest.mark.parametrize("live", [(0.0, -1.0), (0.0, 0.0)])
 def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[float, float]) -> None:
-    """A shear of 2k on a strip that bears k: no pressure helps, strengths lack a factor of 2."""
+    """A shear of 2k acts on a strip that carries k.
+
+    No pressure helps: strengths lack a factor 2.
+    """
     problem = footing(live, (2 * K, 0.0))
     found = adaptive_bounds(problem, Adaptation(0.05, 700))
     assert found.body.question is Question.STANDS
@@ -217,7 +223,7 @@ def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[flo
 
 
 def test_a_growing_load_where_nothing_moves(shared_tmp_path: Path, read: Read) -> None:
-    """Weight that a cut does not bear, beside a pressure on ground that rests when it falls."""
+    """A cut cannot carry its weight; a growing pressure acts on ground that does not move then."""
     ground = read(write_vertical_cut, size=0.2, width=1.5, depth=0.5)
     weight = BodyForce("ground", (0.0, -4.4 * K), constant=True)
     held = [Support("sides"), Support("bottom")]
@@ -234,7 +240,7 @@ def test_a_growing_load_where_nothing_moves(shared_tmp_path: Path, read: Read) -
 
 @pytest.mark.serial
 def test_forged_dead_loads(shared_tmp_path: Path) -> None:
-    """The checker finds faults if constant loads were changed."""
+    """The checker finds faults in changed constant loads."""
     import h5py
 
     bounds = limit_bounds(block(1.0, -3.0))
@@ -255,14 +261,14 @@ def test_forged_dead_loads(shared_tmp_path: Path) -> None:
     higher = {**lower, "stress": (1 + 1e-6) * lower["stress"]}
     assert check_lower(higher).faults
     assert any("only" in fault for fault in check_upper({**upper, "bound": -1.01}).faults)
-    # a stress that yields a little cannot be made smaller beside loads that stay
+    # a slightly inadmissible stress cannot be scaled down if loads are constant
     weaker = {**lower, "cone_bound": (1 - 1e-4) * lower["cone_bound"]}
     assert any("times as large" in fault for fault in check_lower(weaker).faults)
 
 
 @pytest.mark.serial
 def test_forged_loads_of_any_factor(shared_tmp_path: Path) -> None:
-    """A mechanism on which loads of any factor do work proves nothing of the others."""
+    """A mechanism on which loads of any factor do work proves nothing for other factors."""
     import h5py
 
     bounds = limit_bounds(footing((0.0, -1.0), (2 * K, 0.0)))
@@ -280,7 +286,7 @@ def test_forged_loads_of_any_factor(shared_tmp_path: Path) -> None:
 
 
 def test_water_on_both_sides_of_a_contact() -> None:
-    """It lifts the upper block by its weight. No load strains a body before that."""
+    """The water lifts the upper block by its weight. No smaller load strains a body."""
     block = VonMises(1e4, 0.3, 10.0)
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, (2, 2), (2, 2), moved_by=0.0),

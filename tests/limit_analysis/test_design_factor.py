@@ -1,4 +1,4 @@
-"""The limit load against a design load, in words."""
+"""Test the text that compares the limit load with a design load."""
 
 import math
 

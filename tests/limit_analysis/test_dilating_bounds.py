@@ -1,4 +1,4 @@
-"""Strict bounds of ground: known limit loads are between them, and the checker agrees."""
+"""Test strict bounds for ground: known limit loads lie between them, and the checker agrees."""
 
 import math
 import os
@@ -61,7 +61,7 @@ def footing(read: Read, angle: float) -> Problem:
 
 
 def proven(low: BodyBounds, high: BodyBounds, path: Path) -> set[str]:
-    """Check what is told as strict from its file, and which halves these are. Collective."""
+    """Check strict bounds from their file, and return the checked halves. Collective."""
     halves = proofs(low, high)
     if halves == (None, None):
         return set()
@@ -75,15 +75,15 @@ def proven(low: BodyBounds, high: BodyBounds, path: Path) -> set[str]:
         if kind == "lower":
             assert half.proven == pytest.approx(bound.value, rel=1e-9)
         else:
-            # what rounding leaves of strains is work that the program alone counts as lost, and
-            # bodies that hardly strain are rigid for the checker alone
+            # the program counts the work of rounding errors in strains as lost, and the checker
+            # treats bodies that hardly strain as rigid
             assert half.proven <= bound.value * (1 + 1e-8)
             assert low.lower.value is None or half.proven >= low.lower.value * (1 - 1e-9)
     return set(checked)
 
 
 def test_a_footing(read: Read, shared_tmp_path: Path) -> None:
-    """Prandtl's load is between the bounds, whose gap the cells' shares add up to."""
+    """Prandtl's load lies between the bounds, and the shares of cells sum to the gap."""
     bounds = limit_bounds(footing(read, 10.0))
     exact = footing_limit(10.0)
     assert bounds.strict
@@ -98,7 +98,7 @@ def test_a_footing(read: Read, shared_tmp_path: Path) -> None:
 
 
 def test_refined_where_the_bounds_say(read: Read) -> None:
-    """The gap is 7 % with 475 cells, where the first mesh of 60 leaves a factor of 2."""
+    """The gap is 7 % with 475 cells; the first mesh of 60 cells leaves a factor of 2."""
     found = adaptive_bounds(footing(read, 20.0), Adaptation(until=0.1, cells=700), 1e-3)
     assert found.lower.strict
     assert found.upper.strict
@@ -109,9 +109,9 @@ def test_refined_where_the_bounds_say(read: Read) -> None:
 
 @pytest.mark.parametrize("angle", [10.0, 40.0])
 def test_a_tube_between_two_polygons(read: Read, shared_tmp_path: Path, angle: float) -> None:
-    """The tube carries what a polygon in it does, and no more than one that it is in.
+    """The tube carries what a polygon inside it carries, and no more than a polygon around it.
 
-    A mechanism that grows between the two does no less work on the tube than on the polygon.
+    A mechanism that dilates between both does at least as much work on the tube as on the polygon.
     """
     low, high = (
         limit_bounds(
@@ -159,7 +159,7 @@ def test_a_sphere_between_two_polyhedra(read: Read, shared_tmp_path: Path, match
 @pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_blocks_in_space(degree: int, shared_tmp_path: Path) -> None:
-    """Uniform stress and strain: both bounds are the load itself, on contact too."""
+    """Uniform stress and strain make both bounds exact, also with contact."""
     mesh = stacked_blocks(COMM, 1)
     problem = Problem(
         mesh,
@@ -178,7 +178,7 @@ def test_blocks_in_space(degree: int, shared_tmp_path: Path) -> None:
 
 
 def test_without_friction_it_is_von_mises(read: Read) -> None:
-    """The bounds of von Mises' body, as the angle tends to 0: on the same mesh to its angle."""
+    """As the angle tends to 0, bounds tend to von Mises bounds on the same mesh."""
     weak = footing(read, 0.05)
     slope, strength = ground(0.05).cone
     equal = VonMises(1e4, 0.3, math.sqrt(3) * strength)
@@ -188,12 +188,12 @@ def test_without_friction_it_is_von_mises(read: Read) -> None:
     assert known.strict
     assert known.upper.value is not None
     assert found.lower.value == pytest.approx(known.lower.value, rel=20 * slope)
-    # the vertices' rule, which its growth costs at least, is some per cent above finer ones here
+    # dilation costs at least the vertex rule, which here gives a few per cent more than finer rules
     assert known.upper.value * (1 - 1e-4) < found.upper.value < 1.06 * known.upper.value
 
 
 def test_a_mechanism_of_points_alone_proves_nothing(read: Read) -> None:
-    """Growth that suffices at inner points does not at vertices, and is not told as strict."""
+    """Dilation may suffice at inner points and not at vertices. The bound is then not strict."""
     problem = footing(read, 20.0)
     bound = strict_upper_bound(problem, limit_load(problem).mechanism)
     assert not bound.strict
@@ -202,9 +202,9 @@ def test_a_mechanism_of_points_alone_proves_nothing(read: Read) -> None:
 
 @pytest.mark.parametrize(("seed", "dim"), STACKS)
 def test_random_stacks(shared_tmp_path: Path, seed: int, dim: int) -> None:
-    """Ground beside steel and what never yields, with contact, planes, weight and shear.
+    """The stacks have ground, steel and elastic bodies, with contact, planes, weight and shear.
 
-    ``PERFPLAST_FUZZ=4`` tries a hundred.
+    ``PERFPLAST_FUZZ=4`` tries a hundred stacks.
     """
     it = stack(seed, dim)
     path = shared_tmp_path / "stack.msh"
@@ -226,7 +226,7 @@ def test_random_stacks(shared_tmp_path: Path, seed: int, dim: int) -> None:
     assert lower is not None
     assert bounds.lower.strict
     expected = {"lower"}
-    if upper is None:  # what confinement carries has no mechanism
+    if upper is None:  # with confinement there is no mechanism
         assert "confined" in bounds.in_words()
     else:
         assert lower <= upper * (1 + 1e-9)
@@ -236,7 +236,7 @@ def test_random_stacks(shared_tmp_path: Path, seed: int, dim: int) -> None:
 
 
 def test_the_law_of_a_cell_is_at_its_vertices(read: Read) -> None:
-    """Rates at the vertices of the mechanism's cells are those that the law admits."""
+    """The law admits the rates at the vertices of the cells of a mechanism."""
     bounds = limit_bounds(footing(read, 30.0))
     points = bounds.problem.Q.element.interpolation_points
     places = points() if callable(points) else points
@@ -245,10 +245,10 @@ def test_the_law_of_a_cell_is_at_its_vertices(read: Read) -> None:
 
 
 def passive_block(comm: MPI.Intracomm, folder: Path, seed: int) -> tuple[Problem, Path]:
-    """Heavy ground with nearly no cohesion that is pushed until it fails, between smooth planes.
+    """Return heavy ground with almost no cohesion that fails in compression between smooth planes.
 
-    The weight acts along −x, and the load, which grows with the depth 1 − x, on the top. Its limit
-    load factor is 1, of W. J. M. Rankine's passive state.
+    The weight acts along −x. The load on the top increases with the depth 1 − x. Its limit load
+    factor is 1, W. J. M. Rankine's passive state.
     """
     random = Random(seed)
     cohesion, angle = random.choice([0.003, 0.01, 0.03]), random.uniform(20.0, 42.0)
@@ -276,7 +276,7 @@ def passive_block(comm: MPI.Intracomm, folder: Path, seed: int) -> tuple[Problem
 def test_ground_whose_cohesion_is_far_below_its_pressures(
     comm: MPI.Intracomm, shared_tmp_path: Path, seed: int
 ) -> None:
-    """Both bounds are at the limit, and the checker proves them."""
+    """Both bounds are close to the limit, and the checker proves them."""
     problem, path = passive_block(comm, shared_tmp_path, seed)
     bounds = limit_bounds(problem)
     low, high = judge(ResultFolder(comm, shared_tmp_path), path, bounds, bounds)

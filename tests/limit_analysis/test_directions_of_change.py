@@ -1,4 +1,4 @@
-"""Along which edges meshes of bounds in space become finer."""
+"""Test along which edges meshes for bounds in 3D are refined."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from tests.models import two_blocks_problem
 
 @pytest.mark.mpi3
 def test_linear_fields_change_along_their_gradients() -> None:
-    """In each cell before it was split, whatever their sizes; a pressure does not count."""
+    """This holds in each cell before the split, for any sizes; a pressure does not count."""
     linear = two_blocks_problem(1)
     problem = Problem(linear.tagged_mesh, **{**vars(linear.given), "degree": 2})
     found = limit_bounds(problem, rtol=0.1)

@@ -1,4 +1,4 @@
-"""Bounds of plane bodies that are meshed apart: cells are divided until facets match."""
+"""Test bounds for separately meshed plane bodies: cells are divided until facets match."""
 
 from pathlib import Path
 from typing import Any
@@ -68,7 +68,7 @@ def test_blocks_that_are_meshed_apart(
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(3))
 def test_both_sides_have_one_set_of_numbers(seed: int) -> None:
-    """Vertices of surfaces that were meshed apart differ by rounding, 3.4e-12, at first."""
+    """Vertices of separately meshed surfaces at first differ by rounding, 3.4e-12."""
     problem = blocks(2 + seed, 3 + seed, "contacts")
     x = problem.tagged_mesh.mesh.geometry.x
     seam = np.abs(x[:, 1] - 1.0) < 1e-9
@@ -77,7 +77,7 @@ def test_both_sides_have_one_set_of_numbers(seed: int) -> None:
     there = with_divided_interfaces(problem).tagged_mesh
     sides = [np.unique(surface_ends(there, name).reshape(-1, 2), axis=0) for name in PAIR]
     assert len(sides[0]) == len(sides[1]) > 4
-    assert np.array_equal(*sides)  # they are copies of each other
+    assert np.array_equal(*sides)  # equal numbers on both sides
 
 
 def test_mortar_contact_that_was_asked_for_is_at_each_point_in_bounds() -> None:
@@ -89,7 +89,7 @@ def test_mortar_contact_that_was_asked_for_is_at_each_point_in_bounds() -> None:
 
 
 def test_as_the_body_whose_nodes_match() -> None:
-    """Pushed aside and pressed on a seam that is inclined: both brackets hold one number."""
+    """A block is pushed and pressed on an inclined seam: both brackets contain the same number."""
     loads = [Pressure("top", 1.0), Traction("top", (0.4, 0.0))]
     apart, matching = (
         adaptive_bounds(
@@ -112,7 +112,7 @@ def test_cells_are_divided_at_the_nodes_of_the_other_side_alone() -> None:
     problem = blocks(2, 3, "contacts")
     finer = with_divided_interfaces(problem)
     cells = [it.tagged_mesh.mesh.topology.index_map(2).size_global for it in (problem, finer)]
-    assert cells[1] == cells[0] + 1 + 2  # the node of one side, the two of the other
+    assert cells[1] == cells[0] + 1 + 2  # one node from one side, two from the other
     assert with_divided_interfaces(finer) is finer
     for name in problem.tagged_mesh.surfaces:
         counts = [
@@ -133,7 +133,7 @@ def test_surfaces_that_do_not_lie_on_each_other_are_left() -> None:
 def tubes(
     folder: Path, finer: float | None, kind: str = "contacts", radius: float = 1.4
 ) -> Problem:
-    """A tube in a tube whose circles are chords of the edges."""
+    """Return a tube in a tube; their circles are replaced by different chords."""
     path = folder / f"{finer}.msh"
     if COMM.rank == 0:
         write_thick_tube(path, outer=2.0, interface=radius, size=0.3, finer=finer)

@@ -1,4 +1,4 @@
-"""How long edges of plane cells count: what changes along them, of the mechanism and the stress."""
+"""Test the metric of edges of plane cells, from changes of mechanism and stress."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def layers(x: Floats) -> Floats:
-    """Layers of y = constant that slide, and do not grow."""
+    """Return layers y = constant that slide without dilation."""
     return np.stack([x[1] + x[1] ** 2, 0.0 * x[0]])
 
 

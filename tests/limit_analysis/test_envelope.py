@@ -1,4 +1,4 @@
-"""Interaction diagrams: exact sets between two proven polygons."""
+"""Test interaction diagrams: exact sets between two proven polygons."""
 
 import math
 from collections.abc import Callable
@@ -36,7 +36,7 @@ ALONG, IN_SHEET = Traction("z1", (0.0, 0.0, 1.0)), Traction("y1", (0.0, 1.0))
 
 @pytest.fixture
 def cube(comm: MPI.Intracomm) -> Problem:
-    """An eighth of a cube that is pulled in two directions: von Mises' ellipse."""
+    """Return an eighth of a cube that is pulled in two directions: von Mises' ellipse."""
     surfaces = [
         Surface(f"{axis}{end}", ("cube",), lambda x, i=i, end=end: x[i] == end)
         for i, axis in enumerate("xyz")
@@ -247,7 +247,7 @@ def test_forces_on_a_rigid_footing() -> None:
 
 @pytest.mark.parametrize("beside", [False, True])
 def test_forces_and_moments_on_a_rigid_footing(beside: bool) -> None:
-    """V and M, or H and M beside a V that stays: closed, and as wide when what acts is mirrored."""
+    """V and M, or H and M with constant V: closed diagrams, and equal gaps for mirrored loads."""
     if beside:
         stays = replace(PUSH, value=(0.0, -2.0), constant=True)
         found = envelope(footing(SHOVE, stays), [[SHOVE], [TURN]], 6, around=True)
@@ -261,7 +261,7 @@ def test_forces_and_moments_on_a_rigid_footing(beside: bool) -> None:
 
 
 def test_forces_and_a_moment_on_a_rigid_footing(tmp_path: Path) -> None:
-    """V, H and M: Green's curve at M = 0, and as wide when what acts is mirrored."""
+    """V, H and M: Green's curve at M = 0, and mirrored loads have equal gaps."""
     given = [[PUSH], [SHOVE], [TURN]]
     found = envelope(footing(PUSH), given, 9, around=(False, True, True))
     assert math.isfinite(found.gap)

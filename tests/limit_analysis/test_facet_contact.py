@@ -1,4 +1,4 @@
-"""Upper bounds of bodies that touch on curved faces: mechanisms that enter no facet."""
+"""Test upper bounds for contact on curved faces: mechanisms penetrate no facet."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -37,7 +37,7 @@ COMM = MPI.COMM_WORLD
 
 @pytest.fixture
 def mesh_of(shared_tmp_path: Path) -> Callable[[Callable[[Path], None]], Path]:
-    """A file that a function writes on one process."""
+    """Return the mesh from a file that a function writes on one process."""
 
     def made(write: Callable[[Path], None]) -> Path:
         path = shared_tmp_path / "bodies.msh"
@@ -50,7 +50,7 @@ def mesh_of(shared_tmp_path: Path) -> Callable[[Callable[[Path], None]], Path]:
 
 
 def write_clamped_pin(path: Path) -> None:
-    """A disk between the halves of a square plate, which touch each other beside it."""
+    """Write a disk between the halves of a square plate, which touch each other beside the disk."""
     with gmsh_session() as gmsh:
         occ, model = gmsh.model.occ, gmsh.model
         halves = [(2, occ.addRectangle(-1, y, 0, 2, 1)) for y in (-1.0, 0.0)]
@@ -94,7 +94,7 @@ def clamped_pin(path: Path) -> Problem:
 
 
 def pin_in_lug(path: Path) -> Problem:
-    """Half a lug, held at its end, and a pin that pulls away from it."""
+    """Return half a lug, held at its end, and a pin that pulls away from it."""
     return Problem(
         read_gmsh(COMM, path),
         {"pin": STEEL, "lug": STEEL},
@@ -169,7 +169,7 @@ def test_bounds_are_proven(
     write: Callable[[Path], None],
     shared_tmp_path: Path,
 ) -> None:
-    """Where the halves meet the pin three bodies meet, whose nodes there move as one."""
+    """Where both halves meet the pin, three bodies meet, and their nodes move together."""
     problem = make(mesh_of(write))
     bounds = limit_bounds(problem)
     assert bounds.strict

@@ -1,4 +1,4 @@
-"""The search for roots of μ over F, on curves that are known."""
+"""Test the search for roots of μ over F, on known curves."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ STEEP = 100.0
 
 
 def bounds(factor: float, kind: str, strict: bool = True) -> Any:
-    """Return bounds of one kind of μ = (1.56/F)^100, as of a slope with hardly any cohesion."""
+    """Return bounds of one kind on μ = (1.56/F)^100, as for a slope with almost no cohesion."""
     none, scope = Bound(None, kind, Scope.MESH), Scope.BODY if strict else Scope.MESH
     found = Bound((ROOT / factor) ** STEEP if strict else None, kind, scope)
     lower, upper = (found, none) if kind == "lower" else (none, found)
@@ -25,7 +25,7 @@ def bounds(factor: float, kind: str, strict: bool = True) -> Any:
 
 @dataclass
 class Known(FactorRoots):
-    """A curve that is known, on a mesh that has strict bounds or none."""
+    """A known curve, on a mesh with or without strict bounds."""
 
     strict: bool = True
 
@@ -35,7 +35,7 @@ class Known(FactorRoots):
 
 
 def curve(factor: float, kind: str, steepness: float, strict: bool = True) -> Known:
-    """Return what is known of a mesh after one bound at some F."""
+    """Return the known data on a mesh after one bound at some F."""
     nothing: Any = None
     found = Known(nothing, 1e-3, None, None, steepness, strict=strict)
     found.keep(factor, bounds(factor, kind, strict), kind)
@@ -49,7 +49,7 @@ def curve(factor: float, kind: str, steepness: float, strict: bool = True) -> Kn
 def test_no_root_is_sought_beyond_a_bound_of_the_other_kind(
     kind: str, factor: float, other: float
 ) -> None:
-    """A steepness that is far too small would lead there."""
+    """A steepness that is much too small would lead beyond this bound."""
     known = curve(factor, kind, steepness=7.0)
     found = known.root(kind, None, other)
     assert found == pytest.approx(ROOT, rel=1.1e-3)

@@ -1,4 +1,4 @@
-"""Limit loads with Tresca's friction, and Drucker's bounds of those with Coulomb's."""
+"""Test limit loads with Tresca friction, and Drucker's bounds with Coulomb friction."""
 
 import math
 from dataclasses import replace
@@ -36,7 +36,7 @@ PLATEN = Elastic(young=206900e3, poisson=0.29)
 
 
 def aside(gdim: int, shear: float, **friction: float) -> Problem:
-    """A block pushed down and aside on another one that was meshed apart."""
+    """Return a block pushed down and aside on another block with a separate mesh."""
     force = [shear * 0.8, shear * 0.6][: gdim - 1] if gdim == 3 else [shear]
     return Problem(
         blocks_apart(MPI.COMM_WORLD, [2] * gdim, [3] * gdim),
@@ -51,7 +51,7 @@ def aside(gdim: int, shear: float, **friction: float) -> Problem:
 @pytest.mark.mpi2("2")
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_cones_of_friction_let_a_block_slide(gdim: int) -> None:
-    """Static and kinematic load meet where the force aside is τ̄A."""
+    """Static and kinematic loads meet where the lateral force is τ̄A."""
     found = limit_load(aside(gdim, 0.25, tresca=10.0), 1e-5)
     assert found.lower <= 40 * (1 + 1e-8)
     assert found.upper is not None
@@ -61,7 +61,7 @@ def test_cones_of_friction_let_a_block_slide(gdim: int) -> None:
 
 @pytest.mark.serial
 def test_path_and_interior_point_agree_where_bodies_flow_and_slip() -> None:
-    """A block under a rough platen: both brackets overlap, above 2k and below that of a tie."""
+    """Both brackets for a block under a rough platen overlap, above 2k and below the tied value."""
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, (3, 2), (2, 1)),
         {"lower": STEEL, "upper": PLATEN},
@@ -70,7 +70,7 @@ def test_path_and_interior_point_agree_where_bodies_flow_and_slip() -> None:
         [Contact("lower_top", "upper_bottom", tresca=0.3 * K)],
         degree=2,
     )
-    problem = with_room_for_stress(problem)  # as bounds of the body do
+    problem = with_room_for_stress(problem)  # as bounds for the body do
     direct, path = (limit_load(problem, 5e-3, method=name) for name in ("interior-point", "path"))
     assert direct.upper is not None
     assert path.upper is not None
@@ -92,7 +92,7 @@ def test_coulombs_friction_has_druckers_bounds_and_no_limit_theorem() -> None:
     rough = limit_load(aside(2, 0.3, tresca=1e4))
     assert bounds.lower == pytest.approx(0.0, abs=1e-6)
     assert bounds.upper is not None
-    assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie holds surfaces together, too
+    assert rough.lower < bounds.upper < 1.2 * rough.lower  # a tie also holds surfaces together
     words = bounds.in_words()
     assert "may slide at any load, as without friction they carry none" in words
     assert (
@@ -122,7 +122,7 @@ def test_elastic_bodies_that_cannot_slip_carry_without_end() -> None:
 
 
 def test_a_block_slides_up_a_slope(comm: MPI.Intracomm) -> None:
-    """NAFEMS CGS-4: F/G = (tan α + μ)/(1 − μ tan α), whatever the elastic bodies are."""
+    """NAFEMS CGS-4: F/G = (tan α + μ)/(1 − μ tan α) for any elastic bodies."""
     angle = math.atan(0.1)
     c, s = math.cos(angle), math.sin(angle)
     problem = Problem(
@@ -149,7 +149,7 @@ def test_a_block_slides_up_a_slope(comm: MPI.Intracomm) -> None:
 
 @pytest.mark.mpi2
 def test_slip_and_friction_are_fields(comm: MPI.Intracomm) -> None:
-    """Friction is τ̄ where all slips, opposite on both surfaces, and adds up to no force."""
+    """Friction is τ̄ if all nodes slip, opposite on both surfaces, and sums to zero."""
     problem: Any = Problem(
         blocks_apart(comm, (2, 2), (3, 3)),
         {"lower": STEEL, "upper": STEEL},

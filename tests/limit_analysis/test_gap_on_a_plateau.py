@@ -1,4 +1,4 @@
-"""Limit loads by a path on which a body is at a limit of its own before a gap closes."""
+"""Test paths to the limit load on which one body reaches its limit before a gap closes."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ GAP = 0.03
 
 @pytest.fixture
 def tubes(shared_tmp_path: Path) -> Problem:
-    """A tube loosely in another one, under pressure from within."""
+    """Return a tube loosely inside another tube, under internal pressure."""
     file = shared_tmp_path / "tubes.msh"
     if MPI.COMM_WORLD.rank == 0:
         write_thick_tube(file, outer=2.0, interface=1.5, size=0.15, finer=4.0)
@@ -34,7 +34,7 @@ def tubes(shared_tmp_path: Path) -> Problem:
 
 
 def test_the_path_goes_through_the_gap(tubes: Problem) -> None:
-    """No leap across the gap, where 39 Newton steps led on this mesh, and none on finer ones."""
+    """The path does not leap across the gap; earlier, 39 Newton steps did so on this mesh."""
     path = limit_load(tubes, method="path")
     direct = limit_load(tubes, method="interior-point")
     assert path.levelled_off
@@ -42,11 +42,11 @@ def test_the_path_goes_through_the_gap(tubes: Problem) -> None:
     assert path.estimate == pytest.approx(direct.estimate, rel=1e-3)
     assert max(level.report.newton_iterations for level in path.levels) <= 30
     plateau = [level.report for level in path.levels if level.report.active_contacts == 0]
-    assert plateau[-1].zeta < 0.6 * path.estimate  # the inner tube alone
+    assert plateau[-1].zeta < 0.6 * path.estimate  # the inner tube only
 
 
 def expanded(problem: Problem, by: float) -> State:
-    """The inner tube moved outwards along radii by so much at the seam, nothing else."""
+    """Return a displacement that only expands the inner tube, by a given amount at the seam."""
     u = fem.Function(problem.V)
     mesh = problem.tagged_mesh
     inner = mesh.cell_tags.find(mesh.volumes["inner_tube"])

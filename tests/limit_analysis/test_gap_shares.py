@@ -1,4 +1,4 @@
-"""Shares of cells in the gap between two bounds, with stresses that are known."""
+"""Test the shares of cells in the gap between two bounds, with known stresses."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.limit_analysis.test_interior_point import BLOCK, COMM, blocks
 @pytest.mark.mpi3("1.0")
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_they_add_up_to_the_gap(share: float) -> None:
-    """Two blocks of the yield stress 300 carry 300, by a uniform stress."""
+    """Two blocks with the yield stress 300 carry 300, by a uniform stress."""
     problem = blocks(BLOCK, BLOCK)
     mechanism = interior_point(problem, 1e-6).mechanism
     upper = strict_upper_bound(problem, mechanism).value

@@ -1,4 +1,4 @@
-"""Bounds of bodies that are tied: as of one body where facets match."""
+"""Test bounds for tied bodies: with matching facets they equal those for one body."""
 
 from pathlib import Path
 

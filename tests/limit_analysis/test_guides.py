@@ -1,4 +1,4 @@
-"""Supports along the normal of flat surfaces: parts of a body have the bounds of the whole."""
+"""Test supports along normals of flat surfaces: parts of a body have the bounds of the whole."""
 
 import math
 from pathlib import Path
@@ -39,7 +39,7 @@ RTOL = 1e-6
 
 
 def tube(n: int, quarter: bool, turned: float = 0.0) -> Problem:
-    """A square tube under pressure from inside, a quarter or an eighth."""
+    """Return a quarter or an eighth of a square tube under internal pressure."""
     normal = "normal" if turned else "y"
     other = Support("x0", "x") if quarter else Support("diagonal", "normal")
     supports = [Support("y0", normal), other]
@@ -48,7 +48,7 @@ def tube(n: int, quarter: bool, turned: float = 0.0) -> Problem:
 
 
 def pressed_cube(octant: bool, turned: float = 0.0) -> Problem:
-    """A cube between rough platens, of which nothing but the force is known."""
+    """Return a cube between rough platens, of which only the force is known."""
     if octant:
         supports = [Support("x0", "x"), Support("y0", "y")]
     else:
@@ -64,7 +64,7 @@ def pressed_cube(octant: bool, turned: float = 0.0) -> Problem:
 
 
 def values(bounds: BodyBounds) -> tuple[float, float]:
-    """Both bounds, which have to be strict."""
+    """Return both bounds, which must be strict."""
     assert bounds.strict, bounds.why_not
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
@@ -146,7 +146,7 @@ def test_planes_may_have_coordinates_of_few_digits_and_several_names() -> None:
 
 
 def rubbing_cube(octant: bool, turned: float = 0.0) -> Problem:
-    """A cube that is pressed on a plane with Tresca's friction."""
+    """Return a cube that is pressed on a plane with Tresca friction."""
     if octant:
         supports = [Support("x0", "x"), Support("y0", "y")]
     else:

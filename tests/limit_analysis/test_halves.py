@@ -1,4 +1,4 @@
-"""Both bounds at once, each on one of two ranks: they are those of both ranks together."""
+"""Test both bounds in parallel, each on one of two ranks, against bounds on both ranks together."""
 
 import signal
 from collections.abc import Callable
@@ -39,7 +39,7 @@ from tests.models import touching_blocks, write_case
 COMM = MPI.COMM_WORLD
 RTOL = 1e-6
 
-pytestmark = [  # all of them on two ranks, and on no other number
+pytestmark = [  # all tests run on two ranks, and on no other number
     pytest.mark.mpi2,
     pytest.mark.skipif(COMM.size != 2, reason="two ranks share the bounds"),
 ]
@@ -62,14 +62,14 @@ def numbers(told: list[InteriorStep]) -> list[int]:
 
 
 def seek_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However small the mesh is."""
-    module = import_module(limit_bounds.__module__)  # has the name of the function
+    """Allow parallel bounds on small meshes."""
+    module = import_module(limit_bounds.__module__)  # the module and its function have one name
     monkeypatch.setattr(module, "pays", lambda *_: True)
 
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both bounds are sought at once however small the mesh is."""
+    """Compute both bounds in parallel on any mesh."""
     seek_at_once(monkeypatch)
 
 
@@ -78,7 +78,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_they_are_those_of_both_ranks(
     case: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The checker proves what the file has of them."""
+    """The checker proves the bounds in the file."""
     problem = CASES[case]()
     together = limit_bounds(problem, RTOL)
     seek_at_once(monkeypatch)
@@ -88,8 +88,8 @@ def test_they_are_those_of_both_ranks(
     assert (bounds.question is Question.STANDS) == (case in ("falls", "stands"))
     for one, other in ((bounds.lower, together.lower), (bounds.upper, together.upper)):
         assert one.strict
-        # The upper bound of "weight" was seen to scatter by 4e-6 between numbers of ranks and
-        # libraries, with rtol = 1e-6 and 1e-8 alike.
+        # The upper bound for "weight" scattered by 4e-6 between numbers of ranks and libraries,
+        # with rtol = 1e-6 and 1e-8.
         scatter = 1e-5 if case == "weight" and one is bounds.upper else 2 * RTOL
         assert one.value == pytest.approx(other.value, rel=scatter)
     assert len(told) >= bounds.steps
@@ -106,7 +106,7 @@ def test_they_are_those_of_both_ranks(
 
 @pytest.mark.usefixtures("at_once")
 def test_fields_are_handed_back() -> None:
-    """The mechanism's work is its bound, and shares add up to what the bounds are apart."""
+    """The work of the mechanism is its bound, and the shares sum to the gap."""
     problem = touching_blocks(loads=[Traction("top", (0.3, 0.0, -1.0))], degree=2)
     found = halves_at_once(problem, problem, RTOL, None)
     assert found is not None
@@ -127,7 +127,7 @@ def test_fields_are_handed_back() -> None:
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("half", ["form_that_fits", "interior_point"])
 def test_a_half_that_does_not_fit(half: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Then both ranks seek one bound after the other."""
+    """Both ranks then compute one bound after the other."""
 
     def refuse(*_: object) -> None:
         raise TooLarge("a half does not fit")
@@ -141,7 +141,7 @@ def test_a_half_that_does_not_fit(half: str, monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("half", ["form_that_fits", "interior_point"])
 def test_what_one_rank_refuses(half: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both do, in the same words."""
+    """Both ranks refuse in the same words."""
 
     def refuse(*_: object) -> None:
         raise InputError(f"refused by rank {COMM.rank}")
@@ -153,13 +153,13 @@ def test_what_one_rank_refuses(half: str, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 class Enough(StopSearch):
-    """The monitor has seen enough."""
+    """The monitor stops the search."""
 
 
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_a_search_that_is_stopped(share: float) -> None:
-    """Both halves end, and what is known of the limit load is on both ranks."""
+    """Both halves end, and both ranks have the known bounds on the limit load."""
     problem, every, told = touching_blocks(degree=2), list[InteriorStep](), list[InteriorStep]()
     limit_bounds(problem, 1e-6, every.append)
 
@@ -182,7 +182,7 @@ def test_a_search_that_is_stopped(share: float) -> None:
 def test_a_signal_that_reaches_one_rank(
     rank: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Both end after that step, in order."""
+    """Both ranks end after this step, in order."""
     text = BLOCKS.replace('control = "work"', 'control = "bounds"')
     case = write_case(COMM, shared_tmp_path / "case.toml", text.replace('until = "limit"\n', ""))
     results, plain = shared_tmp_path / "results", Recorder.interior
@@ -203,7 +203,7 @@ def test_a_signal_that_reaches_one_rank(
 
 
 def test_few_cells_are_not_worth_a_copy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor are there copies of what linear elements move, or where memory is short."""
+    """No copies are made for linear elements either, or if memory is short."""
     few, more = (touching_blocks(stacked_blocks(COMM, n), degree=2) for n in (2, 3))
     assert not halves.pays(few, few)
     assert halves.pays(more, more)

@@ -1,4 +1,4 @@
-"""Stiff bodies that supports hold against their loads are named where nothing limits these."""
+"""Test that the program names stiff bodies whose supports carry loads that nothing limits."""
 
 from collections.abc import Callable
 
@@ -31,7 +31,7 @@ def wall(
     wide: float = 0.5,
     high: int = 2,
 ) -> Problem:
-    """A stiff wall beside ground, glued to it, on a bottom that is held from some place on."""
+    """Return a stiff wall glued to ground; the bottom is held from a given place on."""
     sides = {
         "left": lambda x: x[0] < 1e-9,
         "right": lambda x: x[0] > 2 - 1e-9,

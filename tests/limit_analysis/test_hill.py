@@ -1,4 +1,4 @@
-"""Limit loads and strict bounds of rolled metal: exact blocks, along paths and by bounds."""
+"""Test limit loads and strict bounds for rolled metal: exact blocks, paths and bounds."""
 
 import math
 from pathlib import Path
@@ -56,9 +56,9 @@ def proven(bounds: BodyBounds, path: Path) -> None:
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_pressed_flat(shared_tmp_path: Path, turned: bool) -> None:
-    """Between smooth platens in plane strain; axes may be turned with their ratios."""
+    """Return a block between smooth platens in plane strain; its axes may be interchanged."""
     sheet = SHEET
-    if turned:  # its first axis along y
+    if turned:  # the first axis is along y
         sheet = Hill(2e5, 0.3, YIELD, ALONG["y"], ALONG["x"], ALONG["z"], 0.8, 1.1, 1.3, 90.0)
     path = shared_tmp_path / "stack.msh"
     if COMM.rank == 0:
@@ -90,7 +90,7 @@ def blocks(lower: object, degree: int = 2) -> Problem:
 
 
 def up() -> Hill:
-    """Loaded along z as the sheet is along y."""
+    """Return a block that is loaded along z, which is the y axis of the sheet."""
     return Hill(2e5, 0.3, YIELD, ALONG["x"], ALONG["z"], ALONG["y"], 1.3, 0.8, 1.1)
 
 
@@ -126,7 +126,7 @@ def test_equal_ratios_are_von_mises(read: Read) -> None:
 
 
 def test_a_footing_on_turned_sheet(read: Read, shared_tmp_path: Path) -> None:
-    """Shear and normal stresses of the axes are mixed: bounds, their shares and the checker."""
+    """The axes mix shear and normal stresses: test bounds, their shares and the checker."""
     mesh = read(write_strip_footing, width=4.0, depth=2.0, grading=1.0, size=0.5)
     supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
     sheet = Hill(2e5, 0.3, YIELD, 1.0, 0.953, 1.195, 0.8, 1.3, 1.1, 25.0)

@@ -1,4 +1,4 @@
-"""Rock of Hoek and Brown: limit loads, strict bounds, their proofs, and a strip footing."""
+"""Test Hoek–Brown rock: limit loads, strict bounds, their proofs, and a strip footing."""
 
 import math
 from pathlib import Path
@@ -34,13 +34,13 @@ WEAK = HoekBrown(1e4, 0.25, compressive_strength=30.0, m_b=0.6, s=1e-4)
 
 
 def compressed(rock: HoekBrown, lateral: float) -> float:
-    """The criterion as published, with pressure positive."""
+    """Return the strength by the published criterion, with pressure positive."""
     ci = rock.compressive_strength
     return lateral + math.sqrt(rock.m_b * ci * lateral + rock.s * ci**2)
 
 
 def pulled(rock: HoekBrown) -> float:
-    """σ₁ with σ₃ = 0: σ₁² = σ_ci (sσ_ci − mσ₁)."""
+    """Return σ₁ for σ₃ = 0: σ₁² = σ_ci (sσ_ci − mσ₁)."""
     m, ci = rock.m_b, rock.compressive_strength
     return ci / 2 * (math.sqrt(m**2 + 4 * rock.s) - m)
 
@@ -68,9 +68,9 @@ def test_a_block(
 
 
 def bearing_strength(rock: HoekBrown) -> float:
-    """A strip on weightless rock: the fan of slip lines.
+    """Return the strength of a strip footing on weightless rock, from the fan of slip lines.
 
-    With R(p) and sin φ = −dR/dp the mean pressure grows by 2R/cos φ per angle; for the parabola the
+    With R(p) and sin φ = −dR/dp the mean pressure grows by 2R/cos φ per angle. For the parabola the
     angle is the change of (cot φ + ln cot φ/2)/2 (A. Serrano, C. Olalla, Int. J. Rock Mech. Min.
     Sci. 31 (1994), 93).
     """
@@ -79,14 +79,14 @@ def bearing_strength(rock: HoekBrown) -> float:
         return (1 / math.tan(phi) - math.log(math.tan(phi / 2))) / 2
 
     k, ci = rock.curvature, rock.compressive_strength
-    first = math.asin(k / (k + ci * math.sqrt(rock.s)))  # under the free surface σ₁ = 0
+    first = math.asin(k / (k + ci * math.sqrt(rock.s)))  # σ₁ = 0 below the free surface
     last = brentq(lambda phi: turned(phi) - turned(first) - math.pi / 2, 1e-9, first, xtol=1e-15)
     pressure = k / 4 / math.sin(last) ** 2 - k / 4 - rock.tension
     return float(pressure + k / 2 * (1 / math.sin(last) - 1))
 
 
 def footing(rock: HoekBrown, cells: tuple[int, int] = (8, 5)) -> Problem:
-    """Half of a strip of width 2 on rock 5 deep and 8 wide."""
+    """Return half a strip of width 2 on rock 5 deep and 8 wide."""
     surfaces: dict[str, Any] = {
         "left": lambda x: x[0] < 1e-9,
         "right": lambda x: x[0] > 8 - 1e-9,
@@ -115,7 +115,7 @@ def test_both_solvers_find_the_limit_load_of_a_footing() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("rock", [ROCK, WEAK])
 def test_a_strip_footing(shared_tmp_path: Path, rock: HoekBrown) -> None:
-    """The bracket contains the slip-line solution, and is proven."""
+    """The bracket contains the slip-line solution, and the checker proves it."""
     meshes = adaptive_bounds(footing(rock), Adaptation(0.03, cells=2500))
     lower, upper = meshes.lower.value, meshes.upper.value
     assert lower is not None and upper is not None

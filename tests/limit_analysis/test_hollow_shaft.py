@@ -1,4 +1,4 @@
-"""A thin hollow shaft under tension and torsion: von Mises' ellipse between two proven polygons."""
+"""Test a thin hollow shaft under tension and torsion: the ellipse lies between proven polygons."""
 
 import math
 
@@ -18,11 +18,11 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 Y = 300.0
 STEEL = VonMises(2e5, 0.3, Y)
 PLATES, THICK, LONG = 8, 0.1, 3.0
-"""Number of walls, thickness and length; the middle of a wall is at distance 1 from the axis."""
+"""Number of walls, thickness and length; the middle of a wall has the distance 1 from the axis."""
 
 
 def shaft(comm: MPI.Intracomm, layers: int, across: int = 1) -> TaggedMesh:
-    """A tube of flat walls, in which no cell is in two of them.
+    """Return a tube of flat walls; no cell belongs to two walls.
 
     Args:
         comm: Of the mesh.
@@ -33,7 +33,7 @@ def shaft(comm: MPI.Intracomm, layers: int, across: int = 1) -> TaggedMesh:
     box = Box("shaft", (0, 0, 0), (around, 1, layers), (around, 1, layers))
     every = np.arange(box.num_vertices if comm.rank == 0 else 0)
     i, j, k = np.unravel_index(every, [count + 1 for count in box.counts], order="F")
-    number = i % around + around * (j + 2 * k)  # the last column is the first one
+    number = i % around + around * (j + 2 * k)  # the last column equals the first column
     cells = number[box.tetrahedra(np.arange(box.num_cubes))] if comm.rank == 0 else None
     cells = np.zeros((0, 4), dtype=np.int64) if cells is None else cells
     kept = i < around
@@ -81,7 +81,7 @@ def shaft(comm: MPI.Intracomm, layers: int, across: int = 1) -> TaggedMesh:
 
 
 def loads() -> tuple[list[Traction], list[Traction]]:
-    """Tension to Y, and shear stresses along the walls to Y/√3."""
+    """Return tension up to Y, and shear stresses up to Y/√3 along the walls."""
     pull, twist = [], []
     for one in range(PLATES):
         middle = 2 * math.pi * (one + 0.5) / PLATES
@@ -94,8 +94,10 @@ def loads() -> tuple[list[Traction], list[Traction]]:
 
 
 def test_an_ellipse_is_between_the_polygons(comm: MPI.Intracomm) -> None:
-    """Equal walls in tension and in shear along them carry (N/N₀)² + (T/T₀)² = 1, whatever their
-    number: shear stresses are in balance where walls meet in the middle of their corner."""
+    """Equal walls under tension and shear carry (N/N₀)² + (T/T₀)² = 1 for any number of walls.
+
+    Shear stresses balance where walls meet in the middle of their corner.
+    """
     mesh = shaft(comm, 3)
     pull, twist = loads()
     problem = Problem(mesh, {"shaft": STEEL}, [Support("bottom")], pull, degree=2)
@@ -106,4 +108,4 @@ def test_an_ellipse_is_between_the_polygons(comm: MPI.Intracomm) -> None:
     for angle in np.arange(0.0, 91.0).tolist():
         assert found.inner(angle) <= 1 + 1e-4
         assert found.outer(angle) >= 1 - 1e-9
-    assert found.gap < 0.25  # three directions alone leave 1/cos²(π/8) - 1 = .172
+    assert found.gap < 0.25  # three directions leave 1/cos²(π/8) - 1 = .172

@@ -1,4 +1,4 @@
-"""The interior point method: exact limit loads, bounds that are proven anew, and verdicts."""
+"""Test the interior point method: exact limit loads, independently proven bounds, and verdicts."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -56,7 +56,7 @@ RIGID = Elastic(young=2e5, poisson=0.3)
 
 
 def made(path: Path, write: Callable[..., None], **arguments: object) -> TaggedMesh:
-    """A mesh of a generator, on all ranks."""
+    """Return the mesh of a generator, on all ranks."""
     file = path / "mesh.msh"
     if COMM.rank == 0:
         write(file, **arguments)
@@ -65,7 +65,7 @@ def made(path: Path, write: Callable[..., None], **arguments: object) -> TaggedM
 
 
 def footing(path: Path, punch: bool = False) -> Problem:
-    """Half a strip footing, 353 cells, under pressure or an elastic punch in contact."""
+    """Return half a strip footing, 353 cells, under pressure or an elastic punch in contact."""
     mesh = made(path, write_strip_footing, size=0.4, punch=punch)
     supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
     materials = {"ground": SOIL} | ({"punch": RIGID} if punch else {})
@@ -75,7 +75,7 @@ def footing(path: Path, punch: bool = False) -> Problem:
 
 
 def blocks(lower: Material, upper: Material, pressure: float = 1.0) -> Problem:
-    """Two quadratic blocks on rollers, the upper one held by contact alone."""
+    """Return two quadratic blocks on rollers; only contact holds the upper block."""
     return Problem(
         stacked_blocks(COMM, 2, heights=(0.7, 1.2)),
         {"lower": lower, "upper": upper},
@@ -87,7 +87,7 @@ def blocks(lower: Material, upper: Material, pressure: float = 1.0) -> Problem:
 
 
 def proven(problem: Problem, limit: LimitLoad, materials: Mapping[str, Material]) -> float:
-    """Show the bounds from the fields that were returned and from them alone; the estimate."""
+    """Prove the bounds from the returned fields only, and return the estimate."""
     assert limit.verdict is Verdict.FOUND
     assert len(limit.steps) <= 30
     assert limit.factorisations is not None
@@ -103,7 +103,7 @@ def proven(problem: Problem, limit: LimitLoad, materials: Mapping[str, Material]
             1 / material.yield_radius if isinstance(material, VonMises) else 0.0
         )
 
-    # static: within yield, and contact forces that push balance what is left
+    # static: an admissible stress, and compressive contact forces that balance the remainder
     comm, dx = problem.comm, problem.dx
     assert limit.stress is not None
     assert limit.contact_forces is not None
@@ -116,7 +116,7 @@ def proven(problem: Problem, limit: LimitLoad, materials: Mapping[str, Material]
     assert (limit.contact_forces >= 0).all()
     assert limit.unbalanced < 1e-9
 
-    # kinematic: L(v) = 1, no volume change and no strain of elastic bodies, no entering
+    # kinematic: L(v) = 1, no volume change, no strain in elastic bodies, no penetration
     v = limit.mechanism
     assert problem.loads.alpha(v.x.petsc_vec) == pytest.approx(1, rel=1e-9)
     rate = problem.kinematics.strain(v)
@@ -144,7 +144,7 @@ def test_a_punch_on_a_base() -> None:
 def test_a_plate_of_linear_elements() -> None:
     problem = l_plate_problem(1)
     found = proven(problem, interior_point(problem), {"plate": STEEL})
-    assert found == pytest.approx(1.299038, rel=1e-5)  # loading by α: 1.29901
+    assert found == pytest.approx(1.299038, rel=1e-5)  # loading by α gives 1.29901
 
 
 def test_a_footing_in_few_factorisations(shared_tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_a_tube_in_a_tube(shared_tmp_path: Path, degree: int, order: int) -> Non
     )
     found = proven(problem, interior_point(problem), materials)
     exact = 2 * 250.0 / math.sqrt(3) * math.log(OUTER)
-    assert found == pytest.approx(exact, rel=2e-3 if degree == 2 else 0.1)  # linear ones lock
+    assert found == pytest.approx(exact, rel=2e-3 if degree == 2 else 0.1)  # linear elements lock
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -194,7 +194,7 @@ def test_a_block_on_a_rigid_plane(shared_tmp_path: Path, degree: int) -> None:
 
 
 def test_blocks_in_space_in_contact() -> None:
-    """The upper one lies partly open on the lower one."""
+    """The upper block lies partly open on the lower block."""
     materials: dict[str, Material] = {"lower": STEEL, "upper": STEEL}
     problem = Problem(
         two_blocks(COMM, 2),
@@ -251,14 +251,14 @@ def test_a_tolerance_is_reached_and_steps_are_told() -> None:
     [
         (lambda comm: l_plate_problem(1, comm), 1e-8),
         (lambda comm: two_blocks_problem(2, comm=comm), 1e-8),
-        (lambda comm: punch_problem(2, comm=comm), 1e-6),  # many stresses lead to its limit load
+        (lambda comm: punch_problem(2, comm=comm), 1e-6),  # many stresses have this limit load
     ],
     ids=["plate", "blocks", "punch"],
 )
 def test_every_number_of_ranks_finds_the_same(
     make: Callable[[MPI.Intracomm], Problem], share: float
 ) -> None:
-    """Each rank alone, and all together."""
+    """Each rank alone and all ranks together find the same."""
     alone, together = interior_point(make(MPI.COMM_SELF)), interior_point(make(COMM))
     assert alone.lower == pytest.approx(together.lower, rel=share)
     assert alone.upper == pytest.approx(together.upper, rel=share)
@@ -316,7 +316,7 @@ def test_linear_elements_that_lock(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("lower", "most"), [(BLOCK, 20), (RIGID, 40)])
 def test_loads_that_meet_no_resistance(lower: Material, most: int) -> None:
-    """The upper block is lifted as it is, so that its strain rate is rounding."""
+    """The upper block moves up rigidly, so its strain rate is a rounding error."""
     limit = interior_point(blocks(lower, BLOCK, pressure=-1.0))
     assert limit.verdict is Verdict.NO_RESISTANCE
     assert "no stress can carry" in limit.reason
@@ -334,7 +334,7 @@ def test_a_tolerance_must_be_one(rtol: float) -> None:
 def test_an_earlier_iterate_gives_the_mechanism_if_the_last_one_has_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where sand on clay dilates, later iterates may be too close to the edges of their cones."""
+    """Where sand on clay dilates, later iterates may be too close to the edges of the cones."""
     rtol, clay = 1e-3, footing(tmp_path)
     ground = DruckerPrager(1e4, 0.3, 10.0, 20.0, "plane-strain")
     problem = variant(clay, materials={"ground": ground})

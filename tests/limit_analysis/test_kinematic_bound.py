@@ -1,4 +1,4 @@
-"""The upper bound on the limit load: its value, why there is none, and what it leaves behind."""
+"""Test the upper bound on the limit load: its value, reasons without one, and clean-up."""
 
 from typing import Any
 
@@ -39,7 +39,7 @@ def blocks(lower: Material, upper: Material, degree: int = 1) -> Problem:
 
 
 def bound(problem: Problem) -> limit_judge.MechanismBound:
-    """From the elastic displacement."""
+    """Return the bound from the elastic displacement."""
     state = Newton(problem).solve(1.0).state
     return limit_judge.dissipation_bound(problem, state.u, state)
 
@@ -82,7 +82,7 @@ def test_why_there_is_none(
 
 @pytest.fixture(params=[-1.0, pytest.param(1.0, marks=pytest.mark.serial)])
 def short_of_memory(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
-    """Factors do not fit by MUMPS's analysis, or do not in the end (MB)."""
+    """Factors do not fit according to MUMPS's analysis, or finally do not fit (MB)."""
     monkeypatch.setattr(viscous_flow, "LARGE", 10)
     for module in (viscous_flow, factorisation):
         monkeypatch.setattr(module, "spare_memory", lambda comm: request.param)
@@ -100,7 +100,7 @@ def test_flows_whose_factors_do_not_fit_are_iterated(degree: int) -> None:
 
 @pytest.mark.parametrize("iterated", [False, True])
 def test_pairs_that_seem_to_close(monkeypatch: pytest.MonkeyPatch, iterated: bool) -> None:
-    """Where a solution leaves some residual, those near to it are held at once."""
+    """If a solution leaves a residual, pairs close to contact are held at once."""
     problem = blocks(WEAK, WEAK)
     flow = viscous_flow.ViscousFlow(problem)
     if iterated:
@@ -124,7 +124,7 @@ def test_pairs_that_seem_to_close(monkeypatch: pytest.MonkeyPatch, iterated: boo
 
 @pytest.mark.parametrize("exact", [1e-11, -1.0])
 def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: float) -> None:
-    """Whether there is a bound or not."""
+    """Objects of PETSc are destroyed with or without a bound."""
     made: list[Any] = []
     prefixes: list[str] = []
     create, own_prefix = viscous_flow.create_stiffness, viscous_flow.own_prefix
@@ -151,7 +151,7 @@ def test_what_petsc_made_is_destroyed(monkeypatch: pytest.MonkeyPatch, exact: fl
 
 @pytest.mark.parametrize("bend", [0.0, 0.3])
 def test_a_velocity_near_a_mechanism_gives_a_bound(bend: float) -> None:
-    """Both blocks yield at the pressure 300; what is bent costs more."""
+    """Both blocks yield at the pressure 300; a bent velocity dissipates more."""
     problem = stack_problem(2)
     v = fem.Function(problem.V)
     v.interpolate(lambda x: np.array([x[0], x[1], -2 * x[2] + bend * np.sin(9 * x[0]) * x[2]]))

@@ -1,4 +1,4 @@
-"""Limit loads against exact ones, and searches that find none."""
+"""Test limit loads against exact ones, and searches without a result."""
 
 import logging
 import math
@@ -101,7 +101,7 @@ def test_limit_load_of_a_block_held_by_contact_alone() -> None:
 
 @pytest.mark.serial
 def test_shells_of_two_steels_end_with_a_bracket(read: Read) -> None:
-    """They creep up to their limit load, which a path once called none at all."""
+    """They creep up to their limit load; a path once reported no limit load."""
     problem = Problem(
         read(write_thick_sphere, interface=1.5, size=0.35, order=2),
         {
@@ -208,7 +208,7 @@ def test_large_problems_are_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_path_is_followed_where_no_factorisation_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By itself, or told so by whoever asks for the other method."""
+    """The program selects the path itself, or says so if the case selects the other method."""
     problem = stack_problem(1)
     monkeypatch.setattr(factorisation, "has_memory", lambda comm, needed: (False, 2e10, 1e10))
     found = limit_load(problem)

@@ -1,7 +1,8 @@
-"""Bounds of the body under tractions that are linear on facets: formulas such as water's pressure.
+"""Test bounds for tractions that are linear on facets, such as a water pressure.
 
-A block stands in water between smooth planes: the water's pressure and the block's buoyancy do no
-work on flows that keep the volume, so that a piston's pressure on top collapses it as if in air.
+A block stands in water between smooth planes. The water pressure and the buoyancy of the block do
+no work on flows that preserve volume. So the block collapses under a piston's pressure on top at
+the same pressure as in air.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,7 @@ SOIL = VonMises(young=1e3, poisson=0.3, yield_stress=3**0.5)
 DEEP = 3.0
 """Height of the water above the bottom."""
 WEIGHT = 0.7
-"""Weight of the water per volume."""
+"""Unit weight of the water."""
 SQUARE = {
     "left": lambda x: x[0] < 1e-9,
     "bottom": lambda x: x[1] < 1e-9,
@@ -47,7 +48,7 @@ SQUARE = {
 
 
 def cube(n: int) -> TaggedMesh:
-    """The unit cube, with surfaces x0, y0, z0, x1, y1 and z1."""
+    """Return the unit cube, with surfaces x0, y0, z0, x1, y1 and z1."""
     mesh = create_box(
         COMM, [(0, 0, 0), (1, 1, 1)], (n, n, n), CellType.tetrahedron, ghost_mode=GhostMode.none
     )
@@ -71,7 +72,7 @@ def cube(n: int) -> TaggedMesh:
 
 
 def in_water(sides: Sequence[Load], n: int = 3, shake: float = 0.2) -> Problem:
-    """A square block, with the pressure 1 and the water's on top."""
+    """Return a square block, with the pressure 1 and the water pressure on top."""
     mesh = rectangle((n, n), (1.0, 1.0), {"block": lambda x: x[0] < 2}, SQUARE, shake)
     loads = [
         Pressure("top", 1.0 + WEIGHT * (DEEP - 1.0)),
@@ -111,7 +112,7 @@ def test_a_cube_in_water(shared_tmp_path: Path) -> None:
 
 
 def proven(bounds: object, path: Path, exact: float) -> None:
-    """Both bounds are strict, meet at a load, and a checker that shares no code agrees."""
+    """Both bounds are strict and meet at one load, and an independent checker agrees."""
     assert bounds.strict, bounds.why_not
     assert bounds.lower.value <= exact * (1 + 1e-9)
     assert bounds.upper.value >= exact * (1 - 1e-9)
@@ -124,14 +125,14 @@ def proven(bounds: object, path: Path, exact: float) -> None:
 
 
 def test_bending_by_a_linear_traction() -> None:
-    """The traction that bends a bar is linear over its end, whose edge carries at most 2k."""
+    """The traction that bends a bar is linear over the end, whose edge carries at most 2k."""
     mesh = rectangle((6, 4), (2.0, 1.0), {"block": lambda x: x[0] < 3}, ENDS)
     loads = [Traction("right", ("2*y - 1", 0.0))]
     problem = Problem(mesh, {"block": SOIL}, [Support("left")], loads, degree=2)
     bounds = limit_bounds(problem)
     assert bounds.strict
     assert bounds.lower.value == pytest.approx(2.0, rel=1e-4)
-    assert 2.0 <= bounds.upper.value < 3.1  # as a whole it bends at 3
+    assert 2.0 <= bounds.upper.value < 3.1  # the whole bar bends at 3
 
 
 ENDS = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 2 - 1e-9}
@@ -159,7 +160,7 @@ def test_water_alone_limits_nothing() -> None:
     ],
 )
 def test_what_is_linear_on_facets(value: str, linear: bool) -> None:
-    """Vertices are at halves: there a kink does no harm."""
+    """Vertices are at multiples of 1/2: a kink there causes no error."""
     problem = in_water([Pressure("right", value)], n=2, shake=0.0)
     if linear:
         assert limit_bounds(problem).strict

@@ -1,4 +1,4 @@
-"""Corners of one cell: those that could carry no load are divided, and no others."""
+"""Test corners of one cell: the program divides only those that could not carry loads."""
 
 from mpi4py import MPI
 
@@ -25,12 +25,12 @@ CELLS = 8
 
 
 def square(comm: MPI.Intracomm, load: Load) -> Problem:
-    """Triangles alone in the corners at the right of the top and at the left of the bottom."""
+    """Return a square with lone triangles in the top right and the bottom left corner."""
     return Problem(quarters(comm), {"block": SOIL}, [Support("bottom")], [load], degree=2)
 
 
 def count(problem: Problem) -> int:
-    """Cells of all ranks."""
+    """Return the number of cells on all ranks."""
     number: int = problem.tagged_mesh.mesh.topology.index_map(2).size_global
     return number
 
@@ -39,11 +39,11 @@ def count(problem: Problem) -> int:
 def test_shear_beside_a_free_side(comm: MPI.Intracomm) -> None:
     problem = square(comm, Traction("top", (1.0, 0.0)))
     bounds = limit_bounds(problem)
-    assert count(bounds.problem) == CELLS + 2  # with the cell beyond the edge that is cut
+    assert count(bounds.problem) == CELLS + 2  # and the cell across the cut edge
     assert bounds.strict
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
-    assert 0.1 * K < bounds.lower.value < K  # sheared all through it would carry K
+    assert 0.1 * K < bounds.lower.value < K  # uniform shear would carry K
     assert bounds.lower.value < bounds.upper.value
     adapted = adaptive_bounds(problem, Adaptation(until=0.5, cells=2 * CELLS))
     assert adapted.rounds[0].lower == pytest.approx(bounds.lower.value, rel=1e-8)
@@ -56,7 +56,7 @@ def test_what_one_cell_carries_is_left_alone(comm: MPI.Intracomm) -> None:
 
 
 def test_the_parts_of_a_cell_in_space_bear_any_tractions_in_its_corners() -> None:
-    """The matrix of tractions at a vertex, on facets of the cell and between its parts."""
+    """Test the matrix of tractions at a vertex, on facets of the cell and between its parts."""
     layout = cell_layout(3)
     axes = np.tile(np.eye(3), (1, 4, 1, 1))
     random = np.random.default_rng(1)

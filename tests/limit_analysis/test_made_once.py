@@ -1,4 +1,4 @@
-"""The data of bounds are computed once for each mesh, and the proof file uses them."""
+"""Test that data for bounds are computed once for each mesh, and that the proof file uses them."""
 
 import gc
 from collections import Counter
@@ -31,14 +31,14 @@ FACTS: dict[str, tuple[ModuleType, str]] = {
     "strains of the program": (discrete_limit, "PointStrains"),
     "strains of the mechanism": (cell_dissipation, "PointStrains"),
 }
-"""By fact, a function that is called whenever it is made."""
+"""By fact, the function that computes it."""
 
 SEARCHED = {"cones": 2, "facets in contact": 2}
-"""Facts of a problem: the one that is searched has other contact rows than the given one."""
+"""Facts of a problem; the problem of the search has other contact rows than the given problem."""
 
 
 def mesh_of(it: Problem | Mesh) -> Mesh:
-    """That of a problem, or itself."""
+    """Return the mesh of a problem, or a mesh itself."""
     return it.tagged_mesh.mesh if isinstance(it, Problem) else it
 
 

@@ -1,4 +1,4 @@
-"""Ranks that work by themselves tell each other of their steps, and end together."""
+"""Test ranks that work independently: they exchange their steps, and end together."""
 
 from dataclasses import replace
 
@@ -18,11 +18,11 @@ pytestmark = pytest.mark.mpi3
 
 
 class Enough(StopSearch):
-    """The monitor has seen enough."""
+    """The monitor stops the search."""
 
 
 def work(meeting: Meeting) -> None:
-    """Each rank takes two steps more than the one before it."""
+    """Each rank takes two steps more than the previous rank."""
     for number in range(3 + 2 * COMM.rank):
         if meeting.monitor is not None:
             meeting.monitor(replace(STEP, number=number + 1, load=float(COMM.rank)))
@@ -44,7 +44,7 @@ def test_nobody_meets_where_nobody_is_told() -> None:
 
 
 def test_who_waits_is_stopped_too() -> None:
-    """The last rank alone is still at work when it is stopped."""
+    """Only the last rank is still working when it is stopped."""
 
     def stop(step: InteriorStep) -> None:
         if step.number == 3 + 2 * (COMM.size - 1):

@@ -1,4 +1,4 @@
-"""Strengths far apart, and loads that nothing, or nearly nothing, bounds."""
+"""Test strengths of very different size, and loads that nothing, or almost nothing, limits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,7 +30,7 @@ COMM = MPI.COMM_WORLD
 
 
 def columns(yields: Sequence[float], n: int = 4) -> Problem:
-    """Columns of one mesh, 1 wide and 1 high, that an elastic platen pushes together."""
+    """Return columns of one mesh, 1 wide and 1 high, that an elastic platen compresses."""
     count = len(yields)
     volumes = {
         f"column{i}": lambda x, i=i: (x[0] > i) & (x[0] < i + 1) & (x[1] < 1)  # type: ignore[misc]
@@ -54,7 +54,7 @@ def columns(yields: Sequence[float], n: int = 4) -> Problem:
 
 
 def both(bounds: BodyBounds) -> tuple[float, float]:
-    """The bounds, which there must be, strict ones but for what rounding leaves of balance."""
+    """Return both bounds, which must exist and be strict up to rounding of the balance."""
     assert bounds.upper.strict
     assert bounds.lower.strict or "unbalanced forces by rounding" in bounds.why_not[0]
     assert bounds.lower.value is not None
@@ -84,16 +84,16 @@ def test_strengths_beyond_what_rounding_resolves_are_said() -> None:
 
 
 def test_a_weak_body_that_bears_nothing_spoils_no_bound() -> None:
-    """Beside a column of 1 the other one may have 1e-3 or less: it was as if both had that."""
+    """Beside a column of strength 1, the other may have 1e-3 or less; both once counted as 1e-3."""
     found = [both(limit_bounds(columns([weak, 1.0]))) for weak in (1e-2, 1e-3, 1e-4)]
     for lower, upper in found[1:]:
         assert lower == pytest.approx(found[0][0], rel=0.02)
         assert upper == pytest.approx(found[0][1], rel=0.02)
-        assert 1 / sqrt(3) < lower < upper < 1.2 * lower  # at least the column alone, over 2
+        assert 1 / sqrt(3) < lower < upper < 1.2 * lower  # at least the single column, over 2
 
 
 def test_a_much_weaker_body_spoils_no_upper_bound() -> None:
-    """Rounding of what the strong one bears may be more than the weak one does."""
+    """Rounding errors in the strong body may exceed the strength of the weak body."""
     few, many = (limit_bounds(columns([weak, 1.0])) for weak in (1e-3, 1e-12))
     assert both(few)[1] == pytest.approx(many.upper.value, rel=0.01)
     if many.lower.value is None:
@@ -103,8 +103,8 @@ def test_a_much_weaker_body_spoils_no_upper_bound() -> None:
 def test_bodies_that_were_too_strong_to_yield_do_in_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Where a search begins with a strength that does not matter, it goes on with the next."""
-    # with less, balance would hang on rounding: pressures at the ends are 1e5 times as large
+    """If the search begins with an irrelevant strength, it continues with the next strength."""
+    # with less, balance would depend on rounding: pressures at the ends are 1e5 times as large
     weak = 7.5e-5
     problem = columns([weak, 1.0])
     starts: list[Start] = []
@@ -141,7 +141,7 @@ def test_loads_of_which_little_is_bounded(e: float, planes: bool) -> None:
 
 
 def shut(planes: bool) -> Problem:
-    """A square pressed from above that has nowhere to go: between rollers, or three planes."""
+    """Return a square under pressure that cannot move: between rollers, or three planes."""
     block, load = {"block": material(sqrt(3))}, [Pressure("top", 1.0)]
     if not planes:
         rollers = [Support("x0", "x"), Support("y0", "y"), Support("right", "x")]
@@ -162,20 +162,20 @@ def test_loads_that_nothing_bounds(case: str) -> None:
 
 
 def test_linear_elements_that_lock(read: Read) -> None:
-    """A sphere that quadratic ones see burst."""
+    """A sphere that bursts with quadratic elements."""
     mesh = read(write_thick_sphere, size=0.4)
     held = [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")]
     steel = dict.fromkeys(mesh.volumes, material(sqrt(3)))
     locked = interior_point(Problem(mesh, steel, held, [Pressure("inner", 1.0)], degree=1))
     assert locked.upper is locked.estimate is None
-    # rounding decides how the search ends, 1e10 times above the sphere's limit load
+    # rounding decides how the search ends, 1e10 times above the limit load of the sphere
     beyond = locked.reason.startswith(UNLIMITED) or "carry the loads beyond" in locked.reason
     assert beyond or (locked.lower is not None and locked.lower > 1e9)
     assert "linear elements lock" in locked.reason
 
 
 def test_slender_bodies_carry_something() -> None:
-    """They move so far that what K leaves of loads was taken for a corner that bears nothing."""
+    """They move so far that residual loads of K once looked like a corner without strength."""
     length = 40
     ends = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > length - 1e-9}
     mesh = rectangle((2 * length, 2), (float(length), 1.0), {"beam": lambda x: x[0] > -1}, ends)
@@ -188,7 +188,7 @@ def test_slender_bodies_carry_something() -> None:
 
 
 def footing(system: Name) -> Problem:
-    """Half a rough footing 0.5 m wide on a layer of steel 0.5 m thick, in a system of units."""
+    """Return half a rough footing 0.5 m wide on a steel layer 0.5 m thick, in a system of units."""
     units = SYSTEMS[system]
     high = 0.5 / units.metres
     mesh = rectangle(
@@ -209,6 +209,6 @@ def footing(system: Name) -> Problem:
 
 @pytest.mark.parametrize("system", ["mm-N-MPa", "in-kip-ksi", "ft-lbf-psf"])
 def test_load_factors_do_not_depend_on_the_units(system: Name) -> None:
-    """The bounds differ by what rounding leaves of an iteration, far below what they are apart."""
+    """The bounds differ by rounding in the iteration, which is far smaller than the gap."""
     one, other = limit_bounds(footing("SI")), limit_bounds(footing(system))
     assert both(other) == pytest.approx(both(one), rel=1e-9)

@@ -1,4 +1,4 @@
-"""The advice if a limit load is not known well enough."""
+"""Test the advice for a limit load with too wide bounds."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -101,7 +101,7 @@ def test_the_fewest_bodies_that_have_most() -> None:
 
 @pytest.mark.mpi2
 def test_the_body_that_flows_is_the_one_that_locks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The upper block is pulled off the lower one; its velocity is hardly projected."""
+    """The upper block is pulled off the lower block; the projection hardly changes its velocity."""
     module = "perfplast_fenicsx.limit_analysis.discrete.discrete_bounds"
     monkeypatch.setattr(f"{module}.MOST_ITERATIONS", 1)
     given = vars(two_blocks_problem(2).given)

@@ -1,4 +1,4 @@
-"""Strict bounds of ground without cohesion: what surcharge and weight alone let a footing carry."""
+"""Test strict bounds for ground without cohesion: footings carried by surcharge or weight."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -43,14 +43,14 @@ from tests.proof.forging import Halves, copied, write, written
 
 COMM = MPI.COMM_WORLD
 SURCHARGE = {20.0: 6.399394, 30.0: 18.401122}
-"""N_q by angle of friction (H. Reissner, 1924)."""
+"""N_q by friction angle (H. Reissner, 1924)."""
 
 WEIGHT = {"smooth": 7.6532, "rough": 14.7543}
-"""N_γ of 30° (C. M. Martin, IACMAG 2005)."""
+"""N_γ for 30° (C. M. Martin, IACMAG 2005)."""
 
 
 def under_surcharge(read: Read, angle: float, grading: float = 1.0, size: float = 0.7) -> Problem:
-    """A strip footing on weightless sand beside a surcharge of 1."""
+    """Return a strip footing on weightless sand beside a surcharge of 1."""
     room = 6.0 if angle <= 20 else 12.0
     tagged_mesh = read(write_strip_footing, width=room, depth=room / 2, grading=grading, size=size)
     return Problem(
@@ -63,7 +63,7 @@ def under_surcharge(read: Read, angle: float, grading: float = 1.0, size: float 
 
 
 def on_heavy_sand(read: Read, base: str, size: float = 0.5) -> Problem:
-    """A stiff footing of half width 1 on sand of weight 1: its mean pressure is N_γ."""
+    """Return a stiff footing of half width 1 on sand of unit weight 1; its mean pressure is N_γ."""
     tagged_mesh = read(
         write_strip_footing, punch=True, width=5.5, depth=2.2, grading=1.0, size=size
     )
@@ -80,7 +80,7 @@ def on_heavy_sand(read: Read, base: str, size: float = 0.5) -> Problem:
 
 
 def around(found: AdaptiveBounds, exact: float, path: Path) -> float:
-    """Have both halves proven, with the exact load between; by how much they differ. Collective."""
+    """Prove both halves around the exact load, and return the width of the bracket. Collective."""
     low, high = found.lower.value, found.upper.value
     assert found.lower.strict and found.upper.strict
     assert low is not None and high is not None
@@ -96,13 +96,13 @@ def around(found: AdaptiveBounds, exact: float, path: Path) -> float:
 
 @pytest.mark.mpi2
 def test_a_surcharge(read: Read, shared_tmp_path: Path) -> None:
-    """All cells are pressed by the surcharge, and the first mesh has both bounds."""
+    """The surcharge compresses all cells, and the first mesh has both bounds."""
     found = adaptive_bounds(under_surcharge(read, 20.0), Adaptation(until=0.2, cells=300))
     assert around(found, SURCHARGE[20.0], shared_tmp_path) < 0.2
 
 
 def test_its_own_weight(read: Read, shared_tmp_path: Path) -> None:
-    """Beside the footing stresses are zero at the surface."""
+    """Beside the footing, stresses at the surface are zero."""
     found = adaptive_bounds(on_heavy_sand(read, "rough"), Adaptation(until=0.6, cells=300))
     assert around(found, WEIGHT["rough"], shared_tmp_path) < 0.6
     stress = found.low.static.stress if found.low.static else np.zeros(0)
@@ -125,7 +125,7 @@ def test_weights(read: Read, base: str, apart: float, shared_tmp_path: Path) -> 
 
 
 def test_both_laws_agree(read: Read) -> None:
-    """Drucker and Prager's cone of the plane is Mohr and Coulomb's, without cohesion too."""
+    """Drucker–Prager's plane-strain cone equals Mohr–Coulomb's, also without cohesion."""
     problem = under_surcharge(read, 20.0)
     cone = DruckerPrager(1e4, 0.3, 0.0, 20.0, "plane-strain")
     one, other = (
@@ -157,7 +157,7 @@ def test_forged_stresses_are_refused(read: Read, tmp_path: Path, forge, words: s
 
 @pytest.mark.serial
 def test_ground_under_pressure_has_no_limits_of_residuals(read: Read, tmp_path: Path) -> None:
-    """Residuals beyond the limits are balanced within the reserve that each vertex has."""
+    """Residuals beyond the limits are balanced within the reserve at each vertex."""
     found = limit_bounds(under_surcharge(read, 20.0))
     halves = written(tmp_path, found)
     noise = np.random.default_rng(51).normal(size=halves["lower"]["stress"].shape)
@@ -172,7 +172,7 @@ def test_ground_under_pressure_has_no_limits_of_residuals(read: Read, tmp_path: 
 
 @pytest.fixture(scope="module")
 def free_surface(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Sand with a footing and a free surface beside it."""
+    """Return sand with a footing and a free surface beside it."""
     folder = tmp_path_factory.mktemp("sand")
 
     def here(write_mesh: Callable[..., object], **options: object) -> TaggedMesh:
@@ -183,7 +183,7 @@ def free_surface(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 
 def noise(halves: Halves, size: float, at: npt.NDArray[np.bool_] | bool = True) -> Halves:
-    """Halves with noise in the stress at some vertices of cells."""
+    """Return halves with noise in the stress at some vertices of cells."""
     them = copied(halves)
     stress = them["lower"]["stress"]
     more = np.random.default_rng(51).normal(size=stress.shape)
@@ -193,14 +193,14 @@ def noise(halves: Halves, size: float, at: npt.NDArray[np.bool_] | bool = True) 
 
 
 def bare(halves: Halves) -> npt.NDArray[np.bool_]:
-    """Vertices of cells where only zero stress is admissible."""
+    """Return vertices of cells where only zero stress is admissible."""
     body = Body.of(halves["lower"])
     return bare_vertices(body, [(1.0, body.sought), (1.0, body.constant)])
 
 
 @pytest.mark.serial
 def test_a_free_surface_has_no_limits_of_residuals(free_surface: Halves, tmp_path: Path) -> None:
-    """Residuals are balanced by a stress that is zero there; that on file does not matter there."""
+    """A stress that is zero there balances residuals; the stored stress there does not matter."""
     surface, bound = bare(free_surface), float(free_surface["lower"]["bound"])
     assert 10 < surface.sum() < 60
     for at, size, proven in (
