@@ -164,8 +164,7 @@ def test_loads_that_were_replaced_stay_where_they_are() -> None:
 
 
 def test_loads_that_are_formulas() -> None:
-    """A quadratic formula has only bounds for the mesh; a linear formula has the same as numbers.
-    """
+    """A quadratic formula has only bounds for the mesh; linear ones have the same as numbers."""
     given = blocks(BLOCK, BLOCK).given
 
     def under(pressure: str) -> Problem:

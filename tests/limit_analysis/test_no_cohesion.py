@@ -217,7 +217,7 @@ def test_a_free_surface_has_no_limits_of_residuals(free_surface: Halves, tmp_pat
 
 @pytest.mark.serial
 def test_the_cohesion_that_is_enough(free_surface: Halves, tmp_path: Path) -> None:
-    """With so much of it, a stress with large residuals proves the bound."""
+    """With enough cohesion, a stress with large residuals proves the bound."""
     noisy = noise(free_surface, 1e-6)
     words = check(write(tmp_path / "noisy.h5", noisy))["lower"].faults[1]
     enough = float(words.split("c = ")[1].split(",")[0])
@@ -233,7 +233,7 @@ def test_the_cohesion_that_is_enough(free_surface: Halves, tmp_path: Path) -> No
 
 @pytest.mark.serial
 def test_forces_on_a_free_surface_prove_nothing(free_surface: Halves, tmp_path: Path) -> None:
-    """However small: a vertex between a pull and no load has a stress, or none that is zero."""
+    """However small the force is, a vertex between a pull and no load has no zero stress."""
     them = copied(free_surface)
     surface = np.zeros(len(them["lower"]["vertices"]), dtype=bool)
     surface[them["lower"]["cells"][bare(them)]] = True
@@ -254,7 +254,7 @@ def test_a_negative_cohesion_is_refused() -> None:
 
 
 def test_loads_of_one_kind_are_refused(read: Read) -> None:
-    """They are carried any number of times, or not at all."""
+    """Any multiple of such loads is carried, or none."""
     tagged_mesh = read(write_strip_footing, width=6.0, depth=3.0, grading=1.0, size=0.7)
     supports = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
     for constant in (False, True):
@@ -265,7 +265,7 @@ def test_loads_of_one_kind_are_refused(read: Read) -> None:
 
 
 def test_sand_in_space_is_refused_with_a_remedy() -> None:
-    """It said to take limit_method = 'path', which bounds do not know."""
+    """Earlier the remedy was limit_method = 'path', which bounds do not have."""
     sand = MohrCoulomb(1e4, 0.3, 0.0, 30.0)
     loads = [Pressure("top", 1.0), BodyForce("lower", (0.0, 0.0, -1.0), constant=True)]
     bodies, ties = {"lower": sand, "upper": sand}, [Tie("lower_top", "upper_bottom")]
@@ -276,7 +276,7 @@ def test_sand_in_space_is_refused_with_a_remedy() -> None:
 
 
 def test_sand_is_no_weak_body(read: Read) -> None:
-    """Its strength is that of its pressure: no ratio of strengths is formed with it."""
+    """Its strength comes from its pressure, so the program forms no ratio of strengths with it."""
     sand, clay = MohrCoulomb(1e4, 0.3, 0.0, 30.0), MohrCoulomb(1e4, 0.3, 1.0, 30.0)
     problem = on_heavy_sand(read, "rough", size=2.0)
     beside = variant(problem, materials={"ground": sand, "punch": clay})

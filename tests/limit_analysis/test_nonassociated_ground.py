@@ -1,4 +1,4 @@
-"""Ground that dilates by less than its friction: Radenkovic's pair, and Davis' estimates."""
+"""Test ground that dilates less than its friction angle: Radenkovic's pair, Davis' estimates."""
 
 import math
 from pathlib import Path
@@ -38,19 +38,19 @@ C, PHI, PSI = 10.0, 35.0, 10.0
 
 
 def ground(stand: str | None, psi: float = PSI) -> MohrCoulomb:
-    """With an angle of dilatancy."""
+    """Return ground with a dilatancy angle."""
     return MohrCoulomb(1e4, 0.3, C, PHI, dilatancy_angle=psi, nonassociated=stand)
 
 
 def strength(of: MohrCoulomb) -> float:
-    """Uniaxial compression of associated ground, 2c tan(45° + φ/2)."""
+    """Return the uniaxial compressive strength of associated ground, 2c tan(45° + φ/2)."""
     return 2 * of.cohesion * math.tan(math.radians(45 + of.friction_angle / 2))
 
 
 def column(
     of: MohrCoulomb, pressure: Pressure, upper: MohrCoulomb | None = None, n: int = 1
 ) -> Problem:
-    """A free block of it, of two that are glued, or another one on it."""
+    """Return a free block of this ground, of two glued blocks, or with another block on it."""
     return Problem(
         stacked_blocks(COMM, n),
         {"lower": of, "upper": upper or of},
@@ -62,7 +62,7 @@ def column(
 
 
 def proven(bounds: BodyBounds, path: Path) -> None:
-    """By the checker, from the file, which says what pair it is. Collective."""
+    """Check the file, which names the kind of pair, with the checker. Collective."""
     folder = ResultFolder(COMM, COMM.bcast(path))
     write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
     if COMM.rank == 0:
@@ -88,7 +88,7 @@ def test_a_block_by_radenkovic(tmp_path: Path) -> None:
 
 
 def test_a_footing_by_radenkovic(read: Read, tmp_path: Path) -> None:
-    """N_c = 14.8347 c of φ = 20° above, 8.344926 c tan ψ/tan φ of ψ = 10° below."""
+    """Upper: N_c = 14.8347 c for φ = 20°; lower: 8.344926 c tan ψ/tan φ for ψ = 10°."""
     soil = DruckerPrager(
         1e3, 0.3, 1.0, 20.0, "plane-strain", dilatancy_angle=10.0, nonassociated="radenkovic"
     )
@@ -108,7 +108,7 @@ def test_a_footing_by_radenkovic(read: Read, tmp_path: Path) -> None:
 
 
 def test_unlike_ground_on_two_meshes_is_no_pair(shared_tmp_path: Path) -> None:
-    """Cones of either half are told apart place by place, whichever are the steepest."""
+    """The check compares the cones of both halves place by place, for any order of steepness."""
     softer, steeper = MohrCoulomb(1e4, 0.3, C, 20.0), MohrCoulomb(1e4, 0.3, C, 30.0)
     low, high = (limit_bounds(column(softer, Pressure("top", 1.0), steeper, n=n)) for n in (1, 2))
     folder = ResultFolder(COMM, shared_tmp_path)
@@ -122,7 +122,7 @@ def test_unlike_ground_on_two_meshes_is_no_pair(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("stand", ["radenkovic", "davis-b"])
 def test_factors_of_safety(stand: str, read: Read) -> None:
-    """A free block whose strength F falls to a pressure that stays."""
+    """A free block under a constant pressure: its strength divided by F equals the pressure."""
     of, stays = ground(stand), 20.0
     block = Problem(
         read(write_platens, size=1.0, grading=1.0),
@@ -150,7 +150,7 @@ def test_factors_of_safety(stand: str, read: Read) -> None:
 
 
 def test_what_davis_reduces() -> None:
-    """A by β of the ground as it is, B and C by that of the reduced one."""
+    """A reduces by β of the original ground, B and C by β of the reduced ground."""
     factor, tan = 1.4, lambda angle: math.tan(math.radians(angle))
 
     def beta(phi: float, psi: float) -> float:
@@ -176,7 +176,7 @@ def test_what_davis_reduces() -> None:
 
 
 def test_why_the_weaker_ground_is_one() -> None:
-    """σ:ε ≥ c cot φ tr ε for σ that yields by φ and ε of the potential of ψ, at 10⁴ points."""
+    """σ:ε ≥ c cot φ tr ε for σ at yield with φ and ε from the potential with ψ, at 10⁴ points."""
     rng, n = np.random.default_rng(7), 10_000
     sine, apex = math.sin(math.radians(PHI)), C / math.tan(math.radians(PHI))
     dilation = math.sin(math.radians(PSI))

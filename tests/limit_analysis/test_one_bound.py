@@ -1,4 +1,4 @@
-"""A lower or an upper bound alone is that of both, with the same proof."""
+"""Test that a single lower or upper bound equals that of a pair, with the same proof."""
 
 from collections.abc import Callable
 
@@ -27,7 +27,7 @@ STEEL = VonMises(1e3, 0.3, 0.3)
 
 
 def slope(read: Read) -> Problem:
-    """In plane strain."""
+    """Return a slope in plane strain."""
     return Problem(
         read(write_slope, size=0.5),
         {"soil": DruckerPrager(1e3, 0.3, 0.05, 20.0, "plane-strain")},
@@ -38,7 +38,7 @@ def slope(read: Read) -> Problem:
 
 
 def ring(read: Read) -> Problem:
-    """Around an axis."""
+    """Return a ring in axisymmetry."""
     return Problem(
         read(write_thick_tube, size=0.5, order=1).turned(),
         {"tube": STEEL},
@@ -49,7 +49,7 @@ def ring(read: Read) -> Problem:
 
 
 def cubes(read: Read) -> Problem:
-    """In space, where cells are split."""
+    """Return cubes in 3D, where cells are split."""
     tagged_mesh = stacked_blocks(MPI.COMM_WORLD, n=1)
     return Problem(
         tagged_mesh,

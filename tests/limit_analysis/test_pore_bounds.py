@@ -1,4 +1,4 @@
-"""Strict bounds of bodies with water in their pores; strengths are of effective stresses."""
+"""Test strict bounds for bodies with pore water; strengths refer to effective stresses."""
 
 import math
 from pathlib import Path
@@ -33,14 +33,14 @@ from tests.models import Read, touching_blocks
 ANGLE = 25.0
 N = math.tan(math.radians(45 + ANGLE / 2)) ** 2
 DRY = 2 * COHESION * math.sqrt(N)
-"""Limit pressure of a dry block between smooth planes."""
+"""Limit pressure on a dry block between smooth planes."""
 U = 0.2 * COHESION
 GROUND = DruckerPrager(1e4, 0.3, COHESION, ANGLE, "plane-strain")
 MERIDIAN = DruckerPrager(1e4, 0.3, COHESION, ANGLE, "compression")
 
 
 def square(*loads: Load, material: DruckerPrager | VonMises = GROUND) -> Problem:
-    """The unit square on rollers, of two halves that are glued."""
+    """Return the unit square on rollers, consisting of two glued halves."""
     halves = {"lower": lambda x: x[1] < 0.5, "upper": lambda x: x[1] > 0.5}
     mesh = rectangle((2, 2), (1.0, 1.0), halves, SQUARE, 0.1)
     materials = dict.fromkeys(halves, material)
@@ -48,7 +48,7 @@ def square(*loads: Load, material: DruckerPrager | VonMises = GROUND) -> Problem
 
 
 def proven(problem: Problem, path: Path, rtol: float = 1e-5) -> BodyBounds:
-    """Bounds that are strict, and that the checker finds too. Collective."""
+    """Return strict bounds, which the checker also finds. Collective."""
     bounds = limit_bounds(problem, rtol)
     assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
     folder = ResultFolder(MPI.COMM_WORLD, path)
@@ -61,7 +61,7 @@ def proven(problem: Problem, path: Path, rtol: float = 1e-5) -> BodyBounds:
 
 
 def holds(bounds: BodyBounds, exact: float, rtol: float = 1e-4) -> None:
-    """The exact load lies between them, and they are near it."""
+    """Check that the exact load lies between the bounds, and that they are close."""
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
     off = 1e-8 * abs(exact)
@@ -70,23 +70,23 @@ def holds(bounds: BodyBounds, exact: float, rtol: float = 1e-4) -> None:
 
 
 def test_a_block_with_wet_pores(shared_tmp_path: Path) -> None:
-    """σ₃′ = u pulls, so that the pressure on top is less by (N − 1)u."""
+    """σ₃′ = u is a tension, so the pressure on top is smaller by (N − 1)u."""
     wet = [PorePressure(name, U) for name in ("lower", "upper")]
     holds(proven(square(Pressure("top", 1.0), *wet), shared_tmp_path), DRY - (N - 1) * U)
 
 
 @pytest.mark.mpi2
 def test_a_seam_that_parts_pores(shared_tmp_path: Path) -> None:
-    """A dry half that is glued to a wet one holds it together, and bears no more than dry ground.
+    """A dry half glued to a wet half supports it, and carries no more than dry ground.
 
-    Effective tractions of both differ by u at the seam.
+    The effective tractions of both halves at the seam differ by u.
     """
     bounds = proven(square(Pressure("top", 1.0), PorePressure("lower", U)), shared_tmp_path)
     assert DRY - (N - 1) * U < bounds.lower.value < bounds.upper.value < DRY
 
 
 def test_pores_that_fill(shared_tmp_path: Path) -> None:
-    """The pressure in the pores grows beside a pressure on top that stays."""
+    """The pressure in the pores grows beside a constant pressure on top."""
     loads: list[Load] = [Pressure("top", 0.5 * DRY, constant=True)]
     loads += [PorePressure(name, 1.0, constant=False) for name in ("lower", "upper")]
     holds(proven(square(*loads), shared_tmp_path), 0.5 * DRY / (N - 1))
@@ -103,7 +103,7 @@ def test_pores_beside_contact(shared_tmp_path: Path) -> None:
 
 
 def test_under_water(shared_tmp_path: Path) -> None:
-    """Water around a body and in its pores takes of its weight, and does no more."""
+    """Water around a body and in its pores only reduces its weight."""
     water, weight = 0.3 * COHESION, 0.8 * COHESION
     deep = f"{water}*(3 - y)"
     loads: list[Load] = [Pressure("top", 1.0), Pressure("top", deep, constant=True)]
@@ -135,7 +135,7 @@ def test_pores_of_metal_change_nothing() -> None:
 
 @pytest.mark.parametrize("wet", [("lower",), ("upper", "lower")])
 def test_pores_of_metal_that_stay(shared_tmp_path: Path, wet: tuple[str, ...]) -> None:
-    """Mean stresses alone carry such a pressure, which is all that stays."""
+    """Mean stresses alone carry such a constant pressure."""
     metal = VonMises(1e4, 0.3, math.sqrt(3))
     loads = [Pressure("top", 1.0), *(PorePressure(name, 0.3) for name in wet)]
     problem = square(*loads, material=metal)
@@ -143,7 +143,7 @@ def test_pores_of_metal_that_stay(shared_tmp_path: Path, wet: tuple[str, ...]) -
 
 
 def test_wet_pores_in_space(shared_tmp_path: Path) -> None:
-    """A cube between smooth planes, of ground that a meridian of compression is matched to."""
+    """A cube of ground between smooth planes; the cone matches triaxial compression."""
     held = [Support(f"{axis}0", axis) for axis in "xyz"]
     loads = [Pressure("z1", 1.0), PorePressure("block", U)]
     problem = Problem(cube(1), {"block": MERIDIAN}, held, loads, degree=2)
@@ -168,7 +168,7 @@ def wet_slope(read: Read, *more: Load) -> Problem:
 
 
 def test_kinks_in_cells_leave_bounds_strict(read: Read, shared_tmp_path: Path) -> None:
-    """The lower bound takes it from above, the upper one from below; refused before."""
+    """The lower bound uses a function above, the upper bound one below. Earlier it was refused."""
     problem = wet_slope(read, PorePressure("soil", KINKED))
     bounds = limit_bounds(problem, 1e-3)
     assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
@@ -177,7 +177,7 @@ def test_kinks_in_cells_leave_bounds_strict(read: Read, shared_tmp_path: Path) -
     assert [it.given.loads[1].side for it in (below, above)] == ["above", "below"]  # type: ignore[attr-defined]
     lower, upper = bounds.lower.value, bounds.upper.value
     assert lower is not None and upper is not None and lower < upper
-    for it in (below, above):  # what each is a bound of, as if it were the user's
+    for it in (below, above):  # which function each bound would have from the user
         own = limit_bounds(it, 1e-3)
         assert own.strict
     dry = limit_bounds(wet_slope(read), 1e-3)

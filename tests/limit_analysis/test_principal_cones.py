@@ -1,4 +1,4 @@
-"""Mohr–Coulomb and Tresca in space and around an axis: limit loads, strict bounds, their proofs."""
+"""Test Mohr–Coulomb and Tresca in 3D and axisymmetry: limit loads, strict bounds, proofs."""
 
 import math
 from pathlib import Path
@@ -38,14 +38,14 @@ TIED = [Tie("lower_top", "upper_bottom")]
 
 
 def ground(angle: float, cohesion: float = 20.0) -> Any:
-    """Return ground of an angle of friction (degrees); of Tresca's law if it is 0."""
+    """Return ground with a friction angle (degrees); for the angle 0, Tresca ground."""
     return MohrCoulomb(1e4, 0.3, cohesion, angle) if angle else Tresca(1e4, 0.3, cohesion)
 
 
 def column(
     lower: Any, upper: Any, *loads: Any, supports: Any = SMOOTH, n: int = 1, **more: Any
 ) -> Problem:
-    """Two blocks on each other, in one piece unless they touch."""
+    """Return two stacked blocks, in one piece or in contact."""
     more = more or {"ties": TIED}
     given = {"lower": lower, "upper": upper}
     return Problem(
@@ -59,7 +59,7 @@ def column(
 
 
 def assert_proven(bounds: BodyBounds, path: Path) -> None:
-    """By the checker, from the file. Collective."""
+    """Check the file with the checker. Collective."""
     folder = ResultFolder(COMM, path)
     write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))
     if COMM.rank == 0:
@@ -72,7 +72,7 @@ def assert_proven(bounds: BodyBounds, path: Path) -> None:
 @pytest.mark.mpi2("0.0")
 @pytest.mark.parametrize("angle", [0.0, 25.0])
 def test_a_smooth_block(angle: float) -> None:
-    """2c √N, N = (1 + sin φ)/(1 − sin φ)."""
+    """The limit load is 2c √N, N = (1 + sin φ)/(1 − sin φ)."""
     sine = math.sin(math.radians(angle))
     exact = 40 * math.sqrt((1 + sine) / (1 - sine))
     bounds = limit_bounds(column(ground(angle), ground(angle)))
@@ -84,7 +84,7 @@ def test_a_smooth_block(angle: float) -> None:
 
 @pytest.mark.parametrize(("sign", "exact"), [(1.0, 62.787423), (-1.0, -62.787423)])
 def test_both_signs_beside_a_dead_pressure(sign: float, exact: float) -> None:
-    """A pressure on all sides is carried at no cost but where it helps: 2c√N and 2c/√N."""
+    """A pressure on all sides costs nothing, and helps in one direction: 2c√N and 2c/√N."""
     slope = (1 + math.sin(math.radians(25))) / (1 - math.sin(math.radians(25)))
     dead = Pressure("top", 10.0, constant=True)
     exact = 62.787423 - 10 if sign > 0 else 40 / math.sqrt(slope) + 10
@@ -100,14 +100,14 @@ def test_rough_ends_are_between_strict_bounds(tmp_path: Path) -> None:
     assert bounds.strict
     low, high = bounds.lower.value, bounds.upper.value
     assert low is not None and high is not None
-    # of a finer mesh, n = 4 and 3 072 cells before they are split
+    # for a finer mesh, n = 4 and 3 072 cells before the split
     assert low <= 57.1717 and high >= 57.1239
     assert high - low <= 0.03 * low
     assert_proven(bounds, path)
 
 
 def test_contact_of_unlike_bodies(tmp_path: Path) -> None:
-    """The weaker body yields, whichever it is; steel on ground, ground on metal of Tresca."""
+    """The weaker body yields in each case; steel on ground, ground on Tresca metal."""
     path = Path(COMM.bcast(str(tmp_path)))
     steel = VonMises(2e5, 0.3, 300.0)
     touching = {"contacts": [Contact("lower_top", "upper_bottom")]}
@@ -122,7 +122,7 @@ def test_contact_of_unlike_bodies(tmp_path: Path) -> None:
 
 
 def test_strength_is_a_unit() -> None:
-    """Beside cohesions 1e6 times as large, and in other units."""
+    """Bounds do not change beside cohesions 1e6 times as large, and in other units."""
     touching = {"contacts": [Contact("lower_top", "upper_bottom")]}
     exact = 62.787423e-3
     strong = MohrCoulomb(1e4, 0.3, 2e4, 30.0)
@@ -133,7 +133,7 @@ def test_strength_is_a_unit() -> None:
 
 @pytest.mark.parametrize(("angle", "exact"), [(0.0, 27.725887), (10.0, 28.761942)])
 def test_thick_spheres_by_their_sections(read: Read, angle: float, exact: float) -> None:
-    """C cot φ ((b/a)^m − 1), m = 4 sin φ/(1 + sin φ), and 4c ln(b/a); of the mesh."""
+    """C cot φ ((b/a)^m − 1), m = 4 sin φ/(1 + sin φ), and 4c ln(b/a), for the mesh."""
     mesh = read(write_thick_tube, outer=2.0, size=0.15, order=2).turned()
     found = interior_point(
         Problem(
@@ -150,7 +150,7 @@ def test_thick_spheres_by_their_sections(read: Read, angle: float, exact: float)
 
 @pytest.mark.parametrize(("angle", "exact"), [(0.0, 5.6894), (10.0, 9.987), (20.0, 20.077)])
 def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> None:
-    """Pressed by a strong punch; exact by characteristics (A. D. Cox, G. Eason, H. G. Hopkins)."""
+    """A strong punch acts; exact values by characteristics (A. D. Cox, G. Eason, H. G. Hopkins)."""
     mesh = read(write_strip_footing, size=0.2, punch=True).turned()
     found = interior_point(
         Problem(
@@ -168,7 +168,7 @@ def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> Non
 
 @pytest.mark.parametrize("cut", [False, True])
 def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
-    """One step's stress, rates and multipliers fulfil the equations of a point, by their parts."""
+    """Stress, rates and multipliers of one step satisfy each part of the equations at a point."""
     from perfplast_fenicsx.arrays import matrices
     from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import (
         PrincipalCones,
@@ -188,7 +188,7 @@ def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
     X = blocks.members(t, p, s)
     stress = p[:, None, None] * np.eye(3) + cones.deviators(s)
     values = np.linalg.eigvalsh(stress)
-    # the middle t leaves the matrices as much room as there is to yield
+    # the middle t leaves both matrices the same distance from yield
     X = blocks.members(blocks.middle(p, s), p, s)
     room = np.linalg.eigvalsh(X)[:, :, 0]
     assert room.shape == (3, 3 if cut else 2)
@@ -200,12 +200,12 @@ def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
         ratios[1:] = np.maximum(ratios, values[:, 2] / tensions)[1:]
     assert np.allclose(cones.ratios(p, s), ratios)
     assert np.allclose(2 * room[:, 0], cones.bounds - used, rtol=0, atol=1e-7)
-    # works are the transpose of changes, and the least z has them
+    # works are the transpose of changes, and so are those of the least z
     Z = matrices(random.normal(size=(3, room.shape[1], 6)))
     works = blocks.works(Z)
     changes = np.einsum("nkab,nkab->n", blocks.changes(t, p, s), Z)
     theirs = np.einsum("ni,ni->n", works, np.column_stack([t, p, s]))
     assert np.allclose(changes, theirs)
     wanted = random.normal(size=works.shape)
-    wanted[0, 1] = 0.0  # nothing bounds the mean stress there
+    wanted[0, 1] = 0.0  # nothing limits the mean stress there
     assert np.allclose(blocks.works(blocks.least(wanted)), wanted)

@@ -1,4 +1,4 @@
-"""Rebalancing if contact forces pull, whichever forces are removed."""
+"""Test rebalancing if contact forces pull, for any order of their removal."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.serial
 
 @dataclass
 class Iterate:
-    """An iterate with contact forces alone."""
+    """An iterate with contact forces only."""
 
     borne: Borne
 
@@ -29,12 +29,12 @@ class Iterate:
         return self.borne.forces
 
     def bearing(self, borne: Borne, _blocks: object) -> "Iterate":
-        """The same with other forces."""
+        """Return the same iterate with other forces."""
         return Iterate(borne)
 
 
 def pushing(forces: Floats) -> Iterate:
-    """An iterate with these forces."""
+    """Return an iterate with given forces."""
     return Iterate(Borne(np.zeros(2), np.zeros((2, 2)), forces))
 
 
@@ -42,7 +42,7 @@ def pushing(forces: Floats) -> Iterate:
 def test_what_was_balanced_last_is_left(
     singular: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A program in which each correction makes another force pull."""
+    """In this program each correction makes another force pull."""
     found: list[Iterate] = []
 
     def factorise() -> None:

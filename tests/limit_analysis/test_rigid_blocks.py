@@ -1,4 +1,4 @@
-"""Rigid blocks: their joints alone limit the load, and both bounds meet in a linear program."""
+"""Test rigid blocks: only joints limit the load, and both bounds meet in a linear program."""
 
 import math
 from dataclasses import replace
@@ -41,7 +41,7 @@ COMM = MPI.COMM_WORLD
 
 
 def proven(path: Path, bounds: BodyBounds) -> tuple[float, float]:
-    """Both bounds, which the checker proves too."""
+    """Return both bounds, which the checker also proves."""
     assert bounds.strict, bounds.why_not
     results = ResultFolder(COMM, path, force=True)
     write_proof(results, results.file("bounds.h5"), *proofs(bounds, bounds))
@@ -54,7 +54,7 @@ def proven(path: Path, bounds: BodyBounds) -> tuple[float, float]:
 
 
 def pushed(mu: float, wide: float, high: float, c: float = 0.0) -> Problem:
-    """A stone on a held one, with its weight and a growing push to the right."""
+    """Return a stone on a held stone, with its weight and a growing push to the right."""
     mesh = stones(COMM, [box([0, -1], [wide, 0]), box([0, 0], [wide, high])], (3, 2))
     friction = {"coulomb": mu} | ({"tresca": c} if c else {})
     return Problem(
@@ -74,7 +74,7 @@ def pushed(mu: float, wide: float, high: float, c: float = 0.0) -> Problem:
 def test_a_stone_slides_or_tips(
     shared_tmp_path: Path, mu: float, wide: float, high: float, c: float
 ) -> None:
-    """It slides at μ + c/h of its weight, and tips at b/h."""
+    """The stone slides at μ + c/h of its weight, and tips at b/h."""
     exact = min(mu + c / high, wide / high)
     low, up = proven(shared_tmp_path, limit_bounds(pushed(mu, wide, high, c)))
     assert low == pytest.approx(exact, rel=1e-8 if c else 1e-11)
@@ -108,7 +108,7 @@ def test_rounding_below_zero_is_no_negative_bound(
 
 
 def oppenheim(push: bool = True) -> Problem:
-    """Seven stones over 157.5°, the thickness 0.15 of the mean radius, on two held ones."""
+    """Return seven stones over 157.5°, of thickness 0.15 mean radii, on two held stones."""
     step = math.radians(157.5) / 7
     angles = (np.arange(10) - 4.5) * step
     places = [voussoir(a, b, 0.925, 1.075) for a, b in pairwise(angles)]
@@ -120,10 +120,10 @@ def oppenheim(push: bool = True) -> Problem:
 
 
 def least_by_hinges() -> float:
-    """Return the least factor of all motions of the arch about four joints' corners.
+    """Return the least factor over all motions of the arch about corners of four joints.
 
-    Three moving parts turn about their instantaneous centres; the work of the weight and of the
-    push is that of the middle of each stone.
+    Three moving parts rotate about their instantaneous centres. Weight and push act at the middle
+    of each stone.
     """
     step = math.radians(157.5) / 7
     angles = (np.arange(10) - 4.5) * step
@@ -140,15 +140,15 @@ def least_by_hinges() -> float:
     for joints in combinations(range(1, 9), 4):
         for first in (0, 1):
             a, b, c, d = (corners[at, (first + i) % 2] for i, at in enumerate(joints))
-            # Turns t of the parts: t1(b − a) + t2(c − b) + t3(d − c) = 0.
+            # Rotations t of the parts: t1(b − a) + t2(c − b) + t3(d − c) = 0.
             rows = np.column_stack([b - a, c - b, d - c])
             turns = np.linalg.svd(rows)[2][2]
             centres = [a, b - turns[0] / turns[1] * (b - a), d]
             live = dead = 0.0
             for part, (low, high) in enumerate(pairwise(joints)):
                 away = (x[low:high] - centres[part]) * turns[part]
-                live -= float(weight[low:high] @ away[:, 1])  # of (1, 0) on t × away
-                dead -= float(weight[low:high] @ away[:, 0])  # of (0, −1)
+                live -= float(weight[low:high] @ away[:, 1])  # component (1, 0) of t × away
+                dead -= float(weight[low:high] @ away[:, 0])  # component (0, −1)
             opens = [turns[0], turns[1] - turns[0], turns[2] - turns[1], -turns[2]]
             # A joint opens on the side where it has no hinge: 1 outside, −1 inside.
             wanted = np.array([1.0, -1.0, 1.0, -1.0]) * (1 - 2 * first)
@@ -158,7 +158,7 @@ def least_by_hinges() -> float:
 
 
 def test_arch_of_oppenheim(shared_tmp_path: Path) -> None:
-    """It collapses at 0.37 of gravity (I. J. Oppenheim, Earthquake Engng Struct. Dyn. 21, 1992)."""
+    """The arch collapses at 0.37 g (I. J. Oppenheim, Earthquake Engng Struct. Dyn. 21, 1992)."""
     low, up = proven(shared_tmp_path, limit_bounds(oppenheim()))
     assert low == pytest.approx(up, rel=1e-10)
     assert up == pytest.approx(0.37, abs=5e-3)
@@ -166,7 +166,7 @@ def test_arch_of_oppenheim(shared_tmp_path: Path) -> None:
 
 
 def half_circle(thickness: float, stones_of_half: int = 20) -> Problem:
-    """A half circle of the mean radius 1 under its weight, and a push that grows."""
+    """Return a half circle of mean radius 1 under its weight, and a growing push."""
     count = 2 * stones_of_half
     angles = np.linspace(-math.pi / 2, math.pi / 2, count + 1)
     step = angles[1] - angles[0]
@@ -179,11 +179,11 @@ def half_circle(thickness: float, stones_of_half: int = 20) -> Problem:
 
 
 def least_thickness(of_dome: bool, count: int) -> float:
-    """Return the least thickness over the mean radius that holds a line of thrust.
+    """Return the least thickness, over the mean radius, that contains a line of thrust.
 
-    With a = H and b = H·y, of the thrust H at the height y of the crown, the line keeps inside of
-    all joints β where b − a·r cos β is at least M(r, β) of the intrados, and at most that of the
-    extrados. M = ∫ (r sin β − x) dW is of the weight W between the crown and β.
+    Let a = H and b = H·y, with the thrust H at the height y of the crown. The line lies inside all
+    joints β if b − a·r cos β is at least M(r, β) at the intrados, and at most M(r, β) at the
+    extrados. M = ∫ (r sin β − x) dW is the moment of the weight W between the crown and β.
 
     Args:
         of_dome: Whether it is a slice of a dome, whose width grows with x, or an arch.
@@ -217,8 +217,11 @@ def least_thickness(of_dome: bool, count: int) -> float:
 
 
 def test_least_thickness_of_a_half_circle(shared_tmp_path: Path) -> None:
-    """It is 0.1075 of the radius (J. A. Ochsendorf, The masonry arch on spreading supports,
-    Struct. Eng. 84 (2006), 29): a mechanism shows that the arch falls 0.25 % below."""
+    """It is 0.1075 radii (J.
+
+    A. Ochsendorf, The masonry arch on spreading supports, Struct. Eng. 84 (2006), 29). A mechanism
+    shows that the arch collapses if it is 0.25 % thinner.
+    """
     least = least_thickness(False, 20)
     assert least == pytest.approx(0.1075, abs=5e-5)
     stands = limit_bounds(half_circle(1.0025 * least))
@@ -234,7 +237,7 @@ def test_least_thickness_of_a_half_circle(shared_tmp_path: Path) -> None:
 
 
 def wall(courses: int) -> Problem:
-    """Courses of the same thickness on a held one, without bond, pushed with their weight."""
+    """Return equal courses on a held course, without bond, pushed in proportion to their weight."""
     places = [box([0, i - 1.0], [1.5, i + 0.0]) for i in range(courses + 1)]
     mesh = stones(COMM, places, (2, 1))
     return Problem(
@@ -254,7 +257,10 @@ def test_a_wall_tips_as_a_whole(shared_tmp_path: Path) -> None:
 
 
 def test_drucker_without_associated_friction(shared_tmp_path: Path) -> None:
-    """From below frictionless, which carries no push at all; from above the joint that dilates."""
+    """The lower bound has no friction and carries no push.
+
+    The upper bound has a joint that dilates.
+    """
     problem = pushed(0.3, 2.0, 1.0)
     contact = Contact("0_y1", "1_y0", coulomb=0.3)
     other = Problem(
@@ -274,7 +280,7 @@ def test_drucker_without_associated_friction(shared_tmp_path: Path) -> None:
 
 
 def test_an_arch_without_friction_from_below() -> None:
-    """Drucker's lower bound has no forces; the upper one is the best, and is said to be."""
+    """Drucker's lower bound has no forces; the program reports that the upper bound is optimal."""
     problem = oppenheim()
     joints = [Contact(it.primary, it.secondary, coulomb=0.75) for it in problem.given.contacts]
     given = problem.given
@@ -288,7 +294,7 @@ def test_an_arch_without_friction_from_below() -> None:
 
 
 def test_a_plane_holds_a_stone(shared_tmp_path: Path) -> None:
-    """An inclined plane: a stone slides where its slope and the push together are the friction."""
+    """On an inclined plane a stone slides when slope and push together equal the friction."""
     slope, mu = 0.2, 0.5
     angle = math.atan(slope)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
@@ -311,7 +317,7 @@ def test_a_plane_holds_a_stone(shared_tmp_path: Path) -> None:
 @pytest.mark.mpi3
 @pytest.mark.parametrize(("mu", "c", "exact"), [(0.3, 0.0, 0.3), (2.0, 0.0, 1.25), (0.1, 0.2, 0.3)])
 def test_a_stone_in_space(shared_tmp_path: Path, mu: float, c: float, exact: float) -> None:
-    """It slides in the oblique direction of the push, or tips about the edge x = 1."""
+    """The stone slides in the oblique direction of the push, or tips about the edge x = 1."""
     mesh = stones(COMM, [box([0, 0, -1], [1, 1, 0]), box([0, 0, 0], [1, 1, 1])], (2, 2, 1))
     push = np.array([0.8, 0.6, 0.0])
     problem = Problem(
@@ -328,7 +334,7 @@ def test_a_stone_in_space(shared_tmp_path: Path, mu: float, c: float, exact: flo
 
 
 def staying(problem: Problem, push: float, **joint: bool) -> Problem:
-    """The same with a push that stays, and other words on its joints."""
+    """Return the same problem with a constant push, and other properties of the joints."""
     given = problem.given
     loads = [
         it if it.constant else replace(it, value=[push * one for one in it.value], constant=True)  # type: ignore[union-attr]
@@ -340,7 +346,7 @@ def staying(problem: Problem, push: float, **joint: bool) -> Problem:
 
 @pytest.mark.mpi2
 def test_factor_of_safety_of_stones(shared_tmp_path: Path) -> None:
-    """F divides the friction of joints: a stone slides at μ/F, whatever its weight."""
+    """F divides the friction of joints: a stone of any weight slides at μ/F."""
     problem = staying(pushed(0.3, 2.0, 1.0), 0.2)
     seen: list[float] = []
     found = factor_of_safety(
@@ -366,7 +372,7 @@ def test_factor_of_safety_of_stones(shared_tmp_path: Path) -> None:
 
 
 def test_factor_of_safety_of_an_arch_and_of_joints_that_dilate_less() -> None:
-    """A pushed arch falls by hinges or by slip; without dilatancy there is an upper bound alone."""
+    """A pushed arch fails by hinges or slip; without dilatancy there is only an upper bound."""
     arch = factor_of_safety(staying(oppenheim(), 0.2), 1e-2)
     assert arch.lower is not None
     assert arch.upper is not None
@@ -377,7 +383,7 @@ def test_factor_of_safety_of_an_arch_and_of_joints_that_dilate_less() -> None:
 
 
 def test_stones_that_fall_or_stand_at_any_factor() -> None:
-    """A slender stone tips, and a stone that nothing pushes does not slide."""
+    """A slender stone tips, and a stone without a push does not slide, at any F."""
     assert_refused(
         lambda: factor_of_safety(staying(pushed(0.7, 1.0, 2.0), 0.6)), ["even with F = 0.01"]
     )
@@ -391,7 +397,7 @@ def test_stones_that_fall_or_stand_at_any_factor() -> None:
 
 
 def dome(thickness: float, count: int = 20) -> Problem:
-    """Half a slice of a dome of the mean radius 1 at an upright smooth plane, with its weight."""
+    """Return half a slice of a dome of mean radius 1, at a smooth vertical plane, with weight."""
     angles = np.linspace(0, math.pi / 2, count + 1)
     angles = np.append(angles, angles[-1] + angles[1])
     radii = 1 - thickness / 2, 1 + thickness / 2
@@ -403,9 +409,12 @@ def dome(thickness: float, count: int = 20) -> Problem:
 
 @pytest.mark.long
 def test_least_thickness_of_a_dome(shared_tmp_path: Path) -> None:
-    """It is 0.042 of the radius (J. Heyman, On shell solutions for masonry domes,
-    doi:10.1016/0020-7683(67)90072-8), where slices lean against each other alone. A line of thrust
-    gives 0.0428 for thin stones, and 0.0427 for 20."""
+    """It is 0.042 radii (J.
+
+    Heyman, On shell solutions for masonry domes, doi:10.1016/0020-7683(67)90072-8) if slices only
+    lean against each other. A line of thrust gives 0.0428 for thin stones, and 0.0427 for 20
+    stones.
+    """
     assert least_thickness(True, 400) == pytest.approx(0.0428, abs=1e-4)
     least = least_thickness(True, 20)
     assert least == pytest.approx(0.0427, abs=1e-4)
@@ -413,13 +422,13 @@ def test_least_thickness_of_a_dome(shared_tmp_path: Path) -> None:
     assert 0 < low <= up * (1 + 1e-9)
     falls = limit_bounds(dome(0.9975 * least))
     assert falls.upper.value is not None
-    assert falls.upper.value < 0  # of a push outwards; a push towards the crown helps
+    assert falls.upper.value < 0  # the push acts outwards; a push towards the crown helps
     assert "not carry the constant loads alone" in falls.in_words()
     proven(shared_tmp_path, falls)
 
 
 def test_a_rigid_body_beside_one_that_yields() -> None:
-    """A stone presses on a block, which is squeezed out at 2k."""
+    """A stone presses on a block, which yields at 2k."""
     mesh = stones(COMM, [box([0, 0], [1, 1]), box([0, 1], [1, 2])], (2, 2))
     problem = Problem(
         mesh,
@@ -465,7 +474,7 @@ def test_refusals() -> None:
 def test_certain_loads_are_carried_or_not(
     shared_tmp_path: Path, push: float, carried: bool
 ) -> None:
-    """It answers what a level would: the loads of one factor, all of which stay."""
+    """The result replaces a load level: whether bodies carry constant loads."""
     bounds = limit_bounds(staying(oppenheim(), push))
     assert bounds.question is Question.STANDS
     assert ("constant loads are carried" in bounds.in_words()) is carried

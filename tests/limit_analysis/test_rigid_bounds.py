@@ -1,4 +1,4 @@
-"""Strict bounds of bodies that rigid plates are glued to, which forces and moments move."""
+"""Test strict bounds for bodies with glued rigid plates, which forces and moments load."""
 
 import math
 from pathlib import Path
@@ -32,11 +32,11 @@ from tests.limit_analysis.test_static_bound import rectangle
 K = 1.0
 SOIL = VonMises(1e3, 0.3, math.sqrt(3) * K)
 PRANDTL = (2 + math.pi) * K
-"""Limit load of a rigid rough strip of unit width under a central load."""
+"""Limit load on a rigid rough strip of unit width under a central load."""
 
 
 def proven(problem: Problem, path: Path, rtol: float = 1e-4) -> BodyBounds:
-    """Bounds that are strict, in order, and that the checker finds too. Collective."""
+    """Return strict ordered bounds, which the checker also finds. Collective."""
     bounds = limit_bounds(problem, rtol)
     assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
     folder = ResultFolder(MPI.COMM_WORLD, path)
@@ -50,7 +50,7 @@ def proven(problem: Problem, path: Path, rtol: float = 1e-4) -> BodyBounds:
 
 
 def footing(*loads: Force | Traction, held: str = "", half: bool = False) -> Problem:
-    """A strip of unit width on ground, at the middle of its surface or, in half, at its end."""
+    """Return a strip of unit width on ground, in the middle or, if halved, at the end."""
     width, middle = (2.0, 0.0) if half else (4.0, 2.0)
     surfaces = {
         "bottom": lambda x: x[1] < 1e-9,
@@ -70,25 +70,25 @@ def at(value: tuple[float, float], moment: float = 0.0, constant: bool = False) 
 
 @pytest.mark.mpi3
 def test_a_rigid_footing(shared_tmp_path: Path) -> None:
-    """Prandtl's load is between the bounds, and the plate does not turn of itself."""
+    """Prandtl's load lies between the bounds, and the plate does not rotate."""
     bounds = proven(footing(at((0.0, -1.0))), shared_tmp_path)
     assert bounds.lower.value <= PRANDTL <= bounds.upper.value
     assert bounds.upper.value < 1.4 * bounds.lower.value
 
 
 def test_half_of_it(shared_tmp_path: Path) -> None:
-    """Held at the plane of symmetry it has half the load; its other component is nothing's."""
+    """Held at the symmetry plane it carries half the load; the other component has no effect."""
     load = Force("strip", (0.0, -1.0))
     bounds = proven(footing(load, held="x", half=True), shared_tmp_path)
     assert bounds.lower.value <= PRANDTL / 2 <= bounds.upper.value
 
 
 def test_loads_that_turn_and_push(shared_tmp_path: Path) -> None:
-    """A moment and a horizontal load take of what a footing carries, whichever way they act."""
+    """A moment or a horizontal load, in either direction, reduces the load on a footing."""
     plain = limit_bounds(footing(at((0.0, -1.0))), 1e-3)
     turned = proven(footing(at((0.0, -1.0), 0.2)), shared_tmp_path)
     assert turned.upper.value < plain.upper.value
-    # a load beside the middle is one at the middle with its moment
+    # an eccentric load equals a central load with its moment
     beside = Force("strip", (0.0, -1.0), point=(1.8, 1.0))
     again = limit_bounds(footing(beside), 1e-4)
     assert again.lower.value == pytest.approx(turned.lower.value, rel=1e-3)
@@ -109,7 +109,7 @@ def test_a_traction_on_the_plate_is_its_resultant() -> None:
 
 
 def test_a_bar_that_a_plate_bends(shared_tmp_path: Path) -> None:
-    """It bears at least ±2k over its height."""
+    """The bar carries at least ±2k over its height."""
     mesh = rectangle((6, 4), (2.0, 1.0), {"block": lambda x: x[0] < 3}, ENDS)
     problem = Problem(
         mesh,
@@ -126,7 +126,7 @@ def test_a_bar_that_a_plate_bends(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("moment", [(0.0, 0.0, 0.0), (0.1, -0.3, 0.2)])
 def test_a_plate_in_space(shared_tmp_path: Path, moment: tuple[float, ...]) -> None:
-    """On a cube that stands fast; the plate turns about any axis."""
+    """The plate lies on a held cube, and may rotate about any axis."""
     load = Force("z1", (0.2, 0.0, -1.0), moment, point=(0.5, 0.5, 1.0))
     problem = Problem(
         cube(1), {"block": SOIL}, [Support("z0")], [load], degree=2, rigid=[RigidSurface("z1")]
@@ -137,7 +137,7 @@ def test_a_plate_in_space(shared_tmp_path: Path, moment: tuple[float, ...]) -> N
 
 @pytest.mark.parametrize("friction", [{}, {"tresca": 0.2}, {"coulomb": 0.2, "tresca": 0.1}])
 def test_a_plate_beside_contact(shared_tmp_path: Path, friction: dict[str, float]) -> None:
-    """It presses a block on another one, which it may not enter between the nodes either."""
+    """The plate presses a block on another block; they must not overlap between nodes either."""
     pair = ("lower_top", "upper_bottom")
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, [2, 2], [2, 2], moved_by=0.0),

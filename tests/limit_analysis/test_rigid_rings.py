@@ -1,4 +1,4 @@
-"""Strict bounds of bodies of revolution that rigid plates are glued to."""
+"""Test strict bounds for bodies of revolution with glued rigid plates."""
 
 import math
 
@@ -24,9 +24,9 @@ PLATE = Elastic(young=1e3, poisson=0.3)
 
 
 def pressed_disc(n: int, rigid: bool = True, hole: float = 0.0) -> Problem:
-    """A disc of the height 1/2 glued to the floor, and to a plate on it: a surface or a body.
+    """Return a disc of height 1/2 between floor and a plate; the plate is a surface or a body.
 
-    The pressure of λ = 1 is 1 in the mean.
+    The mean pressure at λ = 1 is 1.
     """
     height = 0.5 if rigid else 0.75
     bodies = {"disc": lambda x: x[1] < 0.5}
@@ -51,14 +51,14 @@ def pressed_disc(n: int, rigid: bool = True, hole: float = 0.0) -> Problem:
 
 @pytest.mark.parametrize("hole", [0.0, 0.5])
 def test_a_rigid_surface_is_a_rigid_body(hole: float) -> None:
-    """As a plate whose stress may be anything, on the same cells below."""
+    """Compare with a plate of arbitrary stress on the same cells below."""
     surface = both(limit_bounds(pressed_disc(2, hole=hole), 1e-6), 2e-2)
     body = both(limit_bounds(pressed_disc(2, rigid=False, hole=hole), 1e-6), 2e-2)
     assert surface == pytest.approx(body, rel=1e-5)
 
 
 def test_the_plate_moves_along_the_axis() -> None:
-    """Both problems of a mesh have the same velocity of it."""
+    """The plate has the same velocity in both problems of a mesh."""
     bounds = limit_bounds(pressed_disc(2))
     problem = bounds.problem
     on = problem.V.tabulate_dof_coordinates()[:, 1] > 0.5 - 1e-9

@@ -1,4 +1,4 @@
-"""Strict bounds of bodies of revolution: exact limit loads between them, on any number of ranks."""
+"""Test strict bounds for bodies of revolution around exact limit loads, on any number of ranks."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -49,11 +49,11 @@ from tests.limit_analysis.test_static_bound import rectangle
 from tests.models import Read
 
 STEEL = VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3.0))
-"""Steel of the shear strength k = 1."""
+"""Steel with the shear strength k = 1."""
 
 
 ANGLE = 20.0
-"""Angle of friction of ground of the cohesion 1 (degrees)."""
+"""Friction angle (degrees) of ground with cohesion 1."""
 
 SOIL = MohrCoulomb(young=1e3, poisson=0.3, cohesion=1.0, friction_angle=ANGLE)
 
@@ -62,11 +62,11 @@ ROUND_CONE = DruckerPrager(
 )
 
 PASSIVE = math.tan(math.radians(45 + ANGLE / 2)) ** 2
-"""Pressure across over that along, at which ground without cohesion yields."""
+"""Ratio of lateral to axial pressure at which ground without cohesion yields."""
 
 
 def disc(n: int, law: object = STEEL, around: float = 0.0, **friction: float) -> Problem:
-    """A disc of the radius 1 and the height 1/2 on a plane, pressed from above.
+    """Return a disc of radius 1 and height 1/2 on a plane, under pressure from above.
 
     Args:
         n: Cells of the height.
@@ -99,7 +99,7 @@ def disc(n: int, law: object = STEEL, around: float = 0.0, **friction: float) ->
 
 
 def tube(read: Read, law: object = STEEL) -> Problem:
-    """Between planes, under inner pressure."""
+    """Return a tube between planes, under internal pressure."""
     mesh = read(write_ring, inner=1.0, outer=2.0, height=0.4, size=0.2).turned()
     held = [Support("bottom", "y"), Support("top", "y")]
     laws = {"ring": law}
@@ -107,7 +107,7 @@ def tube(read: Read, law: object = STEEL) -> Problem:
 
 
 def tubes(read: Read, outward: float = 0.0) -> Problem:
-    """The same of two, one in the other, with nodes that do not match."""
+    """Return the same for two tubes, one in the other, with nonmatching nodes."""
     mesh = read(write_ring, outer=2.0, height=0.3, interface=1.5, size=0.2).turned()
     cells = mesh.cells("outer_ring")
     nodes = np.unique(geometry_dofmap(mesh.mesh)[cells])
@@ -121,7 +121,7 @@ SEAM = Contact("inner_ring_seam", "outer_ring_seam")
 
 
 def column(dead: float = 0.0, law: object = STEEL) -> Problem:
-    """A column of the radius 1 that stands on its end, by its weight."""
+    """Return a column of radius 1 that stands on its end, under its weight."""
     mesh = rectangle(
         (3, 6),
         (1.0, 2.0),
@@ -151,7 +151,7 @@ def check(bounds: BodyBounds, exact: float, width: float) -> None:
 
 
 def test_pressure_of_shells_that_touch_on_the_axis(read: Read) -> None:
-    """The force of one shell on the other along the axis is 2σ_y ln(b/c) π c²."""
+    """One shell exerts the force 2σ_y ln(b/c) π c² on the other shell along the axis."""
     seam, shape = 1.4, {"outer": 2.0, "size": 0.2}
     mesh = read(write_thick_tube, interface=seam, **shape).turned()
     problem = Problem(
@@ -178,7 +178,7 @@ def test_pressure_of_shells_that_touch_on_the_axis(read: Read) -> None:
         (tube, 2 * math.log(2.0), 3e-4),
         (tubes, 2 * math.log(2.0), 2e-2),
         (lambda _: disc(2, Tresca(young=1e3, poisson=0.3, cohesion=1.0)), 2.0, 2e-3),
-        # σ_z = −λ(2 − z) at the foot, where nothing else acts: the foot of 2 yields at k√3
+        # σ_z = −λ(2 − z), and nothing else acts at the foot, which yields at σ_z = −2λ = −k√3
         (lambda _: column(), math.sqrt(3.0) / 2, 0.25),
         (lambda _: column(law=SOIL), math.sqrt(PASSIVE), 0.25),
     ],
@@ -188,7 +188,7 @@ def test_exact_limit_loads_lie_between(
     read: Read, problem: Callable[[Read], Problem], exact: float, width: float
 ) -> None:
     found = limit_bounds(problem(read))
-    if width > 0.1:  # no exact value, but one that a uniform stress shows to be below
+    if width > 0.1:  # no exact value; the upper bound exceeds that of a uniform stress
         assert found.strict
         assert found.lower.value is not None
         assert found.upper.value is not None
@@ -222,7 +222,7 @@ def test_exact_limit_loads_of_ground_that_dilates(
 
 @pytest.mark.long
 def test_a_smooth_circular_footing_beside_a_surcharge(read: Read) -> None:
-    """Stresses less cot φ times what c gains, so that N_q = 1 + N_c tan φ holds for both bounds."""
+    """A shift of stresses by c cot φ replaces c. So both bounds satisfy N_q = 1 + N_c tan φ."""
     mesh = read(write_strip_footing, size=0.5, punch=True, width=3.0, depth=3.0).turned()
 
     def found(surcharge: float) -> BodyBounds:
@@ -254,7 +254,7 @@ def test_a_smooth_circular_footing_beside_a_surcharge(read: Read) -> None:
 
 
 def test_ground_dilates_by_enough_between_the_coefficients() -> None:
-    """At random points of cells, and the dissipation there adds up to the bound at most."""
+    """This holds at random points in cells; the dissipation there sums at most to the bound."""
     found = limit_bounds(disc(2, SOIL))
     vertices, points = corners(found.problem.tagged_mesh.mesh)
     x = points[vertices]
@@ -276,7 +276,7 @@ def test_ground_dilates_by_enough_between_the_coefficients() -> None:
 
 
 def test_a_sphere_by_polygons(read: Read) -> None:
-    """Bounds are of the polygons' body, whose corners are on both spheres."""
+    """The bounds hold for the polygonal body, whose corners lie on both spheres."""
     mesh = read(write_thick_tube, outer=2.0, size=0.15).turned()
     loads = [Pressure("inner", 1.0)]
     found = limit_bounds(Problem(mesh, {"tube": STEEL}, [Support("y0", "y")], loads, degree=2))
@@ -292,7 +292,7 @@ def test_constant_pressure_beside_a_growing_one() -> None:
     assert alone.upper.value is not None
     assert beside.lower.value is not None
     assert beside.upper.value is not None
-    # a column under pressure all around but on top is weaker along, never stronger than by it
+    # pressure on all faces except the top makes the column weaker, never stronger
     assert beside.lower.value < beside.upper.value < alone.upper.value + 0.5
 
 
@@ -313,7 +313,7 @@ def test_the_velocity_is_that_of_the_flux(read: Read) -> None:
     speeds = (u[:middle, 0] * x[:middle, 0]).round(9)
     parts = problem.comm.allgather(speeds)
     every = np.concatenate(parts)
-    assert np.ptp(every) < 0.05 * np.abs(every).max()  # u_r = c/r, c the same all over
+    assert np.ptp(every) < 0.05 * np.abs(every).max()  # u_r = c/r with one c everywhere
     work = float(problem.loads.live.dot(found.mechanism.x.petsc_vec))
     assert work == pytest.approx(1.0, rel=1e-9)
 
@@ -335,7 +335,7 @@ def test_motions_along_the_axis_strain_nothing() -> None:
 @pytest.mark.parametrize("tied", [False, True])
 @pytest.mark.parametrize(("lower", "upper"), [(2, 3), (3, 3)])
 def test_blocks_that_meet_on_the_axis(lower: int, upper: int, tied: bool) -> None:
-    """A column of two, meshed without order: at the axis symmetry alone tells of their shear."""
+    """Column of two blocks with an irregular mesh: at the axis, only symmetry gives their shear."""
     mesh = blocks_apart(MPI.COMM_WORLD, [lower] * 2, [upper] * 2).turned()
     pair = ("lower_top", "upper_bottom")
     problem = Problem(
@@ -351,7 +351,7 @@ def test_blocks_that_meet_on_the_axis(lower: int, upper: int, tied: bool) -> Non
 
 
 def wet(problem: Problem) -> Problem:
-    """A disc with pressures in its pores."""
+    """Return a disc with pore pressures."""
     pores = [PorePressure("disc", "0.3 + x*y"), PorePressure("disc", 0.2, constant=False)]
     loads = [*problem.given.loads, *pores]
     return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
@@ -390,7 +390,7 @@ def test_what_is_refused(
 def test_integrals_over_the_radius_are_from_above(radii: tuple[float, float, float]) -> None:
     for turn in range(3):
         r = np.roll(radii, turn)
-        # points of a fine triangle, none on its edges
+        # points of a fine triangle, away from its edges
         n = 400
         i, j = np.triu_indices(n)
         s, t = (i + 1 / 3) / n, (n - 1 - j + 1 / 3) / n
@@ -401,7 +401,7 @@ def test_integrals_over_the_radius_are_from_above(radii: tuple[float, float, flo
         exact = (polynomials / (places @ r)[:, None]).mean(axis=0)
         found = weights_of_rates(r[None], np.ones(1))[0]
         kept = coefficients_of_radius(np.column_stack([r, np.zeros(3)])[None])[0] > 0
-        if (r == 0).sum() == 2:  # r times what is linear
+        if (r == 0).sum() == 2:  # r times a linear function
             c = int(np.argmax(r))
             assert found[c] == pytest.approx(1 / (3 * r[c]))
             continue

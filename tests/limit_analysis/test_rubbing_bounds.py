@@ -1,4 +1,4 @@
-"""Strict bounds of bodies that rub: Tresca's friction, and Drucker's pair for Coulomb's."""
+"""Test strict bounds with friction: Tresca friction, and Drucker's pair for Coulomb friction."""
 
 import math
 
@@ -27,11 +27,11 @@ COMM = MPI.COMM_WORLD
 K = STEEL.yield_stress / math.sqrt(3)
 PLATEN = Elastic(young=206900e3, poisson=0.29)
 ROUGH = 2.42768
-"""Mean pressure over k of a block twice as wide as high between rough platens."""
+"""Mean pressure over k on a block twice as wide as high, between rough platens."""
 
 
 def between_platens(n: int, **friction: float) -> Problem:
-    """A quarter of such a block, and the platen on it as a body of its own."""
+    """Return a quarter of such a block, with the platen as a separate body."""
     mesh = blocks_apart(COMM, (2 * n, n), (2 * n, n // 2), moved_by=0.0)
     mesh.mesh.geometry.x[:, 0] *= 2
     return Problem(
@@ -45,7 +45,7 @@ def between_platens(n: int, **friction: float) -> Problem:
 
 
 def pushed(n: int, slope: float = 0.0, gdim: int = 2, **friction: float) -> Problem:
-    """A block that a dead pressure of 10 presses on another one, pushed aside."""
+    """Return a block that a constant pressure of 10 presses on another block, pushed aside."""
     return Problem(
         blocks_apart(COMM, [n] * gdim, [n] * gdim, moved_by=0.0, slope=slope),
         {"lower": STEEL, "upper": STEEL},
@@ -60,7 +60,7 @@ def pushed(n: int, slope: float = 0.0, gdim: int = 2, **friction: float) -> Prob
 
 
 def both(bounds: BodyBounds, rel: float = 1e-6) -> tuple[float, float]:
-    """Both bounds, which are strict, and whose gap is that of the shares."""
+    """Return both strict bounds, whose gap equals the sum of the shares."""
     assert bounds.strict
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
@@ -72,7 +72,7 @@ def both(bounds: BodyBounds, rel: float = 1e-6) -> tuple[float, float]:
 
 
 def test_rubbing_platens() -> None:
-    """Monotone in the friction, from that of smooth platens to that of rough ones."""
+    """The load increases with friction, from smooth to rough platens."""
     smooth = limit_bounds(between_platens(4))
     assert smooth.lower.value == pytest.approx(2 * K, rel=1e-4)
     found = [both(limit_bounds(between_platens(4, tresca=m * K))) for m in (0.3, 0.6, 1.0, 1.5)]
@@ -81,7 +81,7 @@ def test_rubbing_platens() -> None:
     assert (np.diff(upper) > 0).all()
     assert 2.17 < lower[0] < upper[0] < 2.26
     assert 2.29 < lower[2] < ROUGH < upper[2] < 2.51
-    assert lower[3] == pytest.approx(lower[2], rel=1e-4)  # the block itself yields
+    assert lower[3] == pytest.approx(lower[2], rel=1e-4)  # the block yields
     none = limit_bounds(between_platens(4, tresca=0.0))
     assert none.lower.value == pytest.approx(smooth.lower.value, rel=1e-4)
     assert none.upper.value == pytest.approx(smooth.upper.value or 0.0, rel=1e-4)
@@ -89,9 +89,9 @@ def test_rubbing_platens() -> None:
 
 @pytest.mark.mpi2
 def test_a_block_that_slides_in_space() -> None:
-    """Friction in any direction: the whole seam slips at τ̄ over the shear traction.
+    """For friction in any direction the whole seam slips, at τ̄ over the shear traction.
 
-    The checker proves an upper bound that is better than the one whose gap the shares divide.
+    The checker proves a better upper bound than the one whose gap the shares divide.
     """
     problem = Problem(
         blocks_apart(COMM, [2] * 3, [2] * 3, moved_by=0.0),
@@ -115,7 +115,7 @@ def test_a_block_that_slides_in_space() -> None:
 
 
 def test_a_rough_floor() -> None:
-    """A plane that rubs bounds as a platen does that is a body."""
+    """A plane with friction has the same bounds as a platen that is a body."""
     mesh = rectangle(
         (8, 6),
         (2.0, 1.5),
@@ -144,7 +144,7 @@ def test_a_rough_floor() -> None:
 
 @pytest.mark.parametrize("adhesion", [0.0, 1.0])
 def test_drucker_of_a_block_that_slides(adhesion: float) -> None:
-    """From above the statics, μN + cA; from below what adhesion alone holds, if there is any."""
+    """The upper bound is statics, μN + cA; the lower bound is the adhesion alone, if any."""
     bounds = limit_bounds(pushed(4, coulomb=0.3, tresca=adhesion), 1e-6)
     assert bounds.upper.strict
     assert bounds.lower.strict == (adhesion > 0)
@@ -157,10 +157,10 @@ def test_drucker_of_a_block_that_slides(adhesion: float) -> None:
 
 @pytest.mark.parametrize("slope", [0.1, 0.2, -0.3])
 def test_drucker_up_and_down_a_slope(slope: float) -> None:
-    """Statics: (tan α + μ)/(1 − μ tan α) of the weight, with adhesion along the seam."""
-    mu, c = 0.2, 0.3  # with more it tips
+    """Statics gives (tan α + μ)/(1 − μ tan α) of the weight, with adhesion along the seam."""
+    mu, c = 0.2, 0.3  # with larger values it tips
     bounds = limit_bounds(pushed(3, slope, coulomb=mu, tresca=c), 1e-6)
-    # along: H cos α − V sin α = c l + μ (V cos α + H sin α) with l = 1/cos α
+    # along the seam: H cos α − V sin α = c l + μ (V cos α + H sin α) with l = 1/cos α
     angle = math.atan(slope)
     exact = 10 * math.sin(angle) + mu * 10 * math.cos(angle) + c / math.cos(angle)
     exact /= math.cos(angle) - mu * math.sin(angle)
@@ -169,7 +169,7 @@ def test_drucker_up_and_down_a_slope(slope: float) -> None:
 
 
 def test_a_path_knows_adhesion_beside_friction() -> None:
-    """Statics, μN + cA, by Coulomb's rounds."""
+    """Statics, μN + cA, by the iteration for Coulomb friction."""
     path = limit_load(pushed(2, coulomb=0.3, tresca=1.0), 1e-5)
     assert path.lower == pytest.approx(4.0, rel=2e-5)
     assert path.upper is not None
@@ -178,7 +178,7 @@ def test_a_path_knows_adhesion_beside_friction() -> None:
 
 @pytest.mark.serial
 def test_the_path_lies_between_druckers_pair() -> None:
-    """A block between platens with Coulomb's friction: frictionless ≤ path ≤ associated ≤ glued."""
+    """Block between platens with Coulomb friction: frictionless ≤ path ≤ associated ≤ glued."""
     problem = between_platens(2, coulomb=0.1)
     smooth, (lower, upper) = limit_bounds(between_platens(2)), both(limit_bounds(problem))
     assert lower == pytest.approx(smooth.lower.value, rel=1e-6)

@@ -1,4 +1,4 @@
-"""Factors of safety of slopes, proven from both sides."""
+"""Test factors of safety of slopes, with proofs of both bounds."""
 
 import math
 from dataclasses import replace
@@ -53,12 +53,12 @@ WEIGHT = BodyForce("soil", (0.0, -1.0), constant=True)
 
 
 def slope(read: Read, soil: Material, weight: BodyForce = WEIGHT) -> Problem:
-    """2:1, on firm ground at its toe: D. V. Griffiths and P. A. Lane's first."""
+    """Return D. V. Griffiths and P. A. Lane's first slope: 2:1, firm ground at the toe level."""
     return Problem(read(write_slope), {"soil": soil}, SUPPORTS, [weight], degree=2)
 
 
 def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
-    """Géotechnique 49 (1999), 387: 1.4 by finite elements; log spirals fall at 1.3978."""
+    """Géotechnique 49 (1999), 387: 1.4 by finite elements; log spirals collapse at 1.3978."""
     ground = DruckerPrager(1e3, 0.3, 0.05, 20.0, "plane-strain")
     seen = []
     found = factor_of_safety(
@@ -80,9 +80,9 @@ def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
     assert 0.98 <= (found.falls.upper.value or 2) <= 1
     assert found.searches <= 14
     both = [k for k, it in enumerate(seen) if it[1] is not None and it[2] is not None]
-    assert len({seen[k][0] for k in both}) > 1  # F is sought again on each mesh
+    assert len({seen[k][0] for k in both}) > 1  # the search for F begins again on each mesh
     last = seen[both[-1] :]
-    for side in (1, 2):  # and on the last one each root with its own bound alone
+    for side in (1, 2):  # and each root on the last mesh needs only its bound
         values = [(it[0], it[side]) for it in sorted(last) if it[side] is not None]
         assert 2 <= len(values) < len(last)
         assert all(b < a for (_, a), (_, b) in pairwise(values))
@@ -110,7 +110,7 @@ def test_strengths_that_are_reduced() -> None:
 
 
 def test_strengths_that_are_kept(read: Read) -> None:
-    """Those with reduced = false stay as they are, of bodies and of contacts."""
+    """Strengths of bodies and contacts with reduced = false do not change."""
     steel = VonMises(2e5, 0.3, 235.0, reduced=False)
     kept = slope(read, MohrCoulomb(1e3, 0.3, 0.05, 20.0))
     kept = variant(kept, materials={"soil": steel})
@@ -132,7 +132,7 @@ def test_strengths_that_are_kept(read: Read) -> None:
 
 @pytest.fixture
 def glued_wall(read: Read) -> Problem:
-    """A wall that keeps its volume, glued to ground that dilates; both have weight."""
+    """Return a wall that preserves volume, glued to ground that dilates; both have weight."""
     bodies = {
         "ground": DruckerPrager(1e4, 0.3, 0.05, 25.0, "plane-strain"),
         "wall": VonMises(1e6, 0.2, 20.0),
@@ -148,7 +148,7 @@ def glued_wall(read: Read) -> Problem:
 def test_upper_bounds_of_ground_glued_to_what_keeps_its_volume(
     glued_wall: Problem, factor: float
 ) -> None:
-    """4e-11 of the strain rates was left of volume changes, which is more than rounding."""
+    """Volume changes of 4e-11 of the strain rates remained, which is more than rounding."""
     bounds = upper_bound(weakened(glued_wall, factor), 1e-3)
     assert bounds.upper.strict, bounds.upper
     assert bounds.certificates["inadmissible"] < 1e-11
@@ -157,7 +157,7 @@ def test_upper_bounds_of_ground_glued_to_what_keeps_its_volume(
 def test_values_that_are_not_strict_steer_the_search(
     glued_wall: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are never what is told, and bring the search to a factor where a bound is strict."""
+    """The program never reports them, but they lead to a factor where a bound is strict."""
     asked = []
 
     def sometimes(problem: Problem, rtol: float, steps: object) -> BodyBounds:
@@ -177,7 +177,7 @@ def test_values_that_are_not_strict_steer_the_search(
 
 
 SAND, GENTLE = 32.0, 2.5
-"""Angle of friction, and run over height of a slope of 21.8°."""
+"""Friction angle, and horizontal over vertical length of a slope of 21.8°."""
 
 NO_COHESION = GENTLE * math.tan(math.radians(SAND))
 """Its factor of safety as the cohesion tends to zero: tan φ/tan β."""
@@ -206,7 +206,7 @@ def test_rounding_beside_all_but_no_cohesion(
 ) -> None:
     """The stress has a reserve everywhere, and what rounding leaves of its balance takes little.
 
-    A bound was of 0.73 and 0.78 times the weight before.
+    Earlier, a bound held only for 0.73 and 0.78 times the weight.
     """
     problem = weakened(gentle(read, 1e-5, 0.12), share * NO_COHESION)
     bounds = lower_bound(problem, upper_bound(problem, 1e-3), 1e-3)
@@ -223,7 +223,7 @@ def test_rounding_beside_all_but_no_cohesion(
 
 @pytest.mark.long
 def test_a_slope_with_a_skin_of_sand(read: Read) -> None:
-    """F is sought again on each mesh, as the first one carries its weight far too long."""
+    """The search for F begins again on each mesh, because the first mesh is much too strong."""
     factors = []
     found = factor_of_safety(
         gentle(read, 1e-3),
@@ -238,7 +238,7 @@ def test_a_slope_with_a_skin_of_sand(read: Read) -> None:
 
 
 def test_where_the_next_mesh_is_bounded() -> None:
-    """Between what stands and what falls on any mesh before."""
+    """The next F lies between proven factors of all earlier meshes."""
     mesh, none = Bound(None, "lower", Scope.MESH), Bound(None, "upper", Scope.MESH)
 
     def curve(factor: float, low: float | None, high: float | None) -> factor_roots.FactorRoots:
@@ -255,8 +255,8 @@ def test_where_the_next_mesh_is_bounded() -> None:
     assert then(curve(1.5, 0.9, 1.1)) == pytest.approx(1.5 * 0.9**0.5)
     assert then(curve(1.5, None, 1.1)) == pytest.approx(1.5 * 1.1**0.5)
     assert then(curve(1.46, 1.0, 1.3), curve(1.5, 0.9, 1.1)) == pytest.approx(1.46, rel=2e-3)
-    assert then(curve(1.5, 0.1, None)) == 1.5  # no mechanism yet
-    assert then(curve(1.5, 4.0, None)) > 1.6  # it carries them for certain
+    assert then(curve(1.5, 0.1, None)) == 1.5  # no mechanism so far
+    assert then(curve(1.5, 4.0, None)) > 1.6  # the ground certainly carries the loads
     assert then(curve(1.5, 0.9, 0.95)) < 1.5
     stood = curve(1.45, 4.0, None)
     assert 1.45 < then(stood, curve(1.5, 0.01, 0.02)) < 1.5
@@ -274,7 +274,7 @@ def test_why_there_is_no_bound_is_told() -> None:
 
 
 def test_why_the_factors_are_further_apart_than_requested() -> None:
-    """It was not said."""
+    """Earlier, the program did not give this reason."""
     found, none = Bound(1.0, "upper", Scope.BODY), Bound(None, "upper", Scope.MESH, ("it locks",))
     stands, carried = Bound(1.0, "lower", Scope.BODY), NOT_SOUGHT
 
@@ -318,9 +318,10 @@ def test_what_is_refused(read: Read) -> None:
 
 
 def test_strengths_that_f_does_not_divide_and_that_limit(read: Read) -> None:
-    """A body whose strength is kept falls, or stands, whatever F is: a sentence ends the search.
+    """A body with unreduced strength collapses, or is stable, at any F: one sentence ends the
+    search.
 
-    It told of 0.14 at most, and of 86 000 at least.
+    Earlier, the program reported at most 0.14, and at least 86 000.
     """
     mesh = stones(MPI.COMM_WORLD, [box([0, 0], [1, 1]), box([0, 1], [1, 2])], (2, 2))
     held = [Support("0_y0", "y"), Support("0_x0", "x"), Support("1_x0", "x")]
@@ -342,7 +343,7 @@ def test_strengths_that_f_does_not_divide_and_that_limit(read: Read) -> None:
 
 @pytest.mark.parametrize("tolerance", [0.3, 0.9])
 def test_wide_tolerances(read: Read, tolerance: float) -> None:
-    """Ten times the tolerance is asked of the first mesh at first, which may be more than one."""
+    """The first mesh initially has ten times the tolerance, which may exceed one."""
     found = factor_of_safety(slope(read, VonMises(1e3, 0.3, 0.5)), tolerance)
     assert found.lower is not None
     assert found.upper is not None
@@ -350,7 +351,7 @@ def test_wide_tolerances(read: Read, tolerance: float) -> None:
 
 
 def test_joints_are_reduced_as_bodies_are() -> None:
-    """F q sin cos = c + μ q cos² on the cut of a column under a dead pressure q."""
+    """F q sin cos = c + μ q cos² on the cut of a column under a constant pressure q."""
     mu, c, q = 0.4, 1.0, 2.0
     problem = cut_column(mu, c)
     found = factor_of_safety(variant(problem, loads=[Pressure("top", q, constant=True)]), 1e-5)
@@ -360,7 +361,7 @@ def test_joints_are_reduced_as_bodies_are() -> None:
     assert (found.lower or 0.0) <= exact * (1 + 1e-9)
     assert (found.upper or 0.0) >= exact * (1 - 1e-9)
     assert found.falls is not None
-    forces = found.falls.mesh.contact_forces  # of pairs, which carry the part of q along the normal
+    forces = found.falls.mesh.contact_forces  # forces of pairs, which carry the normal part of q
     assert forces is not None
     assert len(forces) == len(found.falls.problem.basis.index)
     pressed = float(problem.comm.allreduce(forces.sum()))

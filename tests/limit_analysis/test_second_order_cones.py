@@ -1,4 +1,4 @@
-"""Second-order cones: their products, their boundary, and the scaling between two members."""
+"""Test second-order cones: products, the boundary, and the scaling between two members."""
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
 
 
 def members(seed: int, num: int = 50, m: int = 4) -> npt.NDArray[np.float64]:
-    """Random members, some of them close to the boundary."""
+    """Return random members, some of them close to the boundary."""
     generator = np.random.default_rng(seed)
     tails = generator.normal(size=(num, m)) * 10 ** generator.uniform(-2, 2, (num, 1))
     sizes = np.linalg.norm(tails, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Semidefinite matrices of 3 × 3: scaling, products, steps, against libraries'."""
+"""Test semidefinite 3 × 3 matrices: scaling, products and steps against libraries."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.serial
 
 
 def members(seed: int, spread: float, num: int = 200) -> Floats:
-    """Inside the cone, with eigenvalues from 10^−spread to 1."""
+    """Return members of the cone, with eigenvalues from 10^−spread to 1."""
     random = np.random.default_rng(seed)
     axes = np.linalg.qr(random.normal(size=(num, 3, 3)))[0]
     values = 10 ** random.uniform(-spread, 0, (num, 3))
@@ -38,7 +38,7 @@ def test_both_members_are_scaled_to_one_diagonal(spread: float) -> None:
     a = members(3, 1.0) - 0.3 * members(4, 1.0)
     assert np.allclose(scaling.undone(scaling.dual(a)), a, rtol=0, atol=1e-13 * 10 ** (2 * spread))
     assert np.allclose(product(diagonal, scaling.quotient(a)), a, rtol=0, atol=1e-13)
-    # what is done to members and multipliers is adjoint: products stay
+    # operations on members and multipliers are adjoint: products do not change
     works = np.einsum("nij,nij->n", scaling.primal(a), scaling.dual(z))
     assert np.allclose(works, np.einsum("nij,nij->n", a, z), rtol=0, atol=1e-10 * 10**spread)
 

@@ -1,4 +1,4 @@
-"""Shakedown loads against closed forms, another way to them, and a history of cycles."""
+"""Test shakedown loads against closed forms, a second method, and a history of cycles."""
 
 import math
 from pathlib import Path
@@ -42,7 +42,7 @@ NU = 0.3
 
 
 def tube(comm: MPI.Intracomm, folder: Path, outer: float, size: float, order: int) -> TaggedMesh:
-    """A quarter of a tube."""
+    """Return a quarter of a tube."""
     path = folder / "tube.msh"
     if comm.rank == 0:
         write_thick_tube(path, outer=outer, size=size, order=order)
@@ -51,7 +51,7 @@ def tube(comm: MPI.Intracomm, folder: Path, outer: float, size: float, order: in
 
 
 def first_yield(ratio: float) -> float:
-    """Pressure in k at which a tube in plane strain yields at its bore, by Lamé."""
+    """Return the pressure over k at which a tube in plane strain yields at its bore, by Lamé."""
     share = 1 / (ratio**2 - 1)
     stress = np.array([-1.0, share * (1 + ratio**2), 0.0])
     stress[2] = NU * stress.sum()
@@ -62,7 +62,7 @@ def first_yield(ratio: float) -> float:
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("ratio", [1.5, 2.0, 3.0])
 def test_a_thick_tube(ratio: float, order: int, comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """min(2 p_el, p_lim) = 0.81093, 1.38629 and 1.77719 k."""
+    """The loads are min(2 p_el, p_lim) = 0.81093, 1.38629 and 1.77719 k."""
     mesh = tube(comm, shared_tmp_path, ratio, 0.1, order)
     held = [Support("x0", "x"), Support("y0", "y")]
     loads = [Pressure("inner", 1.0, name="p")]
@@ -74,7 +74,7 @@ def test_a_thick_tube(ratio: float, order: int, comm: MPI.Intracomm, shared_tmp_
     assert found.upper is not None
     assert found.linear == (order == 1)
     assert found.failure == (Failure.ALTERNATING if twice < limit else Failure.COLLAPSE)
-    if order == 1 or twice > limit:  # in curved cells no stress is known at the bore
+    if order == 1 or twice > limit:  # in curved cells the stress at the bore is not known
         assert found.load == pytest.approx(min(twice, limit), rel=5e-3)
     assert found.upper == pytest.approx(found.load, rel=2e-4)
     assert found.over <= 1 + 1e-6
@@ -83,7 +83,7 @@ def test_a_thick_tube(ratio: float, order: int, comm: MPI.Intracomm, shared_tmp_
 
 
 def block(comm: MPI.Intracomm, law: object, loads: list[object], ties: bool = True) -> Problem:
-    """Two blocks that are glued together, free to widen."""
+    """Return two glued blocks that are free to widen."""
     return Problem(
         stacked_blocks(comm, 1),
         {"lower": law, "upper": law},  # type: ignore[dict-item]
@@ -96,20 +96,20 @@ def block(comm: MPI.Intracomm, law: object, loads: list[object], ties: bool = Tr
 
 @pytest.mark.mpi2
 def test_a_bar_pulled_and_pushed(comm: MPI.Intracomm) -> None:
-    """A stress without gradient has no residual stress: limit load either way, beside dead ones."""
+    """A uniform stress has no residual stress. The limit loads apply, with dead loads."""
     Y = math.sqrt(3)
     pull = Traction("top", (0.0, 0.0, 1.0), name="pull")
     held = Traction("top", (0.0, 0.0, 0.25 * Y), constant=True, name="held")
     both = shakedown_load(block(comm, STEEL, [pull, held]), LoadDomain.of_ranges({"pull": (-1, 1)}))
     assert both.load == pytest.approx(0.75 * Y, rel=2e-4)
-    assert both.first_yield is None  # beside constant loads
+    assert both.first_yield is None  # with constant loads
     alone = shakedown_load(block(comm, STEEL, [pull]), LoadDomain.of_ranges({"pull": (-0.5, 1)}))
     assert alone.load == pytest.approx(Y, rel=2e-4)
     assert alone.first_yield == pytest.approx(Y, rel=1e-8)
 
 
 def test_frictional_ground(comm: MPI.Intracomm) -> None:
-    """Two corners of uniaxial stress, each at its own yield stress."""
+    """Two corners of uniaxial stress limit the load, each at its yield stress."""
     law = DruckerPrager(2e5, 0.3, cohesion=1.0, friction_angle=20.0, match="compression")
     pull = Traction("top", (0.0, 0.0, 1.0), name="pull")
     eta = 6 * math.sin(math.radians(20.0)) / (math.sqrt(3) * (3 - math.sin(math.radians(20.0))))
@@ -126,7 +126,7 @@ def test_frictional_ground(comm: MPI.Intracomm) -> None:
 
 
 def test_corners_and_heat(comm: MPI.Intracomm) -> None:
-    """A bar that is held at both ends and heated again and again: EαΔT ≤ 2Y, less a dead pull."""
+    """A bar held at both ends is heated repeatedly: EαΔT ≤ 2Y minus a constant tension."""
     steel = VonMises(2e5, 0.3, 100.0, expansion=1e-5)
     mesh = stacked_blocks(comm, 1)
     problem = Problem(
@@ -149,7 +149,7 @@ def test_corners_and_heat(comm: MPI.Intracomm) -> None:
 @pytest.mark.mpi2("20.0")
 @pytest.mark.parametrize("angle", [0.0, 20.0])
 def test_heat_in_ground(angle: float, comm: MPI.Intracomm) -> None:
-    """The same bar of Tresca, and of Mohr and Coulomb: EαΔT is the tension and the compression."""
+    """The same bar of Tresca or Mohr–Coulomb ground: EαΔT is the sum of both strengths."""
     c, phi = 10.0, math.radians(angle)
     law: Material = Tresca(2e5, 0.3, c, expansion=1e-5)
     if angle:
@@ -169,12 +169,12 @@ def test_heat_in_ground(angle: float, comm: MPI.Intracomm) -> None:
     assert found.upper == pytest.approx(found.load, rel=2e-4)
     assert found.first_yield == pytest.approx(pushed / (2e5 * 1e-5), rel=1e-6)
     assert found.over <= 1 + 1e-6
-    # ground dilates at either corner, and grows sideways
+    # ground dilates at either corner, and expands sideways
     assert found.failure == (Failure.BOTH if angle else Failure.ALTERNATING)
 
 
 def test_a_diagram(comm: MPI.Intracomm) -> None:
-    """Two independent pulls on the same face carry Y together."""
+    """Two independent tractions on one face together carry Y."""
     one = Traction("top", (0.0, 0.0, 1.0), name="one")
     other = Traction("top", (0.0, 0.0, 10.0), name="other")
     problem = block(comm, STEEL, [one, other])
@@ -187,7 +187,7 @@ def test_a_diagram(comm: MPI.Intracomm) -> None:
 
 
 class NoCone:
-    """A yield set of which no cone is known."""
+    """A yield set without a known cone."""
 
     def cones(self, size: int) -> None:
         """Return none."""
@@ -198,12 +198,12 @@ class UnknownLaw(VonMisesLaw):
 
     @property
     def yields(self) -> Any:
-        """The set."""
+        """Return the set."""
         return NoCone()
 
 
 class Unknown(VonMises):
-    """Its material."""
+    """A material of this law."""
 
     law: ClassVar = UnknownLaw
 

@@ -1,6 +1,6 @@
-"""Shakedown of strips and of bodies of revolution: against closed forms.
+"""Test shakedown of strips and of bodies of revolution against closed forms.
 
-Bree's wall, a load that moves, plates with a hole: demos/verification/shakedown.py.
+For Bree's wall, a moving load and plates with a hole see demos/verification/shakedown.py.
 """
 
 import math
@@ -34,7 +34,7 @@ STEEL = VonMises(2e5, 0.3, 1.0)
 
 @pytest.mark.parametrize(("thin", "exact"), [(True, 1.0), (False, 2 / 3**0.5)])
 def test_a_strip_that_is_pulled(thin: bool, exact: float, comm: MPI.Intracomm) -> None:
-    """A sheet grows thinner as it likes; in plane strain the strip resists that."""
+    """A sheet contracts freely through its thickness. In plane strain the strip resists this."""
     surfaces = {
         "left": lambda x: x[0] < 1e-9,
         "right": lambda x: x[0] > 4 - 1e-9,
@@ -53,7 +53,7 @@ def test_a_strip_that_is_pulled(thin: bool, exact: float, comm: MPI.Intracomm) -
 
 
 def test_a_strip_that_a_plate_bends(comm: MPI.Intracomm) -> None:
-    """A moment on a rigid end that comes and goes: 2k h²/4 in plane strain, as once."""
+    """Cyclic moment on a rigid end: 2k h²/4 in plane strain, like the limit load."""
     surfaces = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 4 - 1e-9}
     mesh = rectangle((16, 4), (4.0, 1.0), {"strip": lambda x: x[0] < 9}, surfaces, comm=comm)
     problem = Problem(
@@ -70,7 +70,7 @@ def test_a_strip_that_a_plate_bends(comm: MPI.Intracomm) -> None:
 
 
 def tube_section(comm: MPI.Intracomm, law: Material, ratio: float, cells: int = 12) -> Problem:
-    """A tube as a body of revolution, with a pressure inside."""
+    """Return a tube as a body of revolution, with a pressure inside."""
     thick, height = ratio - 1, 0.25
     surfaces = {
         "inner": lambda x: x[0] < 1e-9,
@@ -79,7 +79,7 @@ def tube_section(comm: MPI.Intracomm, law: Material, ratio: float, cells: int = 
     }
     mesh = rectangle((cells, 2), (thick, height), {"tube": lambda x: x[0] < 9}, surfaces, comm=comm)
     x = mesh.mesh.geometry.x
-    x[:, 0] = 1 + thick * (x[:, 0] / thick) ** 2  # finer towards the bore, where it yields first
+    x[:, 0] = 1 + thick * (x[:, 0] / thick) ** 2  # smaller cells at the bore
     return Problem(
         mesh.turned(),
         {"tube": law},
@@ -91,7 +91,7 @@ def tube_section(comm: MPI.Intracomm, law: Material, ratio: float, cells: int = 
 
 @pytest.mark.parametrize("ratio", [1.5, 2.0, 3.0])
 def test_a_tube_by_its_section(ratio: float, comm: MPI.Intracomm) -> None:
-    """As a body of revolution: twice the load of first yield, or the limit load if that is less."""
+    """Body of revolution: twice the load at first yield, or the limit load if smaller."""
     problem = tube_section(comm, STEEL, ratio)
     found = shakedown_load(problem, LoadDomain.of_ranges({"p": (0.0, 1.0)}))
     twice, limit = 2 * first_yield(ratio), 2 * np.log(ratio)  # in k = 1/√3
@@ -102,7 +102,7 @@ def test_a_tube_by_its_section(ratio: float, comm: MPI.Intracomm) -> None:
 @pytest.mark.serial
 @pytest.mark.parametrize("law", [STEEL, Tresca(2e4, 0.3, 1.5), MohrCoulomb(2e4, 0.3, 1.5, 20.0)])
 def test_clarabel_finds_the_same(law: Material, comm: MPI.Intracomm) -> None:
-    """The same program, as matrices and cones."""
+    """The program is the same, in the form of matrices and cones."""
     pytest.importorskip("clarabel", reason="the conic solver Clarabel is not installed")
     problem, domain = tube_section(comm, law, 3.0, 6), LoadDomain.of_ranges({"p": (0.0, 1.0)})
     ours = shakedown_load(problem, domain, 1e-6)
@@ -115,10 +115,11 @@ def test_clarabel_finds_the_same(law: Material, comm: MPI.Intracomm) -> None:
 @pytest.mark.parametrize("ratio", [2.0, 5.0])
 @pytest.mark.parametrize("angle", [0.0, 20.0])
 def test_a_tube_with_principal_stresses(angle: float, ratio: float, comm: MPI.Intracomm) -> None:
-    """Tresca, and Mohr and Coulomb: the flow of the bore alternates, or the tube collapses.
+    """Tresca and Mohr–Coulomb: the flow of the bore alternates, or the tube collapses.
 
-    With b = 2c cos φ the bore bears −b/(1 − s) and less as the pressure is gone, and (1 + s)σ_θ +
-    (1 − s)p ≤ b as it acts. The limit load is that of σ_r' = (σ_θ − σ_r)/r at yield.
+    With b = 2c cos φ, the bore carries at least −b/(1 − s) when the pressure is zero, and (1 +
+    s)σ_θ + (1 − s)p ≤ b under the pressure. The limit load follows from σ_r' = (σ_θ − σ_r)/r at
+    yield.
     """
     s, c = math.sin(math.radians(angle)), 1.5
     law = MohrCoulomb(2e4, 0.3, c, angle) if angle else Tresca(2e4, 0.3, c)

@@ -1,4 +1,4 @@
-"""Edges in space at which a shear ends: those of too few cells are divided, and no others."""
+"""Test 3D edges at which a shear traction ends: only edges with too few cells are divided."""
 
 from mpi4py import MPI
 
@@ -15,7 +15,7 @@ STEEL = VonMises(young=2e5, poisson=0.3, yield_stress=K * 3**0.5)
 
 
 def lever(comm: MPI.Intracomm, load: Load) -> Problem:
-    """A plate held at one face; of the edges of the other some have one cell."""
+    """Write a plate held at one face; some edges of the opposite face belong to one cell."""
     mesh = structured_mesh(
         comm,
         [Box("lever", (0, 0, 0), (0.2, 1, 1), (1, 2, 2))],
@@ -28,7 +28,7 @@ def lever(comm: MPI.Intracomm, load: Load) -> Problem:
 
 
 def count(problem: Problem) -> int:
-    """Cells of all ranks."""
+    """Return the number of cells on all ranks."""
     number: int = problem.tagged_mesh.mesh.topology.index_map(3).size_global
     return number
 
@@ -46,7 +46,7 @@ def test_a_shear_that_ends_at_edges(comm: MPI.Intracomm) -> None:
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
     assert count(bounds.problem) == 4 * count(divided)
-    assert 2 * alone < bounds.lower.value < bounds.upper.value < K  # sheared all through
+    assert 2 * alone < bounds.lower.value < bounds.upper.value < K  # under uniform shear
 
 
 def test_what_pulls_along_the_sides_is_left_alone(comm: MPI.Intracomm) -> None:

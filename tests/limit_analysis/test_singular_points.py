@@ -1,4 +1,4 @@
-"""Where the bounds need fans of cells: ends of loads, supports and contacts, re-entrant corners."""
+"""Test where bounds need fans of cells: ends of loads, supports, contacts; re-entrant corners."""
 
 from collections.abc import Sequence
 
@@ -34,12 +34,12 @@ MANY = 1000
 def declared(
     supports: Sequence[Support], loads: Sequence[Pressure], contacts: Sequence[Contact] = ()
 ) -> Given:
-    """Return supports, loads and contacts; the laws do not matter."""
+    """Return supports, loads and contacts; the laws are irrelevant."""
     return Given({}, supports, loads, contacts, [], 2, [], [], [])
 
 
 def places(tagged_mesh: TaggedMesh, given: Given, valence: int = MANY) -> set[tuple[float, float]]:
-    """Coordinates of the singular points of all ranks."""
+    """Return the coordinates of the singular points on all ranks."""
     x = corners(tagged_mesh.mesh)[1][singular_points(tagged_mesh, given, valence)]
     return {
         (float(a), float(b))
@@ -61,7 +61,7 @@ def test_the_end_of_a_load(read: Read) -> None:
 
 @pytest.mark.mpi2
 def test_the_end_of_a_contact(read: Read) -> None:
-    """It is the ground's; the corner of the punch is none."""
+    """The point belongs to the ground; the corner of the punch is not singular."""
     assembly = read(write_strip_footing, punch=True)
     contact = Contact("ground_footing", "punch_footing")
     given = declared(GROUND, [Pressure("top", 1.0)], [contact])
@@ -79,7 +79,7 @@ def test_a_straight_side_of_one_kind_has_none(read: Read) -> None:
 
 
 def test_fans_where_a_load_ends_are_long(read: Read) -> None:
-    """As long as the cells were, and without cells in the 42° beside either side."""
+    """Fans are as long as the former cells, with no cells in the 42° beside either side."""
     ground = read(write_strip_footing, width=3.0, depth=2.0, grading=1.0, size=1.0)
     given = declared(GROUND, [Pressure("footing", 1.0)])
     assert not wide_corners(ground, declared(GROUND, []))[0].any()
@@ -102,7 +102,7 @@ def test_fans_where_a_load_ends_are_long(read: Read) -> None:
 
 
 def test_fans_are_narrower_the_nearer_bounds_are(read: Read) -> None:
-    """Cells of 7.5°, and half of it where bounds are apart by less than 0.4 %, and by 0.1 %."""
+    """Cells span 7.5°, then half of this angle for gaps below 0.4 %, and again below 0.1 %."""
     ground = read(write_strip_footing, width=3.0, depth=2.0, grading=1.0, size=1.0)
     given = declared(GROUND, [Pressure("footing", 1.0)])
     for gap, widest in ((None, 7.5), (0.005, 7.5), (0.003, 3.75), (0.0009, 1.875)):
@@ -119,7 +119,7 @@ def test_fans_are_narrower_the_nearer_bounds_are(read: Read) -> None:
 
 
 def test_fans_at_the_end_of_a_contact_match(read: Read) -> None:
-    """Edges of the other body are cut as well; the same mesh on any number of ranks."""
+    """Edges of the other body are also cut; meshes are the same on any number of ranks."""
     contact = Contact("ground_footing", "punch_footing")
     given = declared(GROUND, [Pressure("top", 1.0)], [contact])
     arguments = {"punch": True, "width": 3.0, "depth": 2.0, "grading": 1.0, "size": 1.0}
@@ -138,7 +138,7 @@ def test_corners_need_fewer_cells_the_less_the_stress_turns(read: Read) -> None:
     given = declared([Support("x0", "x"), Support("y0", "y")], [Pressure("inner", 1.0)])
     found = {(x, y) for x, y in places(hole, given) if min(x, y) > 0}
     assert len(found) == sides - 1
-    assert places(hole, given, valence=2 * sides) == set()  # at a right angle; two at a corner
+    assert places(hole, given, valence=2 * sides) == set()  # one at a right angle; two at a corner
 
 
 @pytest.mark.mpi3
@@ -152,7 +152,7 @@ def test_largest_shares(comm: MPI.Intracomm) -> None:
 
 
 def test_edges_in_space_where_a_pressure_ends() -> None:
-    """Those between the pressed square and what is free, and none else."""
+    """The edges lie between the loaded square and the free surface, and nowhere else."""
     lower, upper = (0.0, 0.0, -1.0), (3.0, 3.0, 0.0)
     block = structured_mesh(
         MPI.COMM_WORLD,

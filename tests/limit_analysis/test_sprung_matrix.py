@@ -1,4 +1,4 @@
-"""Factors of a stiffness with springs: what a singular one leaves to the next."""
+"""Test factors of a stiffness with springs after a singular stiffness."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -15,7 +15,7 @@ from perfplast_fenicsx.solvers.linear.factorisation import DIRECT
 
 
 def test_after_a_singular_stiffness_the_next_one_is_factorised(comm: MPI.Intracomm) -> None:
-    """PETSc itself would go on with the factors that MUMPS has not got."""
+    """PETSc would otherwise continue with factors that MUMPS does not have."""
     matrix = PETSc.Mat().createAIJ(((4, None), (4, None)), nnz=1, comm=comm)
     diagonal = matrix.createVecRight()
     b, x = diagonal.duplicate(), diagonal.duplicate()

@@ -1,4 +1,4 @@
-"""Lower bounds of the body: known values, exact ones above them, and stresses proven anew."""
+"""Test lower bounds for the body: known values, exact loads, and independent checks of stresses."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -73,7 +73,7 @@ def rectangle(
     comm: MPI.Intracomm = COMM,
     diagonal: DiagonalType = DiagonalType.crossed,
 ) -> TaggedMesh:
-    """A rectangle of triangles from the origin on, its inner vertices shaken."""
+    """Return a rectangle of triangles with a corner at the origin, and displaced inner vertices."""
     mesh = create_rectangle(
         comm,
         [(0.0, 0.0), size],
@@ -102,13 +102,13 @@ def rectangle(
     inside = ((x[:, :2] > 1e-9) & (x[:, :2] < np.array(size) - 1e-9)).all(axis=1)
     moved = inside & (np.abs(x[:, 1] - 1.0) > 1e-9)  # where volumes meet
     cell = min(size[0] / counts[0], size[1] / counts[1])
-    angle = 1e4 * x[:, 0] + 3e3 * x[:, 1]  # the same on every rank
+    angle = 1e4 * x[:, 0] + 3e3 * x[:, 1]  # equal on every rank
     x[moved, :2] += shake * cell * np.column_stack([np.sin(angle), np.cos(angle)])[moved]
     return tagged
 
 
 def platens(n: int, shake: float = 0.0, comm: MPI.Intracomm = COMM, degree: int = 2) -> Problem:
-    """A quarter of a block 4×2 between rough strong platens, n cells along its height."""
+    """Return a quarter of a block 4×2 between rough strong platens, n cells along its height."""
     mesh = rectangle(
         (2 * n, 3 * n // 2),
         (2.0, 1.5),
@@ -128,14 +128,14 @@ def platens(n: int, shake: float = 0.0, comm: MPI.Intracomm = COMM, degree: int 
 
 
 def proven(problem: Problem, found: StaticBound, force: tuple[float, ...] | None = None) -> Checked:
-    """Show what is true of any bound of the body, from its stress alone."""
+    """Check conditions that hold for any bound for the body, from its stress only."""
     assert found.verdict is Verdict.FOUND
     assert found.bound.strict
     assert found.bound.kind == "lower"
     assert found.certificate is not None
     assert not found.certificate.is_doubted
     assert len(found.steps) <= 16
-    assert found.factorisations <= len(found.steps) + 1  # that of the units is the first step's
+    assert found.factorisations <= len(found.steps) + 1  # units and step 1 share one
     value = found.bound.value
     assert value is not None
     total = problem.comm.allreduce(float(found.dissipation.sum()))
@@ -150,12 +150,12 @@ def proven(problem: Problem, found: StaticBound, force: tuple[float, ...] | None
 
 
 def below(deviators: Floats, radius: float) -> bool:
-    """Whether the stress is nowhere above yield."""
+    """Return whether the stress is admissible everywhere."""
     return bool((deviators <= radius * (1 + 1e-12)).all())
 
 
 def is_frictionless(checked: Checked, chosen: np.ndarray) -> bool:
-    """Whether the chosen facets are pressed, and no more."""
+    """Return whether only compressive normal tractions act on given facets."""
     along = np.einsum("fvi,fi->fv", checked.tractions, checked.normals)[chosen]
     shear = checked.tractions[chosen] - along[:, :, None] * checked.normals[chosen][:, None]
     scale = np.abs(along).max()
@@ -180,7 +180,7 @@ def test_rough_platens(n: int, expected: float) -> None:
 
 
 def _of(problem: Problem, name: str) -> np.ndarray:
-    """Owned cells of a volume."""
+    """Return the owned cells of a volume."""
     cells = problem.tagged_mesh.cells(name)
     topology = problem.tagged_mesh.mesh.topology
     return np.asarray(cells[cells < topology.index_map(topology.dim).size_local])
@@ -200,7 +200,7 @@ def test_bounds_of_irregular_meshes_enclose_the_limit(shake: float) -> None:
 
 
 def test_a_pressed_strip_ends_in_three_cells(shared_tmp_path: Path) -> None:
-    """At its end each cell has one stress, which bounds the load whatever the rest of the mesh."""
+    """At the end each of the three cells has one stress, which limits the load on any mesh."""
     problem = footing(shared_tmp_path)
     found = strict_lower_bound(problem)
     assert below(proven(problem, found).deviators, SOIL.yield_radius)
@@ -249,7 +249,7 @@ def test_a_block_on_a_rigid_plane() -> None:
 
 
 def test_a_column_under_its_weight() -> None:
-    """The lowest cells carry the weight of all, and none more than 2k: 2k/h."""
+    """The lowest cells carry the whole weight, and at most 2k: the factor is 2k/h."""
     height, n = 2.0, 4
     mesh = rectangle(
         (n, 2 * n),
@@ -277,7 +277,7 @@ def test_blocks_in_space() -> None:
 
 
 def test_cantilevers_in_contact() -> None:
-    """Partly open; bounds of the same mesh enclose the limit load."""
+    """The contact is partly open; bounds on the same mesh enclose the limit load."""
     problem = Problem(
         two_blocks(COMM, 2),
         {"lower": STEEL, "upper": STEEL},
@@ -324,7 +324,7 @@ def test_loads_that_no_stress_carries() -> None:
 
 
 def test_shear_that_ends_in_a_corner_of_one_cell() -> None:
-    """There the traction of the free side asks for none."""
+    """There the free side permits no shear traction."""
     mesh = quarters(COMM)
     problem = Problem(
         mesh,
@@ -341,7 +341,7 @@ def test_shear_that_ends_in_a_corner_of_one_cell() -> None:
 
 
 def quarters(comm: MPI.Intracomm) -> TaggedMesh:
-    """A unit square of two triangles in each of its quarters."""
+    """Return a unit square with two triangles in each quarter."""
     return rectangle(
         (2, 2),
         (1.0, 1.0),
@@ -411,7 +411,7 @@ def test_curved_cells_are_taken_as_straight(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("other", [False, True])
 def test_facets_that_do_not_match(other: bool) -> None:
-    """A square in space, divided along the one diagonal below and the other one above."""
+    """A square in 3D, divided along different diagonals below and above."""
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     below = np.array([[0, 1, 2], [0, 2, 3]])
     above = np.array([[1, 2, 3], [0, 1, 3]]) if other else below[:, ::-1]
@@ -450,7 +450,7 @@ def test_a_tolerance_must_be_one(rtol: float) -> None:
 
 
 class Wind(Traction):
-    """A load of a kind that no bound knows."""
+    """A load whose kind bounds do not support."""
 
 
 def test_loads_of_unknown_kinds_are_no_tractions() -> None:

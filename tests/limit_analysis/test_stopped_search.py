@@ -1,4 +1,4 @@
-"""A search for a limit load that is stopped, or in which bodies may turn, tells what it knows."""
+"""Test searches that stop early or find rotating bodies: the program reports the known bounds."""
 
 import json
 import os
@@ -35,14 +35,14 @@ pytestmark = pytest.mark.usefixtures("undrawn")
 
 MANY = 10 * int(os.environ.get("PERFPLAST_FUZZ", "0"))
 SEEDS = range(MANY or 4)
-"""Seeds of random assemblies, every fourth one in space."""
+"""Seeds of random assemblies; every fourth assembly is in 3D."""
 
 
 def write_pinned(path: Path, seed: int) -> None:
-    """A lug or two plates on pins that nothing keeps from turning. On one process.
+    """Write a lug or two plates on pins that can rotate freely. On one process.
 
-    In the plane bars hang on each other by round pins of random places; in space they are plates
-    with a bolt that has a head at either end.
+    In 2D, round pins at random places connect bars; in 3D, plates are connected by a bolt with a
+    head at either end.
     """
     random = np.random.default_rng(seed)
     with gmsh_session():
@@ -89,7 +89,7 @@ def write_pinned(path: Path, seed: int) -> None:
 
 
 def pinned(read: Read, seed: int) -> Problem:
-    """The assembly, pulled by a body force on what turns, or beside it."""
+    """Return the assembly, pulled by a body force on bodies that rotate, or beside them."""
     tagged_mesh = read(write_pinned, seed=seed)
     steel = VonMises(2.1e5, 0.3, 235.0)
     materials = dict.fromkeys(tagged_mesh.volumes, steel)
@@ -109,20 +109,20 @@ def test_assemblies_in_which_something_may_turn_have_a_bracket(read: Read, seed:
     problem = pinned(read, seed)
     found = interior_point(problem, 1e-3)
     assert found.upper is not None
-    # the few quadratic tetrahedra in space nearly lock, and their mechanisms dissipate more
+    # the few quadratic 3D tetrahedra almost lock, and their mechanisms dissipate more
     apart = 1e-3 if problem.tagged_mesh.mesh.geometry.dim == 2 else 1e-2
     assert 0 < found.lower <= found.upper <= found.lower * (1 + apart), repr(found)
     assert len(found.steps) <= 25
 
 
 class Enough(StopSearch):
-    """The monitor has seen enough."""
+    """The monitor stops the search."""
 
 
 @pytest.mark.mpi2("8")
 @pytest.mark.parametrize("most", [8, 11])
 def test_a_stopped_search_tells_its_bracket(read: Read, most: int) -> None:
-    """Wherever it is stopped, and that of the whole search lies inside."""
+    """At any stop, the bracket contains the bracket of the complete search."""
     problem = pinned(read, 1)
     whole = interior_point(problem, 1e-4)
 
@@ -203,7 +203,7 @@ def test_an_interrupted_run_writes_what_it_knows(
 def test_a_run_that_is_interrupted_on_its_second_mesh(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The result of the first mesh is on file, with its mechanism and the remaining work."""
+    """The results of the first mesh are on file, with its mechanism and the remaining work."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     until = 'until = "limit"\n'
     if comm.rank == 0:
@@ -234,7 +234,7 @@ def test_a_run_that_is_interrupted_on_its_second_mesh(
 def test_what_is_found_of_other_loads_is_not_told(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Strengths that are reduced are none of the case."""
+    """Bounds with reduced strengths do not hold for the case."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     if comm.rank == 0:
         text = CASE.replace('control = "work"', 'control = "strength"')
@@ -253,7 +253,7 @@ def test_what_is_found_of_other_loads_is_not_told(
 
 
 def test_elastic_bodies_that_may_turn(read: Read) -> None:
-    """A pin that does not yield, in a base that does."""
+    """A pin that does not yield is in a base that yields."""
     tagged_mesh = read(write_pinned, seed=0)
     problem = Problem(
         tagged_mesh,

@@ -1,4 +1,4 @@
-"""Strict bounds of bodies whose strength varies in space."""
+"""Test strict bounds for bodies whose strength varies in space."""
 
 import math
 import os
@@ -55,7 +55,7 @@ BENT = "10 + 6*abs(x - 0.5)"
 
 
 def material(law: str, cohesion: Strength) -> Material:
-    """Return a body of a law by the name of case files."""
+    """Return a body's material for a law, by its name in case files."""
     if law == "von-mises":
         return VonMises(1e4, 0.3, math.sqrt(3) * cohesion)
     if law == "tresca":
@@ -68,9 +68,9 @@ def material(law: str, cohesion: Strength) -> Material:
 def square(
     law: str, cohesion: Strength, pressure: float | str = LINEAR, n: int = 2, shake: float = 0.1
 ) -> Problem:
-    """Return the unit square on rollers, pressed from above in proportion to its strength.
+    """Return the unit square on rollers, under a pressure proportional to its strength.
 
-    A stress σ_yy(x) is in equilibrium, and a uniform strain rate makes it flow everywhere.
+    A stress σ_yy(x) is in equilibrium, and a uniform strain rate causes flow everywhere.
     """
     halves = {"lower": lambda x: x[1] < 0.5, "upper": lambda x: x[1] > 0.5}
     mesh = rectangle((n, n), (1.0, 1.0), halves, SQUARE, shake)
@@ -80,7 +80,7 @@ def square(
 
 
 def proven(problem: Problem, path: Path, rtol: float = 1e-6, name: str = "bounds") -> BodyBounds:
-    """Return bounds that are strict, and that the checker finds too. Collective."""
+    """Return strict bounds, which the checker also finds. Collective."""
     bounds = limit_bounds(problem, rtol)
     assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
     folder = ResultFolder(MPI.COMM_WORLD, path, force=True)
@@ -109,7 +109,7 @@ def test_a_block_of_linear_strength(shared_tmp_path: Path, law: str) -> None:
 
 @pytest.mark.parametrize("law", ["von-mises", "tresca", "drucker-prager", "mohr-coulomb"])
 def test_a_block_in_space(shared_tmp_path: Path, law: str) -> None:
-    """The cube on rollers, pressed along z by what its uniaxial strength is in proportion to."""
+    """The cube on rollers carries a pressure along z in proportion to its uniaxial strength."""
     cohesion: Strength = Formula("10 + 6*x")
     exact = {"von-mises": math.sqrt(3), "tresca": 2.0}.get(law, 2 * math.sqrt(N))
     body = material(law, cohesion)
@@ -125,20 +125,20 @@ def test_a_block_in_space(shared_tmp_path: Path, law: str) -> None:
 @pytest.mark.mpi2
 @pytest.mark.parametrize("law", ["tresca", "mohr-coulomb"])
 def test_a_strength_with_a_kink_in_cells(shared_tmp_path: Path, law: str) -> None:
-    """Both bounds stay strict: the lower one takes less, and the upper one more."""
+    """Both bounds remain strict: the lower bound uses less strength, the upper bound more."""
     found = {
         n: proven(square(law, Formula(BENT), 1.0, n, 0.0), shared_tmp_path, name=str(n))
         for n in (3, 4, 6)
     }
     told = {n: any("not linear in each cell" in it for it in found[n].taken) for n in found}
-    assert told == {3: True, 4: False, 6: False}  # even numbers have a line at the kink
+    assert told == {3: True, 4: False, 6: False}  # even numbers have a line of edges at the kink
     low, high = np.array([values(bounds) for bounds in found.values()]).T
     assert low.max() <= high.min()
     assert high[0] - low[0] > 2 * (high[1] - low[1])
 
 
 def test_the_checker_judges_a_strength_that_varies(shared_tmp_path: Path) -> None:
-    """It finds what is too strong for a weaker cell, and halves that are not of one body."""
+    """The checker finds stresses that exceed a weaker cell, and halves with different bodies."""
     problem = square("tresca", Formula(LINEAR))
     proven(problem, shared_tmp_path)
     if MPI.COMM_WORLD.rank:
@@ -170,7 +170,7 @@ def test_the_checker_judges_a_strength_that_varies(shared_tmp_path: Path) -> Non
 
 @pytest.mark.mpi2
 def test_writings_of_one_field_agree() -> None:
-    """A formula and a table over depth are one strength to rounding, and give the same bounds."""
+    """A formula and a table over depth give the same strength, to rounding, and the same bounds."""
     fields = Formula("16 - 6*y"), DepthTable([(1.0, 10.0), (0.0, 16.0)])
     problems = [square("tresca", field, 1.0) for field in fields]
     sides: tuple[Side, ...] = ("below", "above")
@@ -209,7 +209,7 @@ def test_tables_that_are_none() -> None:
 
 
 def test_linear_functions_beside_a_table() -> None:
-    """They enclose it in each triangle, and are it where no value lies inside."""
+    """The functions enclose the table in each triangle, and equal it if no kink lies inside."""
     rng = np.random.default_rng(0)
     field = 2.0 * DepthTable([(0.0, 3.0), (0.4, 1.0), (0.5, 4.0), (1.0, 5.0)])
     corners = rng.random((200, 3, 2))
@@ -228,14 +228,14 @@ def test_linear_functions_beside_a_table() -> None:
 
 
 def test_a_factor_of_safety_divides_a_field() -> None:
-    """Strengths that are halved carry half."""
+    """With half the strengths, the body carries half the load."""
     halved = weakened(square("tresca", Formula(LINEAR)), 2.0)
     low, high = values(limit_bounds(halved, 1e-6))
     assert 1 - 1e-5 <= low <= 1 <= high <= 1 + 1e-5
 
 
 def write_points(path: Path, n: int, seed: int, value: Callable[[Floats], Floats]) -> Path:
-    """Write values at the corners of the unit square, on its sides and at random places inside."""
+    """Write values at corners, on sides and at random inner points of the unit square."""
     rng = np.random.default_rng(seed)
     sides = np.linspace(0.0, 1.0, 4)
     around = [(a, b) for a in sides for b in sides if {a, b} & {0.0, 1.0}]
@@ -247,7 +247,7 @@ def write_points(path: Path, n: int, seed: int, value: Callable[[Floats], Floats
 
 
 def test_a_linear_field_of_a_file(tmp_path: Path) -> None:
-    """It is the formula, whatever the points are."""
+    """The field equals the formula for any points."""
     path = write_points(tmp_path / "points.csv", 40, 1, lambda x: 10 + 6 * x[:, 0])
     given = [square("tresca", field, 1.0) for field in (Formula(LINEAR), read_points(path, "c"))]
     sides: tuple[Side, ...] = ("below", "above")
@@ -293,7 +293,7 @@ def test_files_that_are_no_field(tmp_path: Path, text: str, words: str) -> None:
 
 @pytest.mark.mpi2
 def test_a_random_field_of_a_file(shared_tmp_path: Path) -> None:
-    """Log-normal values with their seed: strict bounds, and a proof in a file."""
+    """Log-normal values with a given seed have strict bounds, and a proof on file."""
     rng = np.random.default_rng(7)
     path = shared_tmp_path / "points.csv"
     values_of = rng.lognormal(2.0, 0.3, 200)
@@ -349,7 +349,7 @@ def write_grid(path: Path, points: Floats, cells: Longs, values: Floats) -> None
 
 
 def test_values_on_the_cells_of_the_mesh_are_exact(tmp_path: Path) -> None:
-    """A field of a file with the cells of the mesh is linear in each, and in their parts."""
+    """A field with the cells of the mesh is linear in each cell, and in its parts."""
     rng = np.random.default_rng(11)
     problem = square("tresca", 1.0, 1.0, 3)
     path = write_vtu(tmp_path / "c.vtu", problem, lambda x: rng.lognormal(2.0, 0.5, len(x)))
@@ -364,7 +364,7 @@ def test_values_on_the_cells_of_the_mesh_are_exact(tmp_path: Path) -> None:
 
 
 def test_a_linear_field_is_one_strength_however_it_is_given(tmp_path: Path) -> None:
-    """A formula, a table, points, a mesh of its own and the mesh of the body: equal to 1e-12."""
+    """Formula, table, points, a separate mesh and the body's mesh agree to 1e-12."""
     rng = np.random.default_rng(2)
     points = write_points(tmp_path / "points.csv", 40, 1, lambda x: 16 - 6 * x[:, 1])
     other = write_vtu(tmp_path / "c.vtu", square("tresca", 1.0, 1.0, 5), lambda x: 16 - 6 * x[:, 1])
@@ -409,11 +409,11 @@ def test_meshes_of_values_that_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
 def test_files_that_vtk_writes(tmp_path: Path, mode: str) -> None:
-    """As text, base64 and raw bytes, with and without compression."""
+    """The data are text, base64 or raw bytes, with and without compression."""
     vtk = pytest.importorskip("vtkmodules.vtkIOXML", reason="VTK is not installed")
     pyvista = pytest.importorskip("pyvista", reason="pyvista is not installed")
     rng = np.random.default_rng(4)
-    cells = np.arange(30000).reshape(-1, 3)  # more than a block of VTK's
+    cells = np.arange(30000).reshape(-1, 3)  # more than one block of VTK
     grid = pyvista.UnstructuredGrid({5: cells}, rng.random((30000, 3)))
     grid.point_data["other"], grid.point_data["c"] = np.arange(30000), rng.random(30000)
     for compressed, coded in ((True, True), (True, False), (False, True), (False, False)):

@@ -1,4 +1,4 @@
-"""The curve of the strength reduction factor over work, against limit loads and exact factors."""
+"""Test the curve of the strength reduction factor over work, against exact factors."""
 
 from dataclasses import replace
 
@@ -31,13 +31,13 @@ TOLERANCE = 1e-3
 
 
 def slope(mesh: TaggedMesh, soil: Material, weight: BodyForce = WEIGHT) -> Problem:
-    """2:1, on firm ground at its toe, with few cells."""
+    """Return a slope 2:1, on firm ground at the toe level, with few cells."""
     supports = [Support("bottom"), Support("left", "x")]
     return Problem(mesh, {"soil": soil}, supports, [weight], degree=2)
 
 
 def times(problem: Problem, factor: float) -> float:
-    """How many times the mesh carries its loads with strengths divided by a factor."""
+    """Return the factor of the loads that the mesh carries with strengths divided by a factor."""
     found = interior_point(weakened(problem, factor), 1e-5).standing
     assert found is not None
     assert found.lower is not None
@@ -46,7 +46,7 @@ def times(problem: Problem, factor: float) -> float:
 
 @pytest.mark.mpi2
 def test_it_ends_at_the_factor_of_its_mesh(read: Read) -> None:
-    """Each point is an equilibrium of the mesh, which stands there and hardly beyond the last."""
+    """Each point is in equilibrium; the mesh is stable there, and hardly beyond the last point."""
     ground = DruckerPrager(1e4, 0.3, 0.05, 20.0, "plane-strain")
     problem = slope(read(write_slope, size=0.3), ground)
     found = strength_path(problem, TOLERANCE)
@@ -102,7 +102,7 @@ def test_what_has_no_curve_is_one_sentence(read: Read) -> None:
     with pytest.raises(InputError, match="grows"):
         strength_path(slope(mesh, STEEL, replace(WEIGHT, constant=False)))
     below = MohrCoulomb(1e4, 0.3, 0.05, 20.0, tensile_strength=0.13)
-    assert 0.13 < 0.05 / 0.36397  # the apex, so that it bounds at once
+    assert 0.13 < 0.05 / 0.36397  # the apex limits the load at once
     assert strength_path(slope(mesh, below), 0.05).factor is not None
     above = replace(below, tensile_strength=0.14)
     with pytest.raises(InputError, match="below the apex of its cone"):

@@ -1,4 +1,4 @@
-"""Upper bounds that are upper: the work between points, contact between nodes, and the words."""
+"""Test that upper bounds are strict: work between points, contact between nodes, and messages."""
 
 import math
 from pathlib import Path
@@ -53,7 +53,7 @@ from tests.models import STEEL, l_plate_problem, touching_blocks
 
 
 def blocks_in_space(rough: float = 0.0) -> Problem:
-    """Two cantilevers on each other, quadratic; with heights of their seam that are so far off."""
+    """Return two stacked quadratic cantilevers, and the heights of the seam with given errors."""
     tagged_mesh = two_blocks(COMM, 3)
     x = tagged_mesh.mesh.geometry.x
     middle = np.abs(x[:, 2] - 1.0) < 1e-9
@@ -69,7 +69,7 @@ def blocks_in_space(rough: float = 0.0) -> Problem:
 
 
 def work(problem: Problem, v: fem.Function, radius: float) -> float:
-    """The plastic work of a velocity by a rule of degree 20, over that of the loads."""
+    """Return the plastic work of a velocity, by a rule of degree 20, over the work of the loads."""
     d = deviator(problem.kinematics.strain(v))
     dx = ufl.Measure("dx", problem.tagged_mesh.mesh, metadata={"quadrature_degree": 20})
     dissipation = Integral(problem.comm, radius * ufl.sqrt(ufl.dot(d, d)) * dx)()
@@ -77,7 +77,7 @@ def work(problem: Problem, v: fem.Function, radius: float) -> float:
 
 
 def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
-    """Return which local nodes belong to the upper block, all heights, and that of the seam."""
+    """Return the local nodes of the upper block, all heights, and the height of the seam."""
     of_node, height = problem.bodies.of_node, problem.V.tabulate_dof_coordinates()[:, 2]
     upper = of_node == problem.comm.allreduce(int(of_node.max()), MPI.MAX)
     low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
@@ -85,7 +85,7 @@ def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
 
 
 def compressed(where: str) -> Problem:
-    """Ground between smooth supports that is compressed along its last axis."""
+    """Return ground between smooth supports that is compressed along its last axis."""
     tagged_mesh = blocks_apart(COMM, [1, 1, 1], [1, 1, 1])
     contacts = [Contact("upper_bottom", "lower_top")]
     held = {"bottom": "z", "x0": "x", "upper_x0": "x", "y0": "y", "upper_y0": "y"}
@@ -111,10 +111,10 @@ def compressed(where: str) -> Problem:
 
 @pytest.mark.parametrize("where", ["plane", "space", "between platens"])
 def test_ground_that_dilates_too_little_by_rounding(where: str) -> None:
-    """The least added motion makes it dilate by enough, and supports and contact still hold."""
+    """The smallest added motion gives enough dilation, and supports and contact still hold."""
     problem = compressed(where)
-    steep = math.tan(math.radians(60.0)) ** 2 * (1 - 1e-11)  # growth aside per compression
-    sheared = math.tan(math.radians(30.0)) * (1 - 1e-11)  # growth between platens per shear
+    steep = math.tan(math.radians(60.0)) ** 2 * (1 - 1e-11)  # lateral expansion per compression
+    sheared = math.tan(math.radians(30.0)) * (1 - 1e-11)  # expansion between platens per shear
 
     def velocity(x: Floats) -> Floats:
         if where == "between platens":
@@ -142,7 +142,7 @@ def test_ground_that_dilates_too_little_by_rounding(where: str) -> None:
 
 
 def test_bodies_that_stay_rest() -> None:
-    """A motion by rounding becomes zero, and a slow motion remains."""
+    """A motion due to rounding becomes zero, and a slow motion remains."""
     problem = blocks_in_space()
     v = fem.Function(problem.V)
     upper, *_ = upper_block(problem)
@@ -155,27 +155,27 @@ def test_bodies_that_stay_rest() -> None:
 
 
 def test_a_body_whose_rounding_another_gives_way_to_keeps_it() -> None:
-    """At rest it would be entered, by much beside the velocities there."""
+    """At rest, this body would be penetrated by much, compared with the velocities there."""
     problem = blocks_in_space()
     upper, height, low = upper_block(problem)
     v, slow = fem.Function(problem.V), 1e-14
     values = v.x.array.reshape(problem.fixed.shape)
     values[upper, 2] = slow
-    depth = np.round(low - height[~upper], 6)  # none at the seam, not even by rounding
-    values[~upper, 2] = slow - depth  # the seam with it, the bottom falls
+    depth = np.round(low - height[~upper], 6)  # no rounding error at the seam
+    values[~upper, 2] = slow - depth  # the seam moves with it, the bottom moves down
     let_rest(problem, v)
     assert (values[upper, 2] > slow / 2).all()
 
 
 def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
-    """By their rounding, where it enters as much itself, beside the slow velocities there."""
+    """The rounding errors are as large as the penetration, and velocities there are slow."""
     problem = blocks_in_space()
     upper, height, low = upper_block(problem)
     v, rounding = fem.Function(problem.V), 1e-15
     values = v.x.array.reshape(problem.fixed.shape)
     values[upper, 2] = -rounding
-    values[~upper, 2] = rounding + (height[~upper] - low)  # the seam, where the bottom falls
-    away = 1e-6 * (1 + height)  # along the seam all are slow, and the largest velocity is far off
+    values[~upper, 2] = rounding + (height[~upper] - low)  # the seam, where the bottom moves down
+    away = 1e-6 * (1 + height)  # all are slow along the seam; the largest velocity is far away
     values[~upper, 0] = away[~upper]
     before = entered_share(problem, v)
     assert before is not None
@@ -189,7 +189,7 @@ def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
 
 
 def test_bodies_slide_on_a_face_whose_points_have_twelve_digits() -> None:
-    """Its facets turn by rounding of points, beside which what slips enters some of them."""
+    """Facets rotate by rounding of points; compared with this, slip penetrates some facets."""
     problem = blocks_in_space(rough=3e-12)
     upper, *_ = upper_block(problem)
     v = fem.Function(problem.V)
@@ -199,7 +199,7 @@ def test_bodies_slide_on_a_face_whose_points_have_twelve_digits() -> None:
     keep_apart(problem, v)
     assert not entering_between_nodes(problem, v)
     assert (np.abs(values - np.where(upper[:, None], (1.0, 0.5, 0.0), 0.0)) < 1e-10).all()
-    values[upper] = (1.0, 0.5, -0.01)  # what enters by more than rounding is left as it is
+    values[upper] = (1.0, 0.5, -0.01)  # penetration above rounding does not change
     keep_apart(problem, v)
     assert entering_between_nodes(problem, v)
     assert (np.abs(values[upper, 2] + 0.01) < 1e-10).all()
@@ -228,7 +228,7 @@ def test_the_work_of_a_footing_from_above(shared_tmp_path: Path) -> None:
     assert values == sorted(values, key=lambda value: -(value or 0))
     assert values[-1] is not None
     assert limit.upper is not None
-    assert limit.upper < true < values[-1] < 1.0005 * true  # the points say too little
+    assert limit.upper < true < values[-1] < 1.0005 * true  # the points do not suffice
     assert 5.17 < values[-1] / K < 5.18
     assert "of the body" in repr(bounds[-1])
 
@@ -274,7 +274,7 @@ def test_contact_that_is_entered_between_nodes_is_seen_and_mended() -> None:
 
 @pytest.mark.parametrize("enters", [True, False])
 def test_three_nodes_that_do_not_enter_are_not_enough(enters: bool) -> None:
-    """w = 0 at one end, 0 at the middle and −1 at the other end of an edge enters by 1/8."""
+    """An edge with w = 0 at one end, 0 in the middle and −1 at the other end penetrates by 1/8."""
     problem = blocks_in_space()
     x = problem.V.tabulate_dof_coordinates()
     step = np.rint(6 * x[:, 0]).astype(int)  # nodes are 1/6 apart
@@ -291,7 +291,7 @@ def test_three_nodes_that_do_not_enter_are_not_enough(enters: bool) -> None:
 
 
 def _of_upper(problem: Problem) -> np.ndarray:
-    """Nodes of the upper block, ghosts too."""
+    """Return the nodes of the upper block, including ghosts."""
     nodes = np.unique(problem.V.dofmap.list[problem.tagged_mesh.cells("upper")])
     flags = np.zeros(len(problem.V.tabulate_dof_coordinates()), dtype=bool)
     flags[nodes] = True
@@ -325,7 +325,7 @@ def test_no_mechanism_no_bound() -> None:
 
 
 def test_no_bound_beside_motions_that_grow() -> None:
-    """One that stays does no work at collapse, and the bound is that without it."""
+    """A constant one does no work at collapse, and does not change the bound."""
     rollers = [Support("x0", "x"), Support("y0", "y")]
     growing = Support("bottom", "z", value=-0.01, constant=False)
     problem = touching_blocks(supports=[*rollers, growing])
@@ -343,7 +343,7 @@ def test_what_supports_hold_does_not_move(shared_tmp_path: Path) -> None:
     problem = footing(shared_tmp_path)
     mechanism = interior_point(problem).mechanism
     assert strict_upper_bound(problem, mechanism).strict
-    mechanism.x.array[0::2] += 1e-6  # every body, a little to the right
+    mechanism.x.array[0::2] += 1e-6  # all bodies, slightly to the right
     bound = strict_upper_bound(problem, mechanism)
     assert not bound.strict
     assert "not admissible" in bound.doubts[0]

@@ -1,4 +1,4 @@
-"""Bodies with a tensile strength: limit loads, strict bounds and their proofs."""
+"""Test bodies with a tensile strength: limit loads, strict bounds and their proofs."""
 
 import math
 from pathlib import Path
@@ -34,7 +34,7 @@ SLOPE = (1 + math.sin(math.radians(25))) / (1 - math.sin(math.radians(25)))
 
 
 def block(material: Any, sign: float = 1.0, lateral: float = 0.0) -> Problem:
-    """A unit square on rollers: ζ presses on top (or pulls) beside a lateral pressure."""
+    """Return a unit square on rollers: ζ presses or pulls on top, with a lateral pressure."""
     surfaces: dict[str, Any] = {
         "x0": lambda x: x[0] < 1e-9,
         "y0": lambda x: x[1] < 1e-9,
@@ -62,7 +62,7 @@ def block(material: Any, sign: float = 1.0, lateral: float = 0.0) -> Problem:
 def test_a_block(
     shared_tmp_path: Path, material: Any, sign: int, lateral: float, exact: float
 ) -> None:
-    """σ₁ ≤ f where it is pulled; as without the strength where it is pressed."""
+    """In tension σ₁ ≤ f; in compression the tensile strength has no effect."""
     bounds = limit_bounds(block(material, sign, lateral))
     assert bounds.strict
     assert bounds.lower.value is not None and bounds.upper.value is not None
@@ -86,14 +86,14 @@ def test_a_block_in_space(shared_tmp_path: Path, sign: float, exact: float) -> N
 
 
 def test_a_bar_by_newton() -> None:
-    """Pulled across its sides too it carries f, and nothing more."""
+    """A bar that is also pulled at its sides carries exactly f."""
     problem = block(GROUND, -1.0, 0.0)
     for level in load_path(Newton(problem), [4.0, 4.99]):
         assert level.report.duality_gap < 1e-6
 
 
 def test_rings_have_a_limit_load_of_the_mesh() -> None:
-    """A solid cylinder that is pulled along its axis carries f."""
+    """A solid cylinder under axial tension carries f."""
     surfaces: dict[str, Any] = {
         "y0": lambda x: x[1] < 1e-9,
         "top": lambda x: x[1] > 1 - 1e-9,
@@ -108,7 +108,7 @@ def test_rings_have_a_limit_load_of_the_mesh() -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 20.0])
 def test_a_vertical_cut(read: Read, angle: float) -> None:
-    """It stands to γH = 2c tan(45° + φ/2) where f = 0 (D. C. Drucker, W. Prager, 1952), above."""
+    """With f = 0 it is stable up to γH = 2c tan(45° + φ/2) (D. C. Drucker, W. Prager, 1952)."""
     exact = 2 * math.tan(math.radians(45 + angle / 2))
     without = {0.0: 3.83, 20.0: 5.51}[angle]  # log spirals
     tension = 1e-3
@@ -131,7 +131,7 @@ def test_a_vertical_cut(read: Read, angle: float) -> None:
 
 @pytest.mark.mpi2
 def test_ranks_agree() -> None:
-    """In units of 1e-6 too."""
+    """Bounds agree also in units of 1e-6."""
     small = Tresca(1e-2, 0.3, 20e-6, tensile_strength=5e-6)
     bounds = limit_bounds(block(small, -1.0, 0.0))
     assert MPI.COMM_WORLD.allgather(bounds.strict) == [True] * MPI.COMM_WORLD.size

@@ -1,4 +1,4 @@
-"""Strict bounds of ground whose angle of friction varies in space."""
+"""Test strict bounds for ground whose friction angle varies in space."""
 
 import math
 from pathlib import Path
@@ -70,7 +70,7 @@ FIELDS: dict[str, tuple[Strength, SpatialField]] = {
 def test_a_cell_has_a_cone_inside_of_and_one_around_those_of_its_points(
     name: str, factor: float
 ) -> None:
-    """Slope and apex bracket those of each point; stresses that the inner cone bears yield not."""
+    """Slope and apex bracket those of each point. Stresses of the inner cone are admissible."""
     rng = np.random.default_rng(0)
     cohesion, angle = FIELDS[name]
     friction = divided_friction(angle, factor)
@@ -100,7 +100,7 @@ def test_a_cell_has_a_cone_inside_of_and_one_around_those_of_its_points(
 
 @pytest.mark.mpi2
 def test_bounds_of_a_profile_close_in(shared_tmp_path: Path) -> None:
-    """They are strict on each mesh, and halve their distance with the cells."""
+    """They are strict on each mesh, and their distance halves with the cell size."""
     found = {
         n: proven(column(Formula(PROFILE), Formula("10 + 2*x"), n), shared_tmp_path, 1e-5, str(n))
         for n in (2, 4, 8)
@@ -117,7 +117,7 @@ def test_bounds_of_a_profile_close_in(shared_tmp_path: Path) -> None:
 
 @pytest.mark.mpi2
 def test_a_constant_field_is_the_number() -> None:
-    """Bounds are the same, also for half of the strength."""
+    """Bounds agree, also with half the strength."""
     for factor in (1.0, 2.0):
         one, other = (
             np.array(values(limit_bounds(weakened(column(it), factor), 1e-6)))
@@ -128,7 +128,7 @@ def test_a_constant_field_is_the_number() -> None:
 
 @pytest.mark.serial
 def test_writings_of_one_angle_agree(tmp_path: Path) -> None:
-    """A formula, a table, points and a mesh of its own: cones of cells equal to 1e-12."""
+    """A formula, a table, points and a separate mesh give equal cones of cells, to 1e-12."""
 
     def linear(x: Floats) -> Floats:
         return 30 - 8 * x[:, 1]
