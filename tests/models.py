@@ -26,7 +26,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.materials.laws import MATERIALS
 
 Read = Callable[..., TaggedMesh]
-"""The fixture that writes a mesh by a generator and reads it."""
+"""The fixture that writes a mesh and reads it."""
 
 STEEL = VonMises(young=206900.0, poisson=0.29, yield_stress=450.0)
 PUNCH_LIMIT = 400 * math.sqrt(1.5)
@@ -47,7 +47,7 @@ poisson = 0.3
 cohesion = 25.0
 friction_angle = 30.0
 """
-"""A slope of 3:1 that is drawn in a case file; keys of the top level may precede it."""
+"""A slope of 3:1 that is drawn in a case file; top-level keys may precede it."""
 
 
 def l_plate_problem(n: int, comm: MPI.Intracomm = MPI.COMM_WORLD) -> Problem:
@@ -79,7 +79,7 @@ def punch_problem(
 def two_blocks_problem(
     n: int, gap: float | str = 0.0, comm: MPI.Intracomm = MPI.COMM_WORLD, **friction: float
 ) -> Problem:
-    """Return two cantilevers on each other; ζ is the traction on the upper one's free half."""
+    """Return two stacked cantilevers; ζ is the traction on the free half of the upper one."""
     return Problem(
         two_blocks(comm, n),
         {"lower": STEEL, "upper": STEEL},
@@ -96,7 +96,7 @@ STACK_YOUNG = (2e5, 7e4)
 def stack_problem(
     n: int, gap: float = 0.0, poisson: float = 0.3, comm: MPI.Intracomm = MPI.COMM_WORLD
 ) -> Problem:
-    """Return two blocks on rollers; contact alone holds the upper one, and ζ is its pressure."""
+    """Return two blocks on rollers; only contact supports the upper one, and ζ is its pressure."""
     return Problem(
         stacked_blocks(comm, n, heights=STACK_HEIGHTS),
         {
@@ -124,7 +124,7 @@ def wedge_problem(tagged_mesh: TaggedMesh, **changes: object) -> Problem:
 
 
 def touching_blocks(tagged_mesh: TaggedMesh | None = None, **changes: object) -> Problem:
-    """Return two cubes on each other, on rollers; ζ is the pressure on top."""
+    """Return two stacked cubes on rollers; ζ is the pressure on top."""
     arguments: dict[str, object] = {
         "materials": {"lower": STEEL, "upper": STEEL},
         "supports": [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
@@ -171,7 +171,7 @@ def case_text(
 
 
 def steel_blocks_case(more: str) -> str:
-    """Return the case of two blocks of steel, one on the other, under the pressure ζ.
+    """Return the case of two stacked steel blocks under the pressure ζ.
 
     Args:
         more: Text of other tables.

@@ -1,4 +1,4 @@
-"""Choose the tests for a number of ranks, and synchronise the ranks.
+"""Select the tests for a number of ranks, and synchronise the ranks.
 
 A test runs on one rank unless a mark requires more; this never depends on other tests:
 
@@ -42,10 +42,10 @@ import numpy as np
 import pytest
 
 GRACE = 20.0
-"""How long a rank that has failed waits for the others (s)."""
+"""Time for which a failed rank waits for the other ranks (s)."""
 
 STUCK = 10.0
-"""How long after its limit a test ends that lets no Python run, as inside of PETSc (s)."""
+"""Time after its limit at which a test ends that blocks Python, for example in PETSc (s)."""
 
 EVERY_CASE = bool(os.environ.get("PERFPLAST_EVERY_CASE"))
 
@@ -54,7 +54,7 @@ NAMES = ("passed", "skipped", "failed")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marks and the hooks, most of which only several ranks need."""
+    """Register the marks and the hooks; most hooks are necessary only on several ranks."""
     for mark in (
         "mpi2(*cases): also runs on two ranks, all cases or those that are named",
         "mpi3(*cases): also runs on two and on three ranks, all cases or those that are named",
@@ -70,7 +70,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class Watchdog:
-    """Ends the run if Python itself no longer runs after the time limit."""
+    """A guard that ends the run if Python does not run after the time limit."""
 
     def __init__(self) -> None:
         """Not collective."""
@@ -78,7 +78,7 @@ class Watchdog:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_timeout_set_timer(self, settings: Any) -> Generator[None, bool, bool]:
-        """Start the time limit, whoever else enforces it."""
+        """Start the time limit, even if another plugin enforces it."""
         faulthandler.dump_traceback_later(settings.timeout + STUCK, exit=True, file=self._stderr)
         return (yield)
 
@@ -105,7 +105,7 @@ class Together:
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """Check that all ranks have the same tests before them."""
+        """Check that all ranks have collected the same tests."""
         names = "\n".join(item.nodeid for item in session.items)
         outcome = FAILED if session.testsfailed else PASSED
         outcomes, same = self._exchange(names, outcome, "the collection of tests")
@@ -122,7 +122,7 @@ class Together:
         outcomes, same = self._exchange(item.nodeid + report.when, outcome, item.nodeid, report)
         if not same:
             self._give_up(f"the ranks are not all at {report.when} of {item.nodeid}")
-        # a test that some skip beforehand would begin on the others alone
+        # a test that is skipped on some ranks would begin only on the other ranks
         if FAILED not in outcomes and (report.when == "call" or len(set(outcomes)) == 1):
             return report
         texts = self._comm.allgather(_text(report))
@@ -150,7 +150,7 @@ class Together:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_timeout_cancel_timer(self) -> bool:
-        """This would be where a test fails, and what it tears down needs a limit too."""
+        """Do nothing: pytest calls this when a test fails, but the teardown also needs a limit."""
         return True
 
     def pytest_runtest_logfinish(self) -> None:
@@ -175,7 +175,7 @@ class Together:
         all_ = np.empty((self._comm.size, 2), dtype=np.int64)
         request = self._comm.Iallgather(mine, all_)
         end, pause = time.monotonic() + GRACE, 5e-4
-        while not request.Test():  # without taking the core from those who still work
+        while not request.Test():  # without using the core of ranks that are still working
             if outcome == FAILED and time.monotonic() > end:
                 self._give_up(
                     f"rank {self._comm.rank} has failed and others wait in {what}", report
@@ -185,11 +185,11 @@ class Together:
         return all_[:, 0].tolist(), bool((all_[:, 1] == all_[0, 1]).all())
 
     def _give_up(self, reason: str, report: pytest.TestReport | None = None) -> None:
-        """Show the results so far and end this process; the launcher then ends the others."""
-        faulthandler.dump_traceback_later(STUCK, exit=True)  # should this not come to its end
+        """Show the results so far and end this process; the launcher then ends the other ranks."""
+        faulthandler.dump_traceback_later(STUCK, exit=True)  # in case this does not end
         self._config.pluginmanager.getplugin("capturemanager").suspend(in_=True)
         for rank, process in self._processes.items():
-            if not self._stack_of(rank).stat().st_size:  # no other rank has asked it
+            if not self._stack_of(rank).stat().st_size:  # no other rank has requested it
                 os.kill(process, signal.SIGUSR1)
         time.sleep(1)
         reporter = self._config.pluginmanager.getplugin("terminalreporter")
@@ -285,7 +285,7 @@ def _text(report: pytest.TestReport) -> str:
 
 
 def _readable(stacks: str) -> str:
-    """Return the stacks of a process without pytest's frames and without waiting threads."""
+    """Return the stacks of a process without pytest's frames and waiting threads."""
     ours = [
         line
         for line in stacks.splitlines()

@@ -152,7 +152,7 @@ def test_writings_of_one_angle_agree(tmp_path: Path) -> None:
 
 @pytest.mark.mpi2
 def test_ground_without_cohesion(shared_tmp_path: Path) -> None:
-    """Sand under a pressure at its side too, which is what it bears."""
+    """Sand carries the pressure that acts at its side, too."""
     problem = column(Formula(PROFILE), 0.0)
     loads = [Pressure("top", 1.0), Pressure("right", 1.0, constant=True)]
     given = problem.given
@@ -165,7 +165,7 @@ def test_ground_without_cohesion(shared_tmp_path: Path) -> None:
 
 @pytest.mark.serial
 def test_the_checker_judges_slopes_of_cells(shared_tmp_path: Path) -> None:
-    """It refuses stresses in flatter cones, mechanisms in steeper ones, and a weaker half above."""
+    """It refuses stresses in flatter cones, mechanisms in steeper ones, and a weaker upper half."""
     proven(column(Formula(PROFILE)), shared_tmp_path)
     with h5py.File(shared_tmp_path / "bounds.h5") as file:
         halves = {
@@ -215,7 +215,7 @@ def test_what_an_angle_that_varies_does_not_go_with() -> None:
 
 
 def test_levels_take_the_angle_at_points(comm: MPI.Intracomm) -> None:
-    """The law on the points of a mesh has the sine of each."""
+    """At each point of the mesh, the law has the sine of this point."""
     problem = column(Formula(PROFILE), n=2)
     sine = next(on.numbers["sine"] for on in problem.laws)
     angles = np.degrees(np.arcsin(sine.x.array))

@@ -1,4 +1,4 @@
-"""The flow of viscous bodies: what a failed one leaves to the next."""
+"""Test the flow of viscous bodies after a failed factorisation."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from tests.models import stack_problem
 
 
 def test_after_bodies_that_resist_nothing_the_next_ones_flow() -> None:
-    """PETSc itself would go on with the factors that MUMPS has not got."""
+    """PETSc would otherwise continue with factors that MUMPS does not have."""
     problem = stack_problem(2)
     flow = ViscousFlow(problem)
     held = problem.basis.gap <= 0

@@ -1,4 +1,4 @@
-"""A wall that rubs on ground without cohesion, which reaches below its toe: strict from above."""
+"""Test a wall with friction on cohesionless ground that extends below the toe: upper bounds."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Displacements, overlaps, temperatures and stresses that stay: they change no limit load."""
+"""Test constant displacements, overlaps, temperatures and stresses: limit loads do not change."""
 
 from typing import Any
 

@@ -1,8 +1,8 @@
-"""Define a law that the package lacks: yield at a strain energy, about a state of pressure.
+"""Define a law that the package lacks: yield at a strain energy, relative to a pressure.
 
 Ground and foams also yield under pressure alone. The stress satisfies ½(σ − σ_c):C⁻¹(σ − σ_c) ≤
-½Y²/E with σ_c = −p_c δ, which is E. Beltrami's criterion about σ_c. Its projection in the norm of
-C⁻¹ is radial, Σ(e) = σ_c + θ(Ce − σ_c), so the law is as short as that of von Mises.
+½Y²/E with σ_c = −p_c δ, which is E. Beltrami's criterion relative to σ_c. Its projection in the
+norm of C⁻¹ is radial, Σ(e) = σ_c + θ(Ce − σ_c), so the law is as short as von Mises' law.
 """
 
 import math
@@ -19,7 +19,7 @@ Old = Mapping[str, Expr]
 
 @dataclass(frozen=True)
 class EnergyCap(Law):
-    """The law, and its own yield set.
+    """The law, with its yield set.
 
     Args:
         bulk: κ (stress).
@@ -136,8 +136,8 @@ class Foam:
     def pressed_flat(self) -> tuple[float, float]:
         """Return the pressure and tension of a block between smooth platens in plane strain.
 
-        Of σ = (0, −λ, σ_zz) that are admissible: with a = p_c, b = p_c − λ and the best σ_zz,
-        (1 − ν²)(a² + b²) − 2ν(1 + ν)ab = Y².
+        Among admissible σ = (0, −λ, σ_zz), with a = p_c, b = p_c − λ and the best σ_zz, (1 − ν²)(a²
+        + b²) − 2ν(1 + ν)ab = Y².
         """
         nu, a = self.poisson, self.centre
         quadratic = [1 - nu**2, -2 * nu * (1 + nu) * a, (1 - nu**2) * a**2 - self.strength**2]
@@ -146,7 +146,7 @@ class Foam:
         return a - (half - root), half + root - a
 
     def pressed(self) -> float:
-        """Return the pressure that a bar bears in space, for σ = (0, 0, −λ)."""
+        """Return the pressure that a bar carries in 3D, for σ = (0, 0, −λ)."""
         nu, a = self.poisson, self.centre
         # b² − 4νab + (2 − 2ν)a² = Y² for b = a − λ
         half, whole = 2 * nu * a, (2 - 2 * nu) * a**2 - self.strength**2

@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 DEV = np.eye(6) - np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0]) / 3
 SETS = ([], [(0, 2)], [(0, 2), (1, 2)], [(0, 2), (0, 1)])
-"""Planes (i, j), (1 + s)σ_i − (1 − s)σ_j = b, that principal stresses by size may lie on."""
+"""Planes (i, j), (1 + s)σ_i − (1 − s)σ_j = b, on which sorted principal stresses may lie."""
 
 
 def hooke(bulk: float, shear: float) -> Array:
@@ -39,7 +39,7 @@ class Projected:
 
 
 def principal(e: Array, bulk: float, shear: float, sine: float, strength: float) -> Projected:
-    """Project on (1 + s)σ₁ − (1 − s)σ₃ ≤ b, with the set of planes that all multipliers require."""
+    """Project on (1 + s)σ₁ − (1 − s)σ₃ ≤ b, with the planes whose multipliers are positive."""
     lame = bulk - 2 * shear / 3
     C = lame + 2 * shear * np.eye(3)
     w, axes = np.linalg.eigh(matrices(e))
@@ -61,7 +61,7 @@ def principal(e: Array, bulk: float, shear: float, sine: float, strength: float)
         wrong.append(np.maximum(above, np.where(np.isinf(least), 0.0, -least)))
     if sine > 0:
         tip = np.full_like(trial, strength / (2 * sine))
-        # in the cone of the normals: no admissible stress does more work on the way lost
+        # in the cone of the normals: no admissible stress does more work on the plastic strain
         lost = np.linalg.solve(C, (trial - tip).T).T
         found.append(tip)
         slopes.append(np.zeros((3, 3)))

@@ -1,6 +1,7 @@
-"""Check what every law must satisfy: Σ = Dψ, its tangent, the conjugate, the gauge.
+"""Check properties of every law: Σ = Dψ, the tangent, the conjugate, the gauge.
 
-A law's tests call :func:`check_all` with materials of the law and strains on all its branches.
+The tests of a law call :func:`check_all` with materials of the law, and strains on all its
+branches.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +21,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Point:
-    """A law at one cell of a mesh on this rank alone, evaluated for given numbers.
+    """A law at one cell of a mesh on this rank only, evaluated for given numbers.
 
     Attributes:
         size: Number of components of its Mandel vectors.
@@ -76,7 +77,7 @@ class Point:
 
 
 def strains(scales: Iterable[float], size: int = 6, seed: int = 7) -> list[Array]:
-    """Return strains in a random direction, one for each scale, which is the deviator's size."""
+    """Return strains in a random direction, whose deviators have the sizes ``scales``."""
     random = np.random.default_rng(seed)
     found = []
     for scale in scales:
@@ -143,7 +144,7 @@ def _check_stress(point: Point, e: Array) -> None:
 
 
 def _check_conjugate(point: Point, e: Array) -> None:
-    """Check that ψ(e) + ψ*(s) is s:e for s = Σ(e), and more for the stress of another strain."""
+    """Check that ψ(e) + ψ*(s) equals s:e for s = Σ(e), and exceeds it for other stresses."""
     stress = point("stress", e)
     potential, work = point.number("potential", e), float(stress @ e)
     conjugate = point.number("conjugate", stress)
@@ -156,7 +157,7 @@ def _check_conjugate(point: Point, e: Array) -> None:
 
 
 def _check_tangent(point: Point, e: Array, rho: float) -> None:
-    """Check that the tangent is symmetric, not negative, and the derivative of the stress."""
+    """Check that the tangent is symmetric and positive semidefinite, and the stress derivative."""
     matrix = np.stack([point("tangent", e, d) for d in np.eye(point.size)])
     assert np.allclose(matrix, matrix.T, atol=1e-9 * abs(matrix).max())
     assert np.linalg.eigvalsh(matrix).min() >= -1e-9 * abs(matrix).max()

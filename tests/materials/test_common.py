@@ -1,4 +1,4 @@
-"""Common materials and soils, and numbers that were copied in the wrong units."""
+"""Test common materials and soils, and numbers copied in wrong units."""
 
 import pytest
 
@@ -47,7 +47,7 @@ def test_in_another_system() -> None:
 
 @pytest.mark.parametrize("name", [one.name for one in MATERIALS])
 def test_copied_numbers(name: str) -> None:
-    """They are right in their own system, and in another one they are refused."""
+    """The numbers are accepted in their system of units, and refused in another system."""
     for system in SYSTEMS:
         one = find(name, system)
         rounded = [float(f"{x:g}") for x in (one.young, one.poisson, one.yield_stress)]
@@ -61,7 +61,7 @@ def test_copied_numbers(name: str) -> None:
 
 @pytest.mark.parametrize("soil", SOILS, ids=lambda soil: soil.name)
 def test_copied_soils(soil: Soil) -> None:
-    """So are those of ground."""
+    """The same holds for ground."""
     for system in SYSTEMS:
         one = soil.in_system(system)
         rounded = [float(f"{x:g}") for x in (one.young, one.poisson, one.cohesion)]

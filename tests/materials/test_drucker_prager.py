@@ -1,4 +1,4 @@
-"""The law of Drucker and Prager: a projection on a cone with an apex, and its numbers."""
+"""Test the Drucker–Prager law: projection on a cone with an apex, and parameters."""
 
 import math
 
@@ -26,7 +26,7 @@ def test_what_is_true_of_every_law(material: DruckerPrager, gdim: int) -> None:
 @pytest.mark.parametrize("size", [4, 6])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_stress_is_the_nearest_admissible_one(material: DruckerPrager, size: int) -> None:
-    """On each branch, by the variational inequality of a projection."""
+    """Each branch satisfies the variational inequality of a projection."""
     point = Point(material, gdim=size // 2 if size == 4 else 3)
     random = np.random.default_rng(3)
     slope, strength = material.cone
@@ -65,7 +65,7 @@ def test_dissipation_is_the_largest_power(material: DruckerPrager) -> None:
 
 
 def test_without_friction_it_is_von_mises() -> None:
-    """In the limit of a vanishing angle of friction, with the strength in shear."""
+    """As the friction angle vanishes, the law tends to von Mises' law, with its shear strength."""
     cohesion = 7.0
     rough = Point(DruckerPrager(1e4, 0.3, cohesion, 1e-9, "plane-strain"))
     smooth = Point(VonMises(1e4, 0.3, math.sqrt(3) * cohesion))
@@ -78,7 +78,7 @@ def test_without_friction_it_is_von_mises() -> None:
 
 
 def test_constants_are_those_of_mohr_and_coulomb_where_they_match() -> None:
-    """Uniaxial strength in compression; in extension σ₁ = σ₂ > σ₃ = 0 turned round."""
+    """Uniaxial compressive strength agrees; in extension, σ₁ = σ₂ > σ₃ = 0 with reversed signs."""
     cohesion, angle = 10.0, 30.0
     strong = 2 * cohesion * math.cos(math.radians(angle)) / (1 - math.sin(math.radians(angle)))
     outer = DruckerPrager(1e4, 0.3, cohesion, angle, "compression")
@@ -90,7 +90,7 @@ def test_constants_are_those_of_mohr_and_coulomb_where_they_match() -> None:
     )
     plane = DruckerPrager(1e4, 0.3, cohesion, angle, "plane-strain")
     slope, strength = plane.cone
-    # among all σ_zz the best one lets a state reach Mohr and Coulomb's circle, and none passes it
+    # with the best σ_zz a state reaches the Mohr–Coulomb circle, and no σ_zz passes it
     s = math.sin(math.radians(angle))
     p = -12.0
     radius = cohesion * math.cos(math.radians(angle)) - p * s
@@ -124,6 +124,6 @@ def test_sand_has_no_cohesion_but_friction() -> None:
 
 
 def excess(stress: Array, slope: float, strength: float) -> float:
-    """‖dev σ‖/√2 + ηp − c."""
+    """Return ‖dev σ‖/√2 + ηp − c."""
     size = np.linalg.norm(deviator(stress)) / math.sqrt(2)
     return float(size + slope * stress[:3].mean() - strength)

@@ -1,4 +1,4 @@
-"""Hooke's law, and the numbers of an elastic body."""
+"""Test Hooke's law, and the parameters of an elastic body."""
 
 import math
 

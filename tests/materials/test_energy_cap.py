@@ -1,4 +1,4 @@
-"""A law that the package does not have derives from a potential as all do."""
+"""Test that a law from outside the package derives from a potential, like all laws."""
 
 import math
 

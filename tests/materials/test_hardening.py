@@ -1,7 +1,7 @@
-"""A law in this one file: von Mises with hardening, written in another way than the package's.
+"""Test a law in this file: von Mises with hardening, in a form that differs from the package's.
 
-It goes through everything that the package's laws go through. In Hencky's form, with
-Δ = max(0, 2μ‖dev e‖ − γ)/(2μ + h), n = dev e/‖dev e‖ and h = ⅔H for a hardening modulus H,
+The law passes all tests that the package's laws pass. In Hencky's form, with Δ = max(0, 2μ‖dev e‖ −
+γ)/(2μ + h), n = dev e/‖dev e‖ and h = ⅔H for a hardening modulus H,
 
     Σ(e)  = κ tr(e) δ + 2μ(dev e − Δ n)
     ψ(e)  = ½ e:Ce − ½ (2μ + h) Δ²
@@ -57,7 +57,7 @@ from tests.models import STEEL
 
 @dataclass(frozen=True)
 class FirstSet:
-    """Yield set of a law that states neither that it hardens nor its admissible rates."""
+    """Yield set of a law that does not declare hardening or admissible rates."""
 
     radius: Expr
 
@@ -87,12 +87,12 @@ class HardeningLaw(Law):
         return IsotropicElasticity(self.bulk, self.shear)
 
     def excess(self, e: Expr) -> Expr:
-        """Δ, the norm of the plastic strain."""
+        """Return Δ, the norm of the plastic strain."""
         trial = 2 * self.shear * norm(deviator(e)) - self.yield_radius
         return ufl.max_value(0.0, trial) / (2 * self.shear + self.hardening)
 
     def direction(self, e: Expr) -> Expr:
-        """n where plastic, else 0."""
+        """Return n where plastic, else 0."""
         d = deviator(e)
         least = self.yield_radius / (2 * self.shear)
         return self.plastic(e, {}) * d / ufl.max_value(norm(d), least)
@@ -113,7 +113,7 @@ class HardeningLaw(Law):
         return ufl.conditional(ufl.gt(size, self.yield_radius), 1.0, 0.0)
 
     def tangent_fields(self, e: Expr, old: Mapping[str, Expr], rho: Expr) -> Mapping[str, Expr]:
-        """The whole of Σ^{o,ρ}, a matrix, which no law of the package stores."""
+        """Return the whole matrix Σ^{o,ρ}, which no law of the package stores."""
         m, n, shear = len(e), self.direction(e), 2 * self.shear
         delta = spherical(ufl.as_ufl(1.0), m)
         least = self.yield_radius / shear
@@ -138,7 +138,7 @@ def norm(x: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Hardening:
-    """σ_y grows by H times the equivalent plastic strain."""
+    """A material whose σ_y grows by H times the equivalent plastic strain."""
 
     law: ClassVar[type[HardeningLaw]] = HardeningLaw
 
@@ -157,7 +157,7 @@ SHARP = NewtonOptions(tolerance=1e-12)
 def stack(
     lower: Material, upper: Material, degree: int = 1, comm: MPI.Intracomm = MPI.COMM_WORLD
 ) -> Problem:
-    """Two blocks of height 1 under a pressure of ζ, in uniaxial stress."""
+    """Return two blocks of height 1 under a pressure of ζ, in uniaxial stress."""
     return Problem(
         stacked_blocks(comm, 2),
         {"lower": lower, "upper": upper},
@@ -169,7 +169,7 @@ def stack(
 
 
 def tower(materials: dict[str, Material], degree: int) -> Problem:
-    """As many blocks of height 1 as there are materials, from below."""
+    """Return a stack of blocks of height 1, one for each material, from the bottom up."""
     names = list(materials)
 
     def at(z: int) -> Callable[[npt.NDArray[np.int64]], npt.NDArray[np.bool_]]:
@@ -218,7 +218,7 @@ def test_what_is_true_of_every_law(modulus: float, gdim: int) -> None:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_uniaxial_stress_by_hand(degree: int) -> None:
-    """ε = σ/E + (σ − σ_y)/H, which the loads do work on."""
+    """Compare with ε = σ/E + (σ − σ_y)/H, and the work of the loads on this strain."""
     zeta = 1.6 * STEEL.yield_stress
     level = Newton(stack(METAL, METAL, degree), SHARP).solve(zeta)
     check(level)
@@ -231,9 +231,9 @@ def test_uniaxial_stress_by_hand(degree: int) -> None:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_bodies_of_three_laws(degree: int) -> None:
-    """Blocks on top of each other have each their share of the work.
+    """Each of the stacked blocks has its part of the work.
 
-    Von Mises is below its yield stress, since above it would carry no uniaxial stress.
+    The von Mises block remains below its yield stress, because it cannot carry more.
     """
     zeta = 1.2 * STEEL.yield_stress
     hard = zeta / STEEL.young + (zeta - STEEL.yield_stress) / METAL.modulus
@@ -259,7 +259,7 @@ def test_bodies_of_three_laws(degree: int) -> None:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_newton_converges_quadratically(degree: int) -> None:
-    """By its own steps, none of them stretched: the constant depends on the way to the solution."""
+    """Newton steps are not damped; the constant depends on the path to the solution."""
     problem = bending(METAL, degree)
     level = Newton(problem, replace(SHARP, damping=False)).solve(250.0)
     check(level)
@@ -272,7 +272,7 @@ def test_newton_converges_quadratically(degree: int) -> None:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_newton_converges_with_an_order_above_one(degree: int) -> None:
-    """With the order p, each ratio of increments is the previous ratio to the power of p."""
+    """With order p, each ratio of increments is the previous ratio to the power of p."""
     problem = bending(METAL, degree)
     level = Newton(problem, SHARP).solve(250.0)
     check(level)

@@ -1,4 +1,4 @@
-"""Hill's condition: potential and tangent, the six coefficients, axes, and what is refused."""
+"""Test Hill's condition: potential, tangent, coefficients, axes, and refusals."""
 
 import math
 
@@ -26,7 +26,7 @@ def test_equal_ratios_are_von_mises() -> None:
 
 
 def test_coefficients_are_those_of_the_quadratic_form() -> None:
-    """In axes that are turned, by tensors."""
+    """The test uses rotated axes, and tensors."""
     F, G, H, L, M, N = SHEET.coefficients
     c, s = math.cos(math.radians(25.0)), math.sin(math.radians(25.0))
     to_axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
@@ -54,7 +54,7 @@ def test_ratios_are_of_tension_and_shear() -> None:
 
 @pytest.mark.parametrize("scale", [1e-2, 1.0, 1e4])
 def test_it_returns_to_the_surface(scale: float) -> None:
-    """Also from far outside, and where strengths are far apart."""
+    """This holds far outside the surface, and for strengths of very different size."""
     for material in (SHEET, Hill(2e5, 0.3, 450.0, r12=3.0, r13=1 / 3)):
         point = Point(material)
         for e in strains([scale] * 5, seed=int(scale * 100)):

@@ -1,4 +1,4 @@
-"""A law with a history: unloading, bodies without one, shapes that do not fit."""
+"""Test a law with a history: unloading, bodies without history, and wrong shapes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class Scalar(Flow):
 
 @cache
 def mesh() -> TaggedMesh:
-    """The one mesh of all problems: two would not be divided among the ranks alike."""
+    """Return the one mesh of all problems: two meshes would be distributed differently."""
     return l_plate(MPI.COMM_WORLD, 1)
 
 

@@ -1,4 +1,4 @@
-"""Hoek and Brown's law in plane strain: its projection, its set, and the numbers of the rock."""
+"""Test the Hoek–Brown law in plane strain: projection, yield set, and rock parameters."""
 
 import math
 from dataclasses import replace
@@ -18,16 +18,16 @@ ROCK = HoekBrown(1e4, 0.25, compressive_strength=20.0, m_b=1.5, s=0.01)
 
 
 def mohr(s: Array) -> tuple[float, float]:
-    """Mean and radius of Mohr's circle of in-plane stresses or rates."""
+    """Return mean and radius of Mohr's circle of in-plane stresses or rates."""
     return (s[0] + s[1]) / 2, math.hypot((s[0] - s[1]) / 2, s[3] / math.sqrt(2))
 
 
 def boundary(radius: float) -> float:
-    """The mean stress at which this radius yields, by the criterion as published."""
+    """Return the mean stress at which this radius yields, by the published criterion."""
     low, high = -1e4, ROCK.s * ROCK.compressive_strength / ROCK.m_b
     for _ in range(100):
         middle = (low + high) / 2
-        pressure = -(middle + radius)  # the least principal pressure
+        pressure = -(middle + radius)  # the smallest principal pressure
         strength = ROCK.m_b * ROCK.compressive_strength * pressure
         strength += ROCK.s * ROCK.compressive_strength**2
         admissible = strength >= 0 and 2 * radius <= math.sqrt(strength)
@@ -37,13 +37,13 @@ def boundary(radius: float) -> float:
 
 @cache
 def on_boundary(count: int = 60) -> Array:
-    """Mean and radius of stresses on the boundary, shape (1 + count, 2)."""
+    """Return mean and radius of stresses on the boundary, shape (1 + count, 2)."""
     radii = np.concatenate([[0.0], np.geomspace(1e-3, 100.0, count)])
     return np.array([(boundary(float(radius)), radius) for radius in radii])
 
 
 def stresses() -> list[Array]:
-    """Stresses on the boundary, in some directions."""
+    """Return stresses on the boundary, in some directions."""
     found = []
     for p, radius in on_boundary():
         for angle in np.linspace(0, 2 * math.pi, 9):
@@ -66,7 +66,7 @@ def test_stress_is_the_nearest_admissible_one() -> None:
         p, radius = mohr(stress)
         assert radius**2 <= ROCK.curvature * (ROCK.tension - p - radius) + 1e-9 * (1 + radius**2)
         lost = point("compliance", trial - stress)
-        assert abs(lost[2]) <= 1e-12 * scale  # nothing flows out of the plane
+        assert abs(lost[2]) <= 1e-12 * scale  # no out-of-plane flow
         work = [float((other - stress) @ lost) for other in others]
         assert max(work) <= 1e-9 * np.linalg.norm(lost) * (1 + np.linalg.norm(stress))
         apexes += radius == 0

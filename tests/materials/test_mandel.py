@@ -1,4 +1,4 @@
-"""Mandel vectors: their products are those of the tensors."""
+"""Test that products of Mandel vectors equal products of tensors."""
 
 from mpi4py import MPI
 

@@ -1,4 +1,4 @@
-"""The laws of Mohr and Coulomb and of Tresca: projections on a pyramid with edges and an apex."""
+"""Test the Mohr–Coulomb and Tresca laws: projections on a pyramid with edges and an apex."""
 
 import math
 
@@ -19,7 +19,7 @@ MATERIALS = (
 
 
 def principal(s: Array) -> Array:
-    """Principal values, the largest first, by another way than the law's."""
+    """Return the principal values in descending order, by a method that differs from the law's."""
     return np.linalg.eigvalsh(matrices(s))[::-1]
 
 
@@ -38,7 +38,7 @@ def test_what_is_true_of_every_law(material: MohrCoulomb | Tresca, gdim: int) ->
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_stress_is_the_nearest_admissible_one(material: MohrCoulomb | Tresca, gdim: int) -> None:
-    """On faces, edges and at the apex, by the variational inequality of a projection."""
+    """Faces, edges and apex satisfy the variational inequality of a projection."""
     point, numbers = Point(material, gdim=gdim), material.parameters()
     random = np.random.default_rng(3)
     size = point.size

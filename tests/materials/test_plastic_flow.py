@@ -1,4 +1,4 @@
-"""The laws of plastic flow, and hardening, at a point: what is true of any law, cycles by hand."""
+"""Test the laws of plastic flow and hardening at a point: general properties, and known cycles."""
 
 import math
 
@@ -20,7 +20,7 @@ YIELDS_AT = STEEL.yield_radius / (2 * STEEL.shear)
 
 
 def history(size: int) -> dict[str, Array]:
-    """Some plastic strain, of a size at which a body with hardening is yielding."""
+    """Return a plastic strain whose size makes a body with hardening yield."""
     p = deviator(strains([3 * YIELDS_AT], size, seed=11)[0])
     return {"plastic_strain": p, "accumulated_plastic_strain": np.array(5 * YIELDS_AT)}
 
@@ -107,10 +107,11 @@ def test_every_projection_has_its_flow(body: Material, gdim: int) -> None:
         assert grown == pytest.approx(
             math.sqrt(2 / 3) * np.linalg.norm(p - old["plastic_strain"]), abs=1e-12
         )
-        # Fenchel: what the step stores and dissipates is the work of the stress less its conjugate
+        # Fenchel: the step stores and dissipates the work of the stress minus its conjugate
         work = flowing.number("potential", e) + flowing.number("conjugate", stress)
         assert work == pytest.approx(float(stress @ e), rel=1e-12)
-        # the stress maximises the work of the flow in the set, whose support function it is
+        # the stress maximises the work of the flow in the set, whose support function is the
+        # dissipation
         flow = p - old["plastic_strain"]
         assert flowing.number("dissipation", flow) == pytest.approx(
             float(stress @ flow), rel=1e-9, abs=1e-12 * abs(work)

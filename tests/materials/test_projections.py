@@ -1,6 +1,6 @@
-"""Each law at 10⁵ points against another way, edges and apex and equal principal values among them.
+"""Test each law at 10⁵ points against other methods, including edges, apex and equal values.
 
-Derivatives of plain projections are checked by differences, the laws' tangents against these.
+Differences check the derivatives of plain projections, and these check the tangents of laws.
 """
 
 from collections.abc import Callable
@@ -33,14 +33,14 @@ EXACT = 1e-12
 """Tolerance relative to the elastic stress, whose rounding error no law can reduce."""
 
 AMONG = {4: [0, 1, 2, 5], 6: list(range(6))}
-"""Components of Mandel vectors of space that those of a section have."""
+"""Components of 3D Mandel vectors that a plane section has."""
 
 SHAPES = [(1, -1, 0), (1, 1, -2), (2, -1, -1), (0, 0, 0)]
 SHAPES += [(1, 1 - 1e-9, -2), (1, -0.5, -0.5 - 1e-12)]
 
 
 def of_space(material: Hill) -> Array:
-    """Hill's form in the axes of the mesh, by turning stresses."""
+    """Return Hill's form in the axes of the mesh, by a rotation of stresses."""
     F, G, H, L, M, N = material.coefficients
     form = np.diag([G + H, F + H, F + G, L, M, N])
     form[0, 1] = form[1, 0] = -H
@@ -83,7 +83,7 @@ CASES: dict[str, tuple[Material, Callable[[Array], Projected], float]] = {
     "von-mises": (STEEL, of_metal(STEEL), 240 / 2e5),
     "hill": (SHEET, of_metal(SHEET), 240 / 2e5),
 }
-"""A material, another way to its stress, and a strain at which it yields."""
+"""A material, another method for its stress, and a strain at which it yields."""
 
 for name, found in {
     "mohr-coulomb": MohrCoulomb(1e4, 0.3, 10.0, 25.0),
@@ -116,10 +116,10 @@ def strains(unit: float, size: int, count: int) -> Array:
 
 
 class Many:
-    """A law at a point of each of many cells."""
+    """A law at one point in each of many cells."""
 
     def __init__(self, material: Material, size: int, count: int) -> None:
-        """Compile it."""
+        """Compile the law."""
         n = int(np.ceil((count / 6) ** (1 / 3))) if size == 6 else int(np.ceil((count / 2) ** 0.5))
         make = create_unit_cube if size == 6 else create_unit_square
         self.mesh = make(MPI.COMM_SELF, *(n,) * (3 if size == 6 else 2))
@@ -135,7 +135,7 @@ class Many:
         self._size, self._count = size, count
 
     def __call__(self, e: Array, d: Array) -> tuple[Array, Array]:
-        """Stress, and the tangent's change of it in directions."""
+        """Return the stress, and the change of stress from the tangent in given directions."""
         for function, values in ((self.e, e), (self.d, d)):
             function.x.array[: self._count * self._size] = values[:, AMONG[self._size]].ravel()
         cells = np.arange(self._count, dtype=np.int32)
@@ -171,7 +171,7 @@ def test_laws_are_their_projections(name: str, size: int) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_plain_tangents_are_derivatives(name: str) -> None:
-    """By differences, where no branch changes and no axes turn quickly."""
+    """Compare with differences, where no branch changes and no axes rotate quickly."""
     _, other, unit = CASES[name]
     e = strains(unit, 6, 20_000)[10_000:]
     d = np.random.default_rng(4).normal(size=e.shape)

@@ -1,4 +1,4 @@
-"""Metal in plane stress: the projection in the plane, and that of space at σ_zz = 0."""
+"""Test metal in plane stress: the projection in the plane, and the 3D projection at σ_zz = 0."""
 
 import numpy as np
 import pytest
@@ -15,20 +15,20 @@ pytestmark = pytest.mark.serial
 
 EXACT = 1e-12
 PLANE, SPACE = [0, 1, 3], [0, 1, 5]
-"""Components in the plane of vectors of four and six."""
+"""In-plane components of vectors of four and six."""
 
 STEEL = VonMises(2e5, 0.3, 240.0)
 ROLLED = Hill(2e5, 0.45, 240.0, 1.0, 0.9, 1.2, 0.8, angle=25.0)
 
 
 def form_of(material: VonMises | Hill) -> Array:
-    """P of space, shape (6, 6)."""
+    """Return P in 3D, shape (6, 6)."""
     return of_space(material if isinstance(material, Hill) else Hill(2e5, 0.3, 240.0))
 
 
 @pytest.mark.parametrize("material", [STEEL, ROLLED])
 def test_sheets_are_projections_in_the_plane_and_in_space(material: VonMises | Hill) -> None:
-    """At 10⁵ points; ε_zz, which is none of the law's, may be anything."""
+    """The test has 10⁵ points; ε_zz does not enter the law and may be arbitrary."""
     sheet = material.in_plane_stress()
     count = 100_000
     e = strains(240 / 2e5, 4, count)
@@ -45,7 +45,7 @@ def test_sheets_are_projections_in_the_plane_and_in_space(material: VonMises | H
     expected = np.einsum("nab,nb->na", plane.tangent, d[:, SPACE])
     off = np.abs(change[:, PLANE] - expected).max(axis=1)
     assert (off <= 1e-11 * young * np.abs(d).max(axis=1)).all()
-    # the strain across that leaves no stress there: elastic, and by flow along P of space
+    # the out-of-plane strain without out-of-plane stress: elastic, and by flow along P
     whole = np.zeros((count, 6))
     whole[:, SPACE] = stress[:, PLANE]
     C6 = hooke(material.bulk, material.shear)
@@ -81,7 +81,7 @@ def test_potential_conjugate_and_set(material: VonMises | Hill) -> None:
 
 
 def test_elastic_sheets() -> None:
-    """Tension along x: E, and −ν along y."""
+    """Under tension along x, the strains are 1/E along x and −ν/E along y."""
     point = Point(Elastic(2e5, 0.3).in_plane_stress(), gdim=2)
     stress = point("stress", np.array([1e-3, -0.3e-3, 7.0, 0.0]))
     assert stress == pytest.approx([200.0, 0.0, 0.0, 0.0], abs=1e-10)

@@ -1,4 +1,4 @@
-"""The laws with a tensile strength: projections on a pyramid whose top is cut off."""
+"""Test the laws with a tensile strength: projections on a pyramid with a cut-off top."""
 
 import math
 
@@ -23,7 +23,7 @@ def test_what_is_true_of_every_law(material: MohrCoulomb | Tresca, gdim: int) ->
 
 
 def principal(stress: Array) -> Array:
-    """The largest first."""
+    """Return the principal values, the largest first."""
     return np.linalg.eigvalsh(matrices(stress))[::-1]
 
 

@@ -1,4 +1,4 @@
-"""The law of von Mises without hardening, and the numbers of such a body."""
+"""Test von Mises' law without hardening, and its parameters."""
 
 import math
 

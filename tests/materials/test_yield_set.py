@@ -1,4 +1,4 @@
-"""Gauge, support, cones and admissible rates of a law are of one set, by plain numbers."""
+"""Test that gauge, support, cones and admissible rates of a law describe the same set."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ PRINCIPAL: dict[str, Sequence[Material]] = {
     "mohr-coulomb": (MohrCoulomb(1e4, 0.3, 10.0, 20.0), MohrCoulomb(1e4, 0.3, 0.1, 42.0)),
     "tresca": (Tresca(1e4, 0.3, 10.0),),
 }
-"""Those whose set is of principal stresses."""
+"""Laws whose set bounds principal stresses."""
 
 
 def value(expression: Expr) -> Array:
@@ -64,7 +64,7 @@ def value(expression: Expr) -> Array:
 
 
 def check_set(yields: YieldSet, size: int) -> None:
-    """Check that a set of one cone or none is the same in all its descriptions."""
+    """Check that a set with one cone or no cone is the same in all its descriptions."""
     random = np.random.default_rng(11)
     cones = yields.cones(size)
     assert cones is not None and len(cones) <= 1
@@ -91,7 +91,7 @@ def check_set(yields: YieldSet, size: int) -> None:
 
     both, bounded = np.vstack([slope, matrix]), len(matrix) == size
     if linear is not None:
-        # what no rate may have is what no stress of the cone bounds
+        # stress components that the cone leaves free are the rates that are not admissible
         assert not slope.any()
         assert np.linalg.matrix_rank(linear) + len(matrix) == size
         assert np.abs(matrix @ linear).max() < EXACT
@@ -109,7 +109,7 @@ def check_set(yields: YieldSet, size: int) -> None:
         assert abs(room(surface[-1])) < rounding
     assert len(surface) > 20
     for z in random.normal(size=(50, len(matrix))):
-        # a rate of the dual cone, (head, z); the best stress is on its ray, or the tip
+        # a rate in the dual cone, (head, z); the best stress is on its ray, or at the apex
         for more in (1.0,) if linear is not None or bounded else (1.0, 1.7):
             head = more * np.linalg.norm(z)
             rate = matrix.T @ z + head * slope
@@ -134,7 +134,7 @@ def _rest(cone: Cone) -> tuple[Expr, Expr]:
 
 
 def test_each_law_of_case_files_is_here() -> None:
-    """All but rigid bodies, which bear any stress, and the parabola of rock."""
+    """All are here except the parabola of rock and rigid bodies, which have no yield set."""
     elsewhere = {"rigid", "hoek-brown"}  # test_hoek_brown.py compares its set
     assert set(LAWS) | set(PRINCIPAL) == set(MATERIALS) - elsewhere
     for name, given in (LAWS | PRINCIPAL).items():
@@ -144,7 +144,7 @@ def test_each_law_of_case_files_is_here() -> None:
 @pytest.mark.parametrize("size", [4, 6])
 @pytest.mark.parametrize("material", [m for given in PRINCIPAL.values() for m in given])
 def test_sets_of_principal_stresses(material: Material, size: int) -> None:
-    """Gauge and support are of the set that its cone says, with equal principal values too."""
+    """Gauge and support belong to the set of the cone, also with equal principal values."""
     numbers = {name: ufl.as_ufl(value) for name, value in material.parameters().items()}
     yields = material.law(**numbers).yields
     (cone,) = yields.cones(size)
@@ -162,7 +162,7 @@ def test_sets_of_principal_stresses(material: Material, size: int) -> None:
             assert abs(room) < EXACT * (bound + np.linalg.norm(surface[-1]))
     assert len(surface) > 20
     for _ in range(50):
-        # rates of faces that meet: σ₁ or σ₃ is the same in both
+        # rates of adjacent faces: σ₁ or σ₃ is the same in both
         shares = random.uniform(size=2) * (random.uniform(size=2) > 0.3)
         faces = np.array([[1 + sine, 0, sine - 1], [0, 1 + sine, sine - 1]])
         if random.uniform() > 0.5:
@@ -181,7 +181,7 @@ def test_sets_of_principal_stresses(material: Material, size: int) -> None:
 
 
 OTHERS = (Foam(1e4, 0.3, 10.0), Foam(1e4, 0.3, 10.0, 4.0), Foam(1e4, 0.45, 10.0, -1.0))
-"""Laws that case files do not have: ellipsoids about zero, a pressure and a tension."""
+"""Laws that case files do not have: ellipsoids about zero, about a pressure and about a tension."""
 
 
 @pytest.mark.parametrize("size", [4, 6])
@@ -193,7 +193,7 @@ def test_descriptions_are_of_one_set(material: Material, size: int) -> None:
 
 @dataclass(frozen=True)
 class Wrong(VonMisesSet):
-    """A set with one description that belongs to another set.
+    """A set with one description of a different set.
 
     Args:
         which: Name of this description.
@@ -225,7 +225,7 @@ def test_a_description_of_another_set_is_noticed(which: str) -> None:
 
 
 def test_tip_of_a_cone_bounds_tension() -> None:
-    """c cot φ of Mohr and Coulomb, wherever the cone meets the pyramid."""
+    """The tip is c cot φ of Mohr–Coulomb ground, for any match of cone and pyramid."""
     for material in LAWS["drucker-prager"]:
         assert isinstance(material, DruckerPrager)
         yields = DruckerPragerSet(*(ufl.as_ufl(a) for a in material.cone))

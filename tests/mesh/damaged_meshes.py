@@ -1,6 +1,6 @@
-"""Make damaged meshes from a sound one: arrays, written in gmsh's format 2.2.
+"""Make damaged meshes from a valid mesh: arrays, written in gmsh's format 2.2.
 
-The mesh has two blocks on each other in contact; in the plane, two rectangles.
+The mesh has two stacked blocks in contact; in 2D, two rectangles.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,7 @@ class Plain:
 
 
 def block(low: list[float], n: int, first: int, body: int, low_tag: int, high_tag: int) -> Plain:
-    """Return a unit cube or square with n cells along each edge, and its ends on the last axis."""
+    """Return a unit cube or square with n cells along each edge, and its last-axis ends."""
     dim = len(low)
     grid = np.array(list(product(range(n + 1), repeat=dim)))
     number = {tuple(place): i for i, place in enumerate(grid.tolist())}
@@ -90,7 +90,7 @@ def together(one: Plain, other: Plain) -> Plain:
 
 
 def blocks(dim: int, n: int = 2, shift: tuple[float, ...] = (), other: int | None = None) -> Plain:
-    """Return one body on the other, in contact, with the upper one shifted."""
+    """Return two stacked bodies in contact, with a shift of the upper body."""
     lower = block([0.0] * dim, n, 0, 1, NAMES["low"], NAMES["seam_a"])
     place = np.zeros(dim)
     place[-1] = 1.0
@@ -128,7 +128,7 @@ def _swapped(mesh: Plain, one: int, other: int) -> Plain:
 
 
 def _unglued(mesh: Plain, axis: int, only: int | None = None) -> Plain:
-    """Separate the lower body along a plane through its middle, with own nodes on either side."""
+    """Separate the lower body along a plane through its middle, with nodes on either side."""
     middle = mesh.points[mesh.cells].mean(axis=1)
     beyond = (mesh.body == 1) & (middle[:, axis] > 0.5)
     double = np.unique(mesh.cells[beyond])
@@ -145,7 +145,7 @@ def _unglued(mesh: Plain, axis: int, only: int | None = None) -> Plain:
 
 
 def _mixed(dim: int) -> Plain:
-    """Mesh the halves of the lower body separately, so that they do not match."""
+    """Mesh the halves of the lower body separately, so they do not match."""
     lower = block([0.0] * dim, 2, 0, 1, NAMES["low"], NAMES["seam_a"])
     place = [1.0, *[0.0] * (dim - 1)]
     beside = block(place, 3, len(lower.points), 1, NAMES["low"], NAMES["seam_a"])
@@ -156,7 +156,7 @@ def _mixed(dim: int) -> Plain:
 
 
 def _twisted(dim: int) -> Plain:
-    """Bend a body round until its ends overlap."""
+    """Bend a body until its ends overlap."""
     long = block([0.0] * dim, 6, 0, 1, NAMES["low"], NAMES["seam_a"])
     angle = 6.8 * long.points[:, -1]
     radius = 2.0 + long.points[:, 0]
@@ -178,7 +178,7 @@ Make = Callable[[int], Plain]
 
 
 def _inside(dim: int, size: float) -> Plain:
-    """Make the upper body small, and place it in the middle of the lower one."""
+    """Make the upper body small, and place it inside the lower body."""
     mesh = blocks(dim, 1)
     points = mesh.points.copy()
     mine = np.unique(mesh.cells[mesh.body == 2])
@@ -254,4 +254,4 @@ DAMAGED: dict[str, tuple[Make, str]] = {
         "folded|overlap|no volume",
     ),
 }
-"""How it is damaged, by the dimension, and what is said of it."""
+"""The kind of damage, by the dimension, and words of the message."""

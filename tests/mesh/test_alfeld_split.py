@@ -1,4 +1,4 @@
-"""The barycentric split keeps bodies, names, facets and ranks."""
+"""Test that the barycentric split preserves bodies, names, facets and ranks."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from tests.models import STEEL, Read, punch_problem
 
 
 def plate(tagged_mesh: TaggedMesh) -> Problem:
-    """A plate under all kinds of loads."""
+    """Return a plate under all kinds of loads."""
     return Problem(
         tagged_mesh,
         {"plate": STEEL},
@@ -33,7 +33,7 @@ def plate(tagged_mesh: TaggedMesh) -> Problem:
 
 
 def interpolated(problem: Problem) -> PETSc.Vec:
-    """A quadratic velocity, the same on every mesh."""
+    """Return a quadratic velocity, the same on every mesh."""
     v = fem.Function(problem.V)
     v.interpolate(lambda x: np.stack([x[0] * (1 + x[1]), x[1] * (x[0] - 2 * x[1])]))
     return v.x.petsc_vec

@@ -1,4 +1,4 @@
-"""Points beside the chords of a curve, and those that are beside nothing."""
+"""Test points beside the chords of a curve, and points that are not beside a chord."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Lines that nearly cross are bent, and nothing else is moved."""
+"""Test that lines that nearly cross are bent, and no other vertex moves."""
 
 from mpi4py import MPI
 
@@ -24,7 +24,7 @@ SIZE = 4
 
 
 def crossed(shift: float, bodies: int = 1) -> TaggedMesh:
-    """Squares with both diagonals, whose centres are moved by so much along x."""
+    """Return squares with both diagonals, whose centres are moved along x by a given amount."""
     corners = [(0.0, 0.0), (1.0, 1.0)]
     mesh = create_rectangle(
         *(MPI.COMM_WORLD, corners, [SIZE, SIZE], CellType.triangle),
@@ -89,12 +89,12 @@ def test_what_crosses_exactly_or_clearly_not_stays(shift: float) -> None:
 
 
 def test_the_seam_of_two_bodies_stays() -> None:
-    """Along the diagonal the centres of four squares are on it."""
+    """The centres of four squares along the diagonal lie on the seam."""
     assert bend_crossings(crossed(1e-9, bodies=2)) == SIZE**2 - SIZE
 
 
 def test_lines_at_which_the_slope_of_a_pore_pressure_changes_stay() -> None:
-    """It is linear in each cell, and would not be any more if they were moved."""
+    """The pore pressure is linear in each cell, and moved vertices would change this."""
     tagged_mesh = crossed(1e-9)
     stays = on_kinks(tagged_mesh, [PorePressure("below", "10*abs(x - y)")])
     assert bend_crossings(tagged_mesh, stays) == SIZE**2 - SIZE

@@ -1,4 +1,4 @@
-"""Meshes that are folded, overlap, or are cut inside are refused, and sound ones are not."""
+"""Test that folded, overlapping or cut meshes are refused, and valid meshes are not."""
 
 import re
 from pathlib import Path
@@ -38,7 +38,7 @@ def test_damaged_meshes_are_refused(shared_tmp_path: Path, name: str, dim: int) 
 @pytest.mark.parametrize("other", [2, 3])
 @pytest.mark.parametrize("gap", [0.0, 0.5])
 def test_sound_meshes_are_not(shared_tmp_path: Path, dim: int, other: int, gap: float) -> None:
-    """Bodies that touch with matching nodes or others, or are apart."""
+    """Bodies that touch, with matching or other nodes, or that are apart."""
     assert (
         check_bodies(read(shared_tmp_path, blocks(dim, 2, (0.25,) * (dim - 1) + (gap,), other)))
         == []
@@ -47,7 +47,7 @@ def test_sound_meshes_are_not(shared_tmp_path: Path, dim: int, other: int, gap: 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cells_numbered_the_other_way_round_are_harmless(shared_tmp_path: Path, dim: int) -> None:
-    """Volumes are positive whichever way vertices follow each other."""
+    """Volumes are positive for any orientation of the vertices."""
     assert check_bodies(read(shared_tmp_path, inverted(blocks(dim)))) == []
 
 

@@ -1,4 +1,4 @@
-"""Space, plane strain, axisymmetry: strains and measures by hand, motions that strain nothing."""
+"""Test 3D, plane strain and axisymmetry: strains and measures by hand, motions without strain."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Assemblies: structured builders, gmsh files, and bodies split from one gmsh mesh."""
+"""Test assemblies: structured builders, gmsh files, and bodies split from one gmsh mesh."""
 
 import runpy
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ from perfplast_fenicsx.mesh.split_bodies import on_plane, write_split
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.problem.assembled.spread_forces import area_of
 
-# Area vectors ∫ n ds of the named surfaces, and volumes, of the builders with their arguments.
+# Area vectors ∫ n ds of the named surfaces, and volumes, for the builders with their arguments.
 BUILT = [
     (
         ("two_blocks", {"n": 2}),
@@ -79,7 +79,7 @@ BUILT = [
 
 
 def volume(tagged_mesh: TaggedMesh, name: str) -> float:
-    """Volume of a body, or area of a plane one."""
+    """Return the volume of a body, or the area of a plane body."""
     mesh = tagged_mesh.mesh
     dx = ufl.Measure("dx", mesh, subdomain_data=[(1, tagged_mesh.cells(name))])
     form = dolfinx.fem.form(dolfinx.fem.Constant(mesh, np.float64(1)) * dx(1))
@@ -87,7 +87,7 @@ def volume(tagged_mesh: TaggedMesh, name: str) -> float:
 
 
 def area_vector(tagged_mesh: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
-    """∫ n ds over a surface, shape (gdim,)."""
+    """Return ∫ n ds over a surface, shape (gdim,)."""
     mesh = tagged_mesh.mesh
     tags = meshtags(mesh, mesh.topology.dim - 1, tagged_mesh.facets(name), 1)
     ds = ufl.Measure("ds", mesh, subdomain_data=tags)
@@ -102,7 +102,7 @@ def area_vector(tagged_mesh: TaggedMesh, name: str) -> npt.NDArray[np.float64]:
 
 
 def surface_nodes(tagged_mesh: TaggedMesh, name: str) -> dict[int, tuple[float, ...]]:
-    """Coordinates of the nodes of a surface by their input number, gathered on every rank."""
+    """Return coordinates of surface nodes by input number, gathered on every rank."""
     mesh = tagged_mesh.mesh
     nodes = np.unique(entity_nodes(mesh, mesh.topology.dim - 1, tagged_mesh.facets(name)))
     numbers = mesh.geometry.input_global_indices[nodes]
@@ -111,12 +111,12 @@ def surface_nodes(tagged_mesh: TaggedMesh, name: str) -> dict[int, tuple[float, 
 
 
 def in_order(points: Iterable[tuple[float, ...]]) -> npt.NDArray[np.float64]:
-    """Points in an order that rounding does not change, shape (num_points, 3)."""
+    """Return points in an order that does not depend on rounding, shape (num_points, 3)."""
     return np.array(sorted(points, key=lambda x: tuple(np.round(x, 9) + 0.0)))
 
 
 def check_interface(tagged_mesh: TaggedMesh, one: str, other: str) -> None:
-    """The two surfaces have the same points at different nodes."""
+    """Check that two surfaces have the same points, with different nodes."""
     first, second = surface_nodes(tagged_mesh, one), surface_nodes(tagged_mesh, other)
     assert first.keys().isdisjoint(second)
     np.testing.assert_allclose(in_order(first.values()), in_order(second.values()), atol=1e-14)
@@ -126,7 +126,7 @@ def check_interface(tagged_mesh: TaggedMesh, one: str, other: str) -> None:
 
 
 def message(call: Callable[[], object]) -> str:
-    """The message of the InputError of a call, after making sure that all ranks have the same."""
+    """Return the message of a call's InputError, after a check that it is equal on all ranks."""
     with pytest.raises(InputError) as caught:
         call()
     assert len(set(MPI.COMM_WORLD.allgather(str(caught.value)))) == 1
@@ -170,7 +170,7 @@ def test_builder_interfaces(comm: MPI.Intracomm, name: str, one: str, other: str
 
 
 def cubes_by_hand(cubes: list[tuple[int, ...]]) -> list[tuple]:
-    """The tetrahedra of unit cubes as sorted tuples of vertices, written out independently."""
+    """Return the tetrahedra of unit cubes as sorted tuples of vertices, written independently."""
     corner = {
         1: (0, 0, 0),
         2: (1, 0, 0),
@@ -323,7 +323,7 @@ def test_generators_are_scripts(
 
 
 def write_plane(path: Path, names: dict[str, str]) -> None:
-    """Two triangulated rectangles (0,1)×(0,1) and (0,1)×(1,3) with given physical names."""
+    """Write two triangulated rectangles (0,1)×(0,1) and (0,1)×(1,3) with given physical names."""
     with gmsh_session() as gmsh:
         occ = gmsh.model.occ
         pieces = [(2, occ.addRectangle(0, 0, 0, 1, 1)), (2, occ.addRectangle(0, 1, 0, 1, 2))]
@@ -379,7 +379,7 @@ def test_bad_names_in_file(
 def test_groups_overlap_and_have_numbers(
     comm: MPI.Intracomm, shared_tmp_path: Path, version: float
 ) -> None:
-    """Lines in two groups, groups without a name, and what is left out with a sentence."""
+    """Lines are in two groups or in unnamed groups; a sentence names omitted groups."""
     path = shared_tmp_path / "groups.msh"
     if comm.rank == 0:
         with gmsh_session() as gmsh:
@@ -464,7 +464,7 @@ def test_bad_file(
     if comm.rank == 0:
         write_plane(path, {"low": "a", "high": "b"})
     comm.barrier()
-    assert read_gmsh(comm, path).volumes  # a good file read next is not blamed
+    assert read_gmsh(comm, path).volumes  # a valid file that is read next is accepted
 
 
 def test_folder_instead_of_file(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Finer meshes: bodies, names and matching surfaces stay what they are."""
+"""Test finer meshes: bodies, names and matching surfaces do not change."""
 
 from mpi4py import MPI
 
@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def corners(tagged_mesh: TaggedMesh) -> Floats:
-    """Vertices of the owned cells, shape (num_cells, gdim + 1, gdim)."""
+    """Return the vertices of the owned cells, shape (num_cells, gdim + 1, gdim)."""
     mesh = tagged_mesh.mesh
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     x: Floats = mesh.geometry.x[
@@ -35,14 +35,14 @@ def corners(tagged_mesh: TaggedMesh) -> Floats:
 
 
 def sizes(tagged_mesh: TaggedMesh) -> Floats:
-    """Volumes of the owned cells."""
+    """Return the volumes of the owned cells."""
     x = corners(tagged_mesh)
     out: Floats = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / (2 if x.shape[2] == 2 else 6)
     return out
 
 
 def quality(tagged_mesh: TaggedMesh) -> float:
-    """The least volume of a cell beside the cube (square) of its longest edge."""
+    """Return the least volume of a cell over the cube (square) of its longest edge."""
     x = corners(tagged_mesh)
     longest = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1).max(axis=(1, 2))
     least = (sizes(tagged_mesh) / longest ** x.shape[2]).min(initial=np.inf)
@@ -50,14 +50,14 @@ def quality(tagged_mesh: TaggedMesh) -> float:
 
 
 def boundary(tagged_mesh: TaggedMesh) -> float:
-    """Area of all facets with one cell only."""
+    """Return the area of all facets with only one cell."""
     mesh = tagged_mesh.mesh
     one = dolfinx.fem.Constant(mesh, np.float64(1))
     return mesh.comm.allreduce(dolfinx.fem.assemble_scalar(dolfinx.fem.form(one * ufl.ds(mesh))))
 
 
 def near(tagged_mesh: TaggedMesh, point: tuple[float, ...], body: str) -> npt.NDArray[np.bool_]:
-    """The owned cells of a body with a vertex at the point."""
+    """Return the owned cells of a body with a vertex at the point."""
     x = corners(tagged_mesh)
     marks = np.zeros(len(x), dtype=np.bool_)
     marks[tagged_mesh.cells(body)] = True
@@ -66,7 +66,7 @@ def near(tagged_mesh: TaggedMesh, point: tuple[float, ...], body: str) -> npt.ND
 
 
 def check_finer(coarse: TaggedMesh, finer: Refined) -> None:
-    """Bodies, surfaces and boundary measure the same, and cells fill those they are parts of."""
+    """Check that bodies, surfaces and boundary keep their sizes, and cells fill their parents."""
     tagged_mesh = finer.tagged_mesh
     comm = tagged_mesh.mesh.comm
     assert len(finer.parents) == len(corners(tagged_mesh))
@@ -100,7 +100,7 @@ def test_marks_in_one_body_refine_the_other_at_their_contact(comm: MPI.Intracomm
 
 @pytest.mark.mpi3
 def test_cells_of_any_shape_are_cut_at_their_contact_alone(comm: MPI.Intracomm, read: Read) -> None:
-    """A punch has one more cell for each edge of its contact; the ground is refined as before."""
+    """The punch has one more cell for each edge of its contact; the ground is refined as before."""
     contacts = [Contact("ground_footing", "punch_footing")]
     made: dict[bool, TaggedMesh] = {}
     for any_shape in (False, True):
@@ -124,18 +124,18 @@ def test_cells_of_any_shape_are_cut_at_their_contact_alone(comm: MPI.Intracomm, 
 
 
 def owned(mesh: TaggedMesh, body: str) -> npt.NDArray[np.int32]:
-    """Cells of a body that this rank owns."""
+    """Return the cells of a body that this rank owns."""
     cells = mesh.cells(body)
     return cells[cells < mesh.mesh.topology.index_map(2).size_local]
 
 
 def cells_of(mesh: TaggedMesh, body: str) -> int:
-    """Cells of a body on all ranks."""
+    """Return the cells of a body on all ranks."""
     return mesh.mesh.comm.allreduce(len(owned(mesh, body)))
 
 
 def facets_of(mesh: TaggedMesh, surface: str) -> int:
-    """Facets of a surface on all ranks."""
+    """Return the facets of a surface on all ranks."""
     facets = mesh.facets(surface)
     return mesh.mesh.comm.allreduce(
         int((facets < mesh.mesh.topology.index_map(1).size_local).sum())
@@ -143,7 +143,7 @@ def facets_of(mesh: TaggedMesh, surface: str) -> int:
 
 
 def test_surfaces_apart_match_still(comm: MPI.Intracomm) -> None:
-    """A gap far wider than the cells, at which each side keeps its place."""
+    """Across a gap much wider than the cells, each side keeps its position."""
     coarse = stacked_blocks(comm, 3)
     x = coarse.mesh.geometry.x
     x[np.unique(geometry_dofmap(coarse.mesh)[coarse.cells("upper")]), 2] += 2.0
@@ -188,7 +188,7 @@ def test_angles_stay_bounded(comm: MPI.Intracomm, read: Read) -> None:
 
 @pytest.mark.mpi3
 def test_cells_become_long_in_a_metric(read: Read) -> None:
-    """Edges along y count a fourth: cells become so much longer, and surfaces match still."""
+    """Edges along y count a fourth: cells become this much longer, and surfaces still match."""
     contact = Contact("ground_footing", "punch_footing")
     arguments = {"punch": True, "width": 3.0, "depth": 2.0, "grading": 1.0, "size": 1.0}
     first = assembly = read(write_strip_footing, **arguments)
@@ -225,7 +225,7 @@ def test_fan_doubles_the_cells_at_a_point(comm: MPI.Intracomm, read: Read) -> No
 
 
 def test_fan_around_an_edge_in_space(comm: MPI.Intracomm) -> None:
-    """Twice as many cells meet at an edge of a contact, on both sides of it."""
+    """Twice as many cells meet at an edge of a contact, on both sides."""
     coarse = two_blocks(comm, 1)
     ends = np.array([[1.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
 
@@ -253,7 +253,7 @@ def test_edges_along_which_fields_change_are_cut(comm: MPI.Intracomm) -> None:
     def finer(coarse: TaggedMesh) -> Refined:
         every = np.ones(len(sizes(coarse)), dtype=np.bool_)
         upwards = np.zeros((len(every), 3, 2))
-        upwards[:, 2, 1] = 7.0  # of whatever size
+        upwards[:, 2, 1] = 7.0  # of any size
         pairs = opposite_vertices(coarse, [Contact("upper_bottom", "lower_top")])
         return refine(coarse, every, pairs, gradients=upwards)
 
@@ -278,7 +278,7 @@ def mean_extents(tagged_mesh: TaggedMesh) -> Floats:
 
 
 def test_parts_fit_whatever_edges_are_cut() -> None:
-    """Two tetrahedra, all marks on their face: it is cut alike in both."""
+    """Two tetrahedra share a face with all marks: both cut it in the same way."""
     cells = np.array([[0, 1, 2, 3], [2, 4, 1, 0]])
     names = np.array([[10, 11, 12, 13], [20, 21, 22, 23]], dtype=np.int32)
     edges = {(0, 1): 5, (0, 2): 6, (1, 2): 7, (0, 4): 8}

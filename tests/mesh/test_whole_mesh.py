@@ -1,4 +1,4 @@
-"""A copy of the mesh on each rank has the cells, the names and the order of the shared one."""
+"""Test that a copy of the mesh on each rank has the same cells, names and order."""
 
 from mpi4py import MPI
 

@@ -1,1 +1,1 @@
-"""Models of other programs."""
+"""Tests of models from other programs."""

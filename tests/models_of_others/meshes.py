@@ -1,6 +1,6 @@
-"""Meshes of others that several tests read: two bodies of one hexahedron each, in all formats.
+"""Define a mesh in all formats for several tests: two bodies of one hexahedron each.
 
-They lie on each other, share four nodes, and have a foot, a top, and a side that both have.
+One body lies on the other, and they share four nodes. Surfaces are foot, top and a side of both.
 """
 
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 POINTS = np.array([[x, y, z] for z in (0.0, 1.0, 2.5) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
 SOLIDS = np.array([[0, 1, 2, 3, 4, 5, 6, 7], [4, 5, 6, 7, 8, 9, 10, 11]])
 FACES = np.array([[0, 1, 2, 3], [8, 9, 10, 11], [0, 1, 5, 4], [4, 5, 9, 8], [4, 5, 6, 7]])
-"""Foot, top, a side of each, and the face between the bodies."""
+"""Foot, top, a side of each body, and the face between the bodies."""
 
 GROUPS = {"lower": [0], "Upper": [1], "all": [0, 1]}
 FACE_GROUPS = {"foot": [0], "Top": [1], "side": [2, 3], "between": [4]}
@@ -20,14 +20,14 @@ NODE_GROUPS = {"footNodes": [0, 1, 2, 3], "edge": [0, 4]}
 
 
 def _families(parts: dict[str, list[int]], count: int, first: int) -> tuple[np.ndarray, dict]:
-    """A family for each combination of groups that an element or node has."""
+    """Return a family for each combination of groups with an element or node."""
     own = [tuple(name for name, members in parts.items() if k in members) for k in range(count)]
     kinds = {groups: first - k for k, groups in enumerate(dict.fromkeys(filter(None, own)))}
     return np.array([kinds.get(groups, 0) for groups in own]), {n: g for g, n in kinds.items()}
 
 
 def write_med(path: Path, real: str = "<f8", whole: str = "<i4", old: bool = False) -> Path:
-    """As Salome writes it.
+    """Write a MED file in the form of Salome.
 
     Args:
         path: The file.
@@ -72,7 +72,7 @@ def _write_families(names: Any, of: str, families: dict[int, tuple[str, ...]]) -
 
 
 def unv_text(fields: int = 4) -> str:
-    """As Salome writes it; with ``fields`` 2 the groups are as in older datasets."""
+    """Return a UNV file in Salome's form; with ``fields`` 2 groups are as in older datasets."""
     text = "    -1\n   164\n         1  SI\n    -1\n    -1\n  2411\n"
     for k, place in enumerate(POINTS, start=11):
         text += f"{k:10}{1:10}{1:10}{11:10}\n" + "".join(f"{x:25.16E}" for x in place) + "\n"
@@ -98,7 +98,7 @@ def unv_text(fields: int = 4) -> str:
 
 
 def bdf_text(comma: bool = False, long: bool = False) -> str:
-    """As HyperMesh writes it: in narrow or wide fields, or between commas."""
+    """Return a BDF file in HyperMesh's form: narrow or wide fields, or fields between commas."""
 
     def card(name: str, *cells: object) -> str:
         texts = ["" if cell is None else f"{cell}" for cell in cells]

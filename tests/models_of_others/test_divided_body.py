@@ -1,4 +1,4 @@
-"""One body as hexahedra that are divided, and as tetrahedra of gmsh: the same limit load."""
+"""Test one body as divided hexahedra and as gmsh's tetrahedra: the same limit load."""
 
 import os
 from collections.abc import Callable
@@ -27,7 +27,7 @@ LENGTH = 2.0
 
 
 def hexahedra(path: Path, n: int) -> Path:
-    """The cantilever as C3D8, n along edges of the section; its ends are sets of nodes."""
+    """Write the cantilever as C3D8, n along edges of the section; its ends are node sets."""
     counts = np.array([round(LENGTH * n), n, n]) + 1
     grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
     number = np.arange(1, len(grid) + 1).reshape(counts)
@@ -49,7 +49,7 @@ def hexahedra(path: Path, n: int) -> Path:
 
 
 def tetrahedra(path: Path, n: int) -> Path:
-    """The cantilever as gmsh meshes it, and writes it as .inp."""
+    """Write the cantilever as gmsh meshes it, as .inp."""
     with gmsh_session():
         gmsh.model.occ.addBox(0, 0, 0, LENGTH, 1, 1)
         gmsh.model.occ.synchronize()
@@ -65,7 +65,7 @@ def tetrahedra(path: Path, n: int) -> Path:
 def declared(
     comm: MPI.Intracomm, folder: Path, write: Callable[[Path, int], Path], n: int
 ) -> Problem:
-    """The cantilever, pushed down at its end."""
+    """Return the cantilever, pushed down at its end."""
     mesh = folder / f"{write.__name__}_{n}.msh"
     if comm.rank == 0:
         write_msh(read_inp(write(mesh.with_suffix(".inp"), n)), mesh)
@@ -80,7 +80,7 @@ def declared(
 
 @pytest.mark.long
 def test_limit_loads_agree(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """Within the error of the mesh, which a coarser one shows."""
+    """They agree within the error of the mesh, estimated from a coarser mesh."""
     coarse, fine, other = (
         limit_load(declared(comm, shared_tmp_path, write, n)).estimate
         for write, n in ((hexahedra, 2), (hexahedra, 3), (tetrahedra, 2))

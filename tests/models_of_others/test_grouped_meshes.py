@@ -1,4 +1,4 @@
-"""Meshes with groups of other programs: .med, .unv, .bdf, .vtu."""
+"""Test meshes with groups from other programs: .med, .unv, .bdf, .vtu."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -56,12 +56,12 @@ READ: dict[str, Callable[[Path], ForeignModel]] = {
 
 @pytest.mark.parametrize("how", READ)
 def test_groups_are_bodies_and_surfaces(tmp_path: Path, how: str) -> None:
-    """Groups of nodes too, where they are a surface; and whatever is none is told of."""
+    """Groups of nodes also count if they form a surface; a remark names all others."""
     found = READ[how](tmp_path)
     assert volumes(found) == pytest.approx({"lower": 1.0, "upper": 1.5})
     measured = areas(found)
     foot = next(name for name in measured if "foot" in name)
-    assert "footnodes" in foot  # the same faces: one surface of both names
+    assert "footnodes" in foot  # equal faces give one surface with both names
     assert measured == pytest.approx({foot: 1.0, "top": 1.0, "side": 2.5})
     told = " ".join(found.remarks)
     assert "'all' consists of smaller groups" in told
@@ -107,7 +107,7 @@ def test_vtk_with_bytes_the_other_way_round(tmp_path: Path) -> None:
 
 
 def test_a_mesh_with_sets_alone(tmp_path: Path) -> None:
-    """As gmsh and Salome write .inp: its sets are bodies and surfaces."""
+    """The .inp file has the form of gmsh and Salome: its sets are bodies and surfaces."""
     text = "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(POINTS, start=1))
     for k, nodes in enumerate(SOLIDS, start=1):
         text += f"*ELEMENT, TYPE=C3D8, ELSET=BODY{k}\n{k}," + ",".join(map(str, nodes + 1)) + "\n"
@@ -121,7 +121,10 @@ def test_a_mesh_with_sets_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [113, 116, 118])
 def test_midsides_of_unv_stand_between_corners(number: int) -> None:
-    """Quadratic elements go around in that format; straight ones have all in the middle."""
+    """Nodes run around quadratic elements in this format.
+
+    Midside nodes of straight edges are central.
+    """
     kind, order = KINDS[number]
     corners = {
         TETRAHEDRON: "000 200 020 002",
@@ -270,7 +273,7 @@ def test_files_of_noise(tmp_path: Path, read: Callable[[Path], ForeignModel]) ->
 
 @pytest.mark.parametrize("kind", ["med", "unv", "bdf"])
 def test_files_with_random_faults_are_read_or_refused(tmp_path: Path, kind: str) -> None:
-    """Bytes that are others, gone, or there twice: a model or one sentence."""
+    """With bytes changed, removed or repeated, a file gives a model or one sentence."""
     path, random = tmp_path / f"a.{kind}", np.random.default_rng(7)
     if kind == "med":
         write_med(path)
@@ -299,7 +302,7 @@ def test_files_with_random_faults_are_read_or_refused(tmp_path: Path, kind: str)
 
 
 def test_names_in_latin_1(tmp_path: Path) -> None:
-    """Files of old systems are in no UTF-8; names keep what is plain of them."""
+    """Files from old systems are not in UTF-8; names keep their plain characters."""
     text = unv_text().replace("lower", "unterer Körper")
     path = tmp_path / "a.unv"
     path.write_bytes(text.encode("latin-1"))

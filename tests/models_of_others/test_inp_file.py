@@ -1,4 +1,4 @@
-"""Models of Abaqus and CalculiX: what is read of them, and what is said of the rest."""
+"""Test models of Abaqus and CalculiX: the parts that are read, and remarks on the rest."""
 
 from itertools import combinations
 from pathlib import Path
@@ -77,7 +77,7 @@ def model(folder: Path, text: str) -> ForeignModel:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_cells_are_divided_as_their_neighbours_see_them(name: str) -> None:
-    """In any numbering: the volume is kept, and faces are cut by their own corners alone."""
+    """Any numbering preserves the volume. Only the corners of a face determine its division."""
     shape, places, volume = SHAPES[name]
     corners = np.array([[float(x) for x in place] for place in places.split()])
     random = np.random.default_rng(1)
@@ -116,7 +116,7 @@ def test_a_case_is_whole(tmp_path: Path) -> None:
 
 
 def test_surfaces_that_overlap_are_divided(tmp_path: Path) -> None:
-    """A face that is held twice is a surface of its own, in both supports."""
+    """A face with two supports becomes a separate surface, which both supports hold."""
     text = REST.replace("BASE,3,3", "BASE,3,3\nLOWER,1").replace(
         "*NSET, NSET=X0", "*NSET, NSET=LOWER\n1,2,3,4,5,8\n*NSET, NSET=X0"
     )
@@ -130,7 +130,7 @@ def test_surfaces_that_overlap_are_divided(tmp_path: Path) -> None:
 
 
 def test_parts_are_moved_and_turned_and_have_sets_of_their_own(tmp_path: Path) -> None:
-    """Two instances of one part, in contact with friction; the same set names in both."""
+    """Two instances of one part are in contact with friction; sets in both have the same name."""
     cube = "\n".join(HEAD.splitlines()[2:11]) + "\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n"
     text = f"""*PART, NAME=CUBE
 {cube}*ELSET, ELSET=SET-1, GENERATE
@@ -174,7 +174,7 @@ _DOWN,P2,3.
     found = model(tmp_path, text)
     assert found.bodies == ["low", "high"]
     high = found.points[found.cells[found.body == 1]].reshape(-1, 3)
-    assert high.min(axis=0) == pytest.approx([-1, 0, 1], abs=1e-12)  # turned by 90° about z
+    assert high.min(axis=0) == pytest.approx([-1, 0, 1], abs=1e-12)  # rotated by 90° about z
     assert high.max(axis=0) == pytest.approx([0, 1, 2], abs=1e-12)
     (pair,) = found.joined
     assert (pair.primary, pair.secondary, pair.coulomb) == ("up", "down", 0.2)
@@ -184,7 +184,7 @@ _DOWN,P2,3.
 
 
 def test_forces_at_nodes_and_gravity(tmp_path: Path) -> None:
-    """Forces of single nodes that make a face are a traction; weight is density times gravity."""
+    """Nodal forces that form a face become a traction; weight is density times gravity."""
     text = REST.replace("*DSLOAD\nTOP,P,1.", "*CLOAD\n9,3,-1\n10,3,-2\n11,3,-3\n12,3,-2")
     text = text.replace("*END STEP", "*DLOAD\nEALL,GRAV,9810,0,0,-1\n*END STEP")
     found = model(tmp_path, HEAD + ONE_BODY + text)
@@ -196,7 +196,7 @@ def test_forces_at_nodes_and_gravity(tmp_path: Path) -> None:
 
 
 def test_collapsed_elements(tmp_path: Path) -> None:
-    """A hexahedron that has a node twice is a wedge; one without a volume is refused."""
+    """A hexahedron with a repeated node is a wedge; one without volume is refused."""
     wedge = ONE_BODY.replace("1,1,2,3,4,5,6,7,8", "1,1,2,3,3,5,6,7,7")
     found = model(tmp_path, HEAD + wedge)
     edges = found.points[found.cells[:, 1:]] - found.points[found.cells[:, :1]]
@@ -269,7 +269,7 @@ RF
 
 
 def test_the_form_that_freecad_writes(tmp_path: Path) -> None:
-    """Sets of sets, a member a line, a force at each node: nothing of it is left out."""
+    """The file has sets of sets, one member per line, and nodal forces; nothing is omitted."""
     found = model(tmp_path, FREECAD)
     assert (found.bodies, len(found.cells)) == (["femmaterialsolid"], 6)
     assert found.held == [Held("fixed", "xyz")]
@@ -297,7 +297,7 @@ SHEET = (
 
 
 def test_sheets_in_plane_stress(tmp_path: Path) -> None:
-    """Forces at nodes are those of the whole thickness, pressures are per area."""
+    """Nodal forces refer to the whole thickness, pressures to the area."""
     loads = "*CLOAD\n5,2,-1\n6,2,-1\n"
     found = model(tmp_path, PLANE + SHEET + loads)
     assert (found.dim, found.turned, found.thickness) == (2, False, 0.5)
@@ -315,7 +315,7 @@ def test_sheets_in_plane_stress(tmp_path: Path) -> None:
 
 
 def test_beams_do_not_keep_solids_from_being_read(tmp_path: Path) -> None:
-    """Lines of elements that are left out may have another number of nodes."""
+    """Omitted line elements may have another number of nodes."""
     beams = "*ELEMENT, TYPE=B31, ELSET=BEAMS\n20,9,10\n21,10\n"
     found = model(tmp_path, HEAD + ONE_BODY + beams + REST)
     assert found.bodies == ["eall"]
@@ -323,7 +323,7 @@ def test_beams_do_not_keep_solids_from_being_read(tmp_path: Path) -> None:
 
 
 def test_a_step_that_supports_drive(tmp_path: Path) -> None:
-    """The case moves the supports, and asks for no load that the file does not have."""
+    """The case moves the supports, and requires no load that is missing in the file."""
     found = model(tmp_path, PLANE + SHEET + "*BOUNDARY\nTOP,2,2,-0.01\n")
     text = case_of(found, "a", "a.inp", "a.msh")
     assert 'on = "top"\ncomponents = "y"\nvalue = -0.01\nconstant = false\n' in text

@@ -1,4 +1,4 @@
-"""Make bodies whose skin several tests use, and artificial fields for them."""
+"""Make bodies whose skin several tests use, and artificial fields on these bodies."""
 
 import os
 from pathlib import Path
@@ -33,7 +33,7 @@ def square(comm: MPI.Intracomm) -> TaggedMesh:
 
 
 def skin(tagged_mesh: TaggedMesh, scene: Scene) -> Surface:
-    """Return the skin of a mesh of this process alone, without fields."""
+    """Return the skin of a mesh of this process only, without fields."""
     mesh = tagged_mesh.mesh
     assert mesh.comm.size == 1
     tags = tagged_mesh.facet_tags

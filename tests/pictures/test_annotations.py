@@ -1,4 +1,4 @@
-"""Arrows of loads, and rigid obstacles around the bodies."""
+"""Test arrows of loads, and rigid obstacles around the bodies."""
 
 from dataclasses import replace
 
@@ -79,7 +79,7 @@ def test_obstacles_are_sampled_around_the_bodies(where: str) -> None:
     assert np.all(far >= surface.points.max(axis=0))
     for obstacle, distances in zip(NEARBY[where], near.distances, strict=True):
         assert distances.shape == shape
-        assert distances.min() < 0 < distances.max()  # part of it is in the picture
+        assert distances.min() < 0 < distances.max()  # a part is in the picture
         i, j, k = 3, 2, min(shape[2] - 1, 1)
         x = near.corner + near.spacing * [i, j, k]
         gdim = 2 if where == "plane" else 3

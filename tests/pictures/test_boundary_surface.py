@@ -1,4 +1,4 @@
-"""The skin of the bodies: whole, outward, with the names of its surfaces."""
+"""Test the skin of the bodies: complete, outward, with the names of its surfaces."""
 
 from mpi4py import MPI
 

@@ -1,4 +1,4 @@
-"""The process that draws: what it makes of a result folder, and what becomes of its faults."""
+"""Test the process that draws a result folder, and its faults."""
 
 import shutil
 import subprocess
@@ -38,14 +38,14 @@ needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to
 def results(
     comm: MPI.Intracomm, path: Path, where: str, limit: bool = False, turned: bool = False
 ) -> ResultFolder:
-    """A folder with two levels whose fields are made up, in the plane or in space."""
+    """Return a folder with two levels of artificial fields, in 2D or 3D."""
     plane = where == "plane"
     tagged_mesh = square(comm) if plane else build(comm, "two_blocks", n=1)
     contacts = [] if plane else [Contact("upper_bottom", "lower_top")]
     loads = [Traction("top", (0.0, 0.0, -1.0)), Pressure("left", -1.0)]
     if plane:
         loads = [Traction("side", (1.0, 1.0)), Pressure("bottom", 1.0)]
-    far = Sphere(NEARBY[where][0].on, [1e3] * (2 if plane else 3), 1.0)  # nothing of it is seen
+    far = Sphere(NEARBY[where][0].on, [1e3] * (2 if plane else 3), 1.0)  # not visible
     scene = Scene("$Two „blocks“", loads, contacts, [*NEARBY[where], far], axisymmetric=turned)
     materials = dict.fromkeys(tagged_mesh.volumes, Elastic(1.0, 0.3))
     supports = [Support("bottom" if plane else "left")]
@@ -85,7 +85,7 @@ def test_draw(comm: MPI.Intracomm, shared_tmp_path: Path, where: str, limit: boo
 @needs_xvfb
 @pytest.mark.serial
 def test_loads_that_bodies_hide_are_seen(tmp_path: Path) -> None:
-    """Along an end that is not seen from the front: arrows darken the bodies before them."""
+    """The loaded end is not visible from the front: arrows darken the bodies in front of them."""
     image = pytest.importorskip("matplotlib.image")
     folder = results(MPI.COMM_SELF, tmp_path / "results", "space")
     tagged_mesh, pictures = build(MPI.COMM_SELF, "two_blocks", n=1), []
@@ -138,7 +138,7 @@ def test_a_run_without_fields_draws_its_curve_and_says_so(
 
 
 def warnings(comm: MPI.Intracomm, caplog: pytest.LogCaptureFixture) -> str:
-    """The one warning, which rank 0 alone has logged."""
+    """Return the one warning, which only rank 0 has logged."""
     messages = [record.getMessage() for record in caplog.records]
     assert len(messages) == (1 if comm.rank == 0 else 0)
     return str(comm.bcast(messages[0] if messages else ""))
@@ -154,7 +154,7 @@ def test_without_graphics_there_is_a_warning(
     folder = results(comm, shared_tmp_path / "results", "space")
     monkeypatch.setenv("PATH", str(shared_tmp_path))
     monkeypatch.delenv("DISPLAY", raising=False)
-    # from 9.4 on VTK looks for other ways to draw, unless it is told which one to take
+    # from version 9.4 on VTK tries other backends, unless one is selected
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
     assert not draw(folder)
     assert "install Xvfb" in warnings(comm, caplog)

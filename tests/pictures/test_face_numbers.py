@@ -1,4 +1,4 @@
-"""Numbers stand on the faces that they are of, and each face has one where it is seen."""
+"""Test that numbers lie on their faces, and that each visible face has one."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.serial
 
 
 def picture() -> np.ndarray:
-    """A large face with a hole, in which another one is seen; a thin one; a pixel of another."""
+    """A large face has a hole that shows another face; one face is thin; one pixel is different."""
     seen = np.zeros((200, 300), dtype=np.int64)
     seen[20:180, 20:200] = 1
     seen[80:120, 80:120] = 4
@@ -30,7 +30,7 @@ def picture() -> np.ndarray:
 def test_numbers_stand_on_their_faces() -> None:
     seen = picture()
     found = rooms(seen)
-    assert set(found) == {1, 2, 4}  # a pixel alone is none that anybody sees
+    assert set(found) == {1, 2, 4}  # a single pixel is not visible
     for number, (x, y, free) in found.items():
         assert seen[int(y), int(x)] == number
         near = seen[int(y) - int(free) + 1 : int(y) + int(free), int(x)]

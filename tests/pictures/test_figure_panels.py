@@ -1,4 +1,4 @@
-"""Colours and colour bars, and how much of a deformation is shown."""
+"""Test colours, colour bars, and the displayed deformation."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ figure_panels = pytest.importorskip("perfplast_fenicsx.pictures.renderer")
 
 
 def triangles(names: list[str], ratios: list[float]) -> Surface:
-    """A body for each name, a triangle each, with the yield ratios, and the last one in contact."""
+    """Return bodies of one triangle each, with yield ratios; the last one is in contact."""
     count = len(names)
     corners = np.arange(3 * count).reshape(-1, 3)
     points = np.tile([[0.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]], (count, 1))
@@ -33,9 +33,9 @@ def triangles(names: list[str], ratios: list[float]) -> Surface:
 
 
 def labels_of(names: list[str]) -> list[str]:
-    """The words below the stress, once it is made sure that no words of a picture overlap.
+    """Return the words below the stress, after a check that no words in a picture overlap.
 
-    The axes of the space are named as well.
+    Axes in 3D also have labels.
     """
     surface = triangles(names, [0.5] * len(names))
     shown = figure_panels.panels([surface], Units("mm", "MPa"))
@@ -95,14 +95,14 @@ def test_colours_of_stress(count: int) -> None:
     red = np.array([int(figure_panels.PLASTIC[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     assert np.allclose(colours[np.array(ratios) == 1], red, atol=0.01)
     if count > 2:
-        assert np.allclose(colours[2], colours[5])  # all bodies have one scale
+        assert np.allclose(colours[2], colours[5])  # all bodies have the same scale
     assert stress.loads
     assert displacement.colours.shape == (1, 3 * count, 3)
     assert contact.facets is not None
     assert contact.facets.tolist() == [False] * (count - 1) + [True]
     opacity = contact.colours[0][:, 3]
     assert (opacity[surface.points[:, 2] > 0] == 1).all()
-    assert (opacity[surface.points[:, 2] == 0] < 0.5).all()  # hides nothing that is pressed
+    assert (opacity[surface.points[:, 2] == 0] < 0.5).all()  # nothing under pressure is hidden
     assert displacement.bars[0][1].vmax == pytest.approx(
         np.linalg.norm(surface.at_points["displacement"], axis=1).max()
     )

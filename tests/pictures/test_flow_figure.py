@@ -1,4 +1,4 @@
-"""The free surface that a picture of a flow shows."""
+"""Test the free surface in the picture of a flow."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from perfplast_fenicsx.pictures.result_reader import StoredFlow
 
 
 def net(n: int) -> tuple[Floats, Longs]:
-    """Return points and triangles of the unit square, n by n squares that are cut in two."""
+    """Return points and triangles of the unit square, n by n squares cut into two."""
     x = np.linspace(0.0, 1.0, n + 1)
     points = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
@@ -23,7 +23,7 @@ def net(n: int) -> tuple[Floats, Longs]:
 def test_the_free_surface_is_where_the_pressure_of_a_linear_head_is_zero(
     n: int, slope: float
 ) -> None:
-    """It lies in the cells: half saturation was up to half a cell above it."""
+    """The surface crosses cells; half saturation would be up to half a cell higher."""
     points, cells = net(n)
     head = 0.55 + slope * (points[:, 0] - 0.5)
     depth = head - points[:, 1]
@@ -37,7 +37,7 @@ def test_the_free_surface_is_where_the_pressure_of_a_linear_head_is_zero(
 
 
 def test_a_level_at_points_is_met() -> None:
-    """The surface is at points with a pressure of zero that are saturated."""
+    """The surface passes through saturated points with zero pressure."""
     points, cells = net(4)
     level = 0.5
     wet = points[:, 1] <= level
@@ -48,7 +48,7 @@ def test_a_level_at_points_is_met() -> None:
 
 
 def test_a_drain_that_water_passes_has_no_free_surface() -> None:
-    """Its points are saturated, and no cell is."""
+    """All its points are saturated, but no cell is."""
     points, cells = net(3)
     on_base = (points[:, 1] == 0).astype(float)
     flow = StoredFlow(points, cells, np.zeros(len(points)), points[:, 1], on_base, 1)

@@ -1,4 +1,4 @@
-"""Titles that no picture could show as they are."""
+"""Test titles that pictures cannot show literally."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The loading curve as a file."""
+"""Test the loading curve as a file."""
 
 from pathlib import Path
 

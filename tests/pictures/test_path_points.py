@@ -1,4 +1,4 @@
-"""Where a loading curve begins, and its pieces on a logarithmic axis."""
+"""Test where a loading curve begins, and its pieces on a logarithmic axis."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ def test_where_it_begins() -> None:
     assert from_rest([]) == ([0.0], [0.0])
     solved = [report(2.0, alpha=1.0), report(3.0, alpha=4.0)]
     assert from_rest(solved) == ([0.0, 1.0, 4.0], [0.0, 2.0, 3.0])
-    constant = [report(0.0, alpha=0.5), *solved]  # loads that stay have done work before
+    constant = [report(0.0, alpha=0.5), *solved]  # constant loads have done work before
     assert from_rest(constant) == ([0.5, 1.0, 4.0], [0.0, 2.0, 3.0])
 
 

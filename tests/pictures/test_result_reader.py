@@ -1,4 +1,4 @@
-"""Reading of result folders, finished or not, and pictures of them."""
+"""Test the reader of complete and incomplete result folders, and their pictures."""
 
 import shutil
 from collections import ChainMap
@@ -38,7 +38,7 @@ needs_xvfb = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb to
 
 
 Place = tuple[tuple[float, ...], ...]
-"""Points in rising order, the same of whichever rank, and on file."""
+"""Points in ascending order, independent of ranks, from memory or a file."""
 
 
 def place(points: np.ndarray) -> Place:
@@ -48,7 +48,7 @@ def place(points: np.ndarray) -> Place:
 def values_of(
     tagged_mesh: TaggedMesh, fields: dict[str, fem.Function]
 ) -> tuple[dict[tuple[str, Place], np.ndarray], dict[tuple[str, Place], float], set[Place]]:
-    """u and p of each body's points, the yield ratio below its triangles, the loaded facets."""
+    """Return u and p at points, yield ratios below triangles, and loaded facets, by body."""
     mesh, x = tagged_mesh.mesh, tagged_mesh.mesh.geometry.x
     vertices, gdim = mesh.topology.dim + 1, mesh.geometry.dim
     u, p, ratio = (fields[name] for name in ("displacement", "contact_pressure", "yield_ratio"))
@@ -71,7 +71,7 @@ def values_of(
 
 
 def check_skin(surface: Surface, tagged_mesh: TaggedMesh, fields: dict[str, fem.Function]) -> None:
-    """The skin has the values of the fields, and is closed and outward."""
+    """Check that the skin has the values of the fields, and is closed and outward."""
     at_points, at_cells, loaded = values_of(tagged_mesh, fields)
     u, p = (surface.at_points[name] for name in ("displacement", "contact_pressure"))
     for triangle, body, ratio in zip(
@@ -126,7 +126,7 @@ def test_the_skin_is_that_of_the_run(
         assert level.report.converged
         writer.write(level)
         reader = ResultReader(folder.path)
-        if comm.rank == 0:  # times differ from rank to rank
+        if comm.rank == 0:  # times differ between ranks
             written = [replace(report, reactions={}) for report in writer.results.reports]
             assert reader.reports == written
         assert reader.scene.marks == scene.marks
@@ -147,7 +147,7 @@ def test_the_skin_is_that_of_the_run(
 def tube(
     comm: MPI.Intracomm, folder: Path, curved: bool
 ) -> tuple[TaggedMesh, list[Contact], Traction, list[Support]]:
-    """A quarter of a cylinder with second-order geometry, or of a plane ring."""
+    """Return a quarter of a cylinder with second-order geometry, or of a plane ring."""
     import gmsh
 
     path = folder / "tube.msh"
@@ -179,7 +179,7 @@ def tube(
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two levels, which no test writes into."""
+    """Return a folder with two levels, which no test changes."""
     comm = MPI.COMM_WORLD
     base = comm.bcast(tmp_path_factory.mktemp("finished"))
     case, folder = write(comm, base, CASE), base / "results"
@@ -189,7 +189,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def results(comm: MPI.Intracomm, shared_tmp_path: Path, finished: Path) -> Path:
-    """A folder with two levels, of one test alone."""
+    """Return a folder with two levels for one test only."""
     folder = shared_tmp_path / "results"
     if comm.rank == 0:
         shutil.copytree(finished, folder)
@@ -228,7 +228,7 @@ def test_reading_while_a_level_is_written(comm: MPI.Intracomm, shared_tmp_path: 
 
 @pytest.mark.long
 def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """Levels are known by their numbers, whatever was prescribed; the mechanism by its file."""
+    """Levels have numbers for any control; the mechanism is identified by its file."""
     control = 'control = "work"\nuntil = "limit"\nlimit_tolerance = 1e-2\nlimit_method = "path"'
     text = CASE.replace("values = [50.0, 80.0]", control) + "[element]\ndegree = 2\n"
     case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
@@ -254,7 +254,7 @@ def test_levels_of_prescribed_work(comm: MPI.Intracomm, shared_tmp_path: Path) -
 
 
 def test_a_mechanism_without_a_level(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """It has its own stress, and that of the split mesh."""
+    """The mechanism has a separate stress, and the stress of the split mesh."""
     text = CASE.replace("values = [50.0, 80.0]", 'control = "bounds"\nlimit_tolerance = 1e-2')
     case, folder = write(comm, shared_tmp_path, text), shared_tmp_path / "results"
     assert main(["run", str(case), "-o", str(folder), "--quiet"]) == SOLVED
@@ -371,7 +371,7 @@ def test_plot_and_animate(
 
 
 def test_columns_that_came_later_may_be_absent() -> None:
-    """A result folder of an earlier version is read with defaults; no other column may lack."""
+    """A folder from an earlier version is read with defaults; no other column may be missing."""
     row = {name: str(value) for name, value in _row(1, report(2.5), "xyz").items()}
     assert _report(row).contact_programs > 0
     for name in ("contact_programs", "snes_vi_programs", "snes_vi_iterations"):

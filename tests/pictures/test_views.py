@@ -1,4 +1,4 @@
-"""From where bodies are seen: pictures of meshes and of results from the same side."""
+"""Test view directions: pictures of meshes and results show the same side."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
 
 
 def test_results_are_seen_from_the_side_of_the_first_picture_of_bodies() -> None:
-    """Whatever is stressed alike; from behind where that alone shows it."""
+    """The stress is equal everywhere; the view is from behind if only this shows the loads."""
     surface = skin(build(MPI.COMM_SELF, "two_blocks", n=1), Scene(""))
     marks = surface.marks | {"contact": np.zeros(len(surface.facets), dtype=bool)}
 

@@ -1,4 +1,4 @@
-"""The duality gap with everything at once: history, dead loads, u_D, e₀, gaps of both signs."""
+"""Test the duality gap with all terms: history, dead loads, u_D, e₀, gaps of both signs."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -39,7 +39,7 @@ def blocks(n: int) -> TaggedMesh:
 
 
 def problem(seed: int, degree: int) -> Problem:
-    """Two blocks, the upper one pressed into the lower in part and away from it in part."""
+    """Return two blocks that overlap in one part of the seam and are apart in another part."""
     random = np.random.default_rng(seed)
     a, b, c, d = random.uniform(0.8, 1.2, 4)
     bodies = [
@@ -100,7 +100,7 @@ def test_all_terms_at_once(seed: int, degree: int) -> None:
     contacts = [level.report.active_contacts for level in levels]
     assert 0 < min(contacts) < declared.num_pairs
 
-    # leaving a term out shows
+    # an omitted term is noticed
     fields, zeta = newton.iterate.fields, levels[-1].state.zeta
     variables = declared.history
     before = {name: a.x.array.copy() for name, a in variables.items()}

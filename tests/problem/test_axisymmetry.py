@@ -1,4 +1,4 @@
-"""Bodies of revolution as half their section: exact solutions, certificates, forces, refusals."""
+"""Test bodies of revolution as half sections: exact solutions, certificates, forces, refusals."""
 
 import math
 from itertools import product
@@ -44,7 +44,7 @@ FEW, MORE = (5, 3), (7, 3)
 
 
 def discs(degree: int, upper: tuple[int, int] = FEW, **about: Any) -> Problem:
-    """Two solid discs on each other, without any support but the lowest plane."""
+    """Return two stacked solid discs, supported only at the lowest plane."""
     return Problem(
         blocks_apart(MPI.COMM_WORLD, FEW, upper).turned(),
         {"lower": SOFT, "upper": HARD},
@@ -84,7 +84,7 @@ def test_constant_pressure_is_transmitted_to_the_axis(
     assert level.report.balance < 1e-14
     output = OutputFields(problem)
     pressure = output.update(level)["contact_pressure"].x.array
-    if upper == FEW:  # at each node; of mortar only in the mean where the other side is not flat
+    if upper == FEW:  # at each node; for mortar only the mean if the other side is not flat
         assert set(np.round(np.unique(np.abs(pressure)), 6)) <= {0.0, 100.0}
     stress = output.fields["stress"].x.array.reshape(-1, 3, 3)
     assert stress == pytest.approx(np.broadcast_to(np.diag([0, -100.0, 0]), stress.shape), abs=1e-8)
@@ -93,7 +93,7 @@ def test_constant_pressure_is_transmitted_to_the_axis(
 @pytest.mark.mpi2("0-1")
 @pytest.mark.parametrize(("seed", "degree"), list(product(range(3), (1, 2))))
 def test_duality_gap_with_all_terms_at_once(seed: int, degree: int) -> None:
-    """Dead and live loads, supports that move, e₀, gaps of both signs, yielding."""
+    """The terms are dead and live loads, moving supports, e₀, gaps of both signs, and yielding."""
     random = np.random.default_rng(seed)
     counts, apart = ((FEW, FEW), (FEW, MORE), (MORE, FEW))[seed], [0.0, 0.3, -0.2][seed]
     span = (apart, 1 + apart) if apart > 0 else (0.0, 1 + apart)
@@ -150,7 +150,7 @@ def test_thick_tube_between_smooth_planes_and_its_limit(read: Read) -> None:
 
 
 def test_thick_sphere(read: Read) -> None:
-    """Half a shell as a quarter of its section: what an octant in space has, and Hill's load."""
+    """Half a shell as a quarter section has the values of a 3D octant, and Hill's load."""
     shell = read(write_thick_tube, outer=2.0, size=0.2, order=2).turned()
     problem = Problem(
         shell, {"tube": SOFT}, [Support("y0", "y")], [Pressure("inner", 1.0)], degree=2
@@ -167,7 +167,7 @@ def test_thick_sphere(read: Read) -> None:
 
 
 def test_press_fit_of_tubes(read: Read) -> None:
-    """Radii 1, 1.5, 2.5, overlap ζ, E 2e5, ν 0.3, plane strain: by Lamé 46.514332 for 1.5e-3."""
+    """Radii 1, 1.5, 2.5, overlap ζ, E 2e5, ν 0.3, plane strain: Lamé gives 46.514332 for 1.5e-3."""
     tubes = read(write_ring, outer=2.5, height=0.3, interface=1.5, size=0.3).turned()
     steel = VonMises(2e5, 0.3, 1e3)
     problem = Problem(
@@ -191,7 +191,7 @@ def test_press_fit_of_tubes(read: Read) -> None:
 
 
 def test_resultants_are_those_of_the_full_turn(read: Read) -> None:
-    """Weight, and hydrostatic pressure around a ring: Archimedes' force."""
+    """Weight, and hydrostatic pressure around a ring, whose resultant is Archimedes' force."""
     ring = read(write_ring, inner=0.5, outer=1.5, height=0.8, size=0.4).turned()
     volume = math.pi * (1.5**2 - 0.5**2) * 0.8
     held = [Support("bottom", "y")]
@@ -244,7 +244,7 @@ def test_tangent_by_finite_differences(degree: int) -> None:
 
 
 def test_limit_load_of_a_circular_footing_by_both_methods(read: Read) -> None:
-    """Von Mises lies between two Tresca materials: 5.69/2 and 5.69/√3 times the yield stress."""
+    """The load lies between those of two Tresca materials: 5.69/2 and 5.69/√3 times σ_y."""
     ground = read(write_strip_footing, size=0.5).turned()
     problem = Problem(
         ground,

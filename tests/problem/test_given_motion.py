@@ -1,4 +1,4 @@
-"""Supports and obstacles that ζ moves: by-hand forces, the same force by load, what is refused."""
+"""Test supports and obstacles that ζ moves: known forces, the same force as a load, refusals."""
 
 from collections.abc import Sequence
 
@@ -29,12 +29,12 @@ DOWN = (0.0, 0.0, -1.0)
 
 
 def plane(height: float = HEIGHT, move: Sequence[float] = DOWN) -> Plane:
-    """Above the blocks."""
+    """A plane above the blocks."""
     return Plane("top", (0.0, 0.0, height), (0.0, 0.0, -1.0), move)
 
 
 def moved(*supports: Support, gap: float = 0.0, degree: int = 1, weight: float = 0.0) -> Problem:
-    """Two blocks that are one on rollers, under a plane, or a support, that moves down."""
+    """Return two glued blocks on rollers, under a plane or a support that moves down."""
     material = VonMises(YOUNG, 0.3, YIELD)
     return Problem(
         blocks(),
@@ -60,7 +60,7 @@ def check(levels: Sequence[Level]) -> None:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("by", ["plane", "support"])
 def test_a_block_with_free_sides(by: str, degree: int) -> None:
-    """R/A = min(E ζ/H, σ_y), pushed by a plane or held by a support; the gap is free."""
+    """R/A = min(E ζ/H, σ_y) under a plane or a support; the gap closes without force."""
     gap = 0.0 if by == "support" else 1e-3
     supports = [Support("top", "z", value=-1.0, constant=False)] if by == "support" else []
     material = VonMises(YOUNG, 0.3, YIELD)
@@ -81,12 +81,12 @@ def test_a_block_with_free_sides(by: str, degree: int) -> None:
         mover = report.reactions[f"{'obstacle' if by == 'plane' else 'support'} top"]
         assert mover == pytest.approx((0, 0, -expected), rel=1e-9, abs=1e-9)
         assert report.reactions["support upper_bottom"][2] == pytest.approx(-mover[2], abs=1e-9)
-        assert report.zeta == stroke  # what was given, not computed
+        assert report.zeta == stroke  # the prescribed value, not a computed one
 
 
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 def test_a_punch_by_its_stroke_and_by_its_load(method: type) -> None:
-    """A pressure moves the top by some way; the smooth top moved so far needs that force."""
+    """A pressure moves the top; the smooth top needs this force for the same displacement."""
     by_load = punch_problem(2)
     loaded = Newton(by_load, TIGHT).solve(0.8 * PUNCH_LIMIT)
     force = 0.8 * PUNCH_LIMIT / 4
@@ -104,15 +104,15 @@ def test_a_punch_by_its_stroke_and_by_its_load(method: type) -> None:
     forces = [level.report.driving_force for level in near]
     assert all(level.report.converged for level in near)
     assert forces[0] < forces[1] < forces[2]
-    # of all loads with that mean displacement the rigid one costs the most energy, as it is a
-    # further constraint, and on elastic punches hardly more
+    # Of all loads with this mean displacement, the rigid one has the largest energy, because it is
+    # an additional constraint; for elastic punches the difference is small.
     assert forces[1] == pytest.approx(force, rel=0.02)
     assert near[1].report.active_contacts == by_stroke.num_pairs
 
 
 @pytest.mark.mpi2
 def test_energy_and_force() -> None:
-    """E'(ζ) is the driving force, also beside constant loads and supports that stay moved."""
+    """E'(ζ) is the driving force, also with constant loads and constant motions of supports."""
     problem = moved(degree=2, weight=50.0)
     solver = Newton(problem, TIGHT)
     strokes = np.array([1.5e-3, 1.51e-3, 1.52e-3])
@@ -125,7 +125,7 @@ def test_energy_and_force() -> None:
 
 
 def test_a_weight_stays(comm: MPI.Intracomm) -> None:
-    """ζ = 0 comes first; far too much weight is found out there."""
+    """ζ = 0 is the first level, which shows an excessive weight."""
     levels = list(load_path(Newton(moved(weight=50.0)), (1e-4, 1e-3)))
     assert [level.state.zeta for level in levels] == pytest.approx([0.0, 1e-4, 1e-3])
     weight = 50.0 * UPPER

@@ -1,4 +1,4 @@
-"""Temperature, initial stress, interference: by hand, and all terms of the duality gap at once."""
+"""Test temperature, initial stress, interference: known values, and all terms of the gap."""
 
 from functools import cache
 from typing import Any
@@ -51,7 +51,7 @@ def blocks() -> TaggedMesh:
 def stack(
     *initial: Temperature | InitialStress, gap: float | str = 0.0, interference: bool = False
 ) -> Problem:
-    """Two blocks between rollers, free at their sides; ζ pulls the upper one aside."""
+    """Return two blocks between rollers with free sides; ζ pulls the upper block sideways."""
     return Problem(
         blocks(),
         {"lower": STEEL, "upper": STEEL},
@@ -81,14 +81,14 @@ def at_rest(problem: Problem, method: type) -> Level:
 
 
 def pushed(level: Level) -> float:
-    """The force of the upper support on bodies of area 1."""
+    """Return the force of the upper support on bodies of area 1."""
     return -level.report.reactions["support top"][2]
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("change", [100.0, 200.0])
 def test_a_bar_that_is_heated_and_held(method: type, change: float) -> None:
-    """Stress EaT, and the yield stress beyond it."""
+    """The stress is EaT, and at most the yield stress."""
     level = at_rest(stack(*heated(change)), method)
     stress = min(YOUNG * EXPANSION * change, YIELD)
     assert pushed(level) == pytest.approx(stress, rel=1e-8)
@@ -107,7 +107,7 @@ def test_a_press_fit(method: type, overlap: float) -> None:
 
 
 def fitted(gap: float | str, formulation: Any) -> Problem:
-    """Two blocks between rollers, one of which becomes too high as ζ grows."""
+    """Return two blocks between rollers; the height of one block grows with ζ."""
     contact = Contact("lower_top", "upper_bottom", gap, True, formulation, constant=False)
     supports = [*ROLLERS, Support("top", "z")]
     return Problem(blocks(), {"lower": STEEL, "upper": STEEL}, supports, contacts=[contact])
@@ -117,7 +117,7 @@ def fitted(gap: float | str, formulation: Any) -> Problem:
     ("method", "formulation"), [(Newton, None), (Newton, "mortar"), (AugmentedLagrangian, None)]
 )
 def test_a_press_fit_that_grows(method: type, formulation: Any) -> None:
-    """ζ is the overlap, and the driving force its force: linear below yield, and 0 at ζ = 0."""
+    """ζ is the overlap; its driving force is linear below yield, and 0 at ζ = 0."""
     loose = method is AugmentedLagrangian
     options = AugmentedLagrangianOptions(tolerance=1e-12) if loose else TIGHT
     solver = method(fitted(-1.0, formulation), options)
@@ -132,7 +132,7 @@ def test_a_press_fit_that_grows(method: type, formulation: Any) -> None:
 
 
 def test_where_bodies_are_apart_no_overlap_grows() -> None:
-    """Its energy grows by the driving force, and the gap beside it is as it was."""
+    """The energy grows by the driving force, and the gap in the neighbourhood does not change."""
     problem = fitted("2e-3*(x - 0.6)", None)
     given = problem.constraints.gap
     solver = Newton(problem, TIGHT)
@@ -151,7 +151,7 @@ def test_where_bodies_are_apart_no_overlap_grows() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_bodies_that_swell_freely_have_no_stress(method: type) -> None:
-    """A gap is wide enough; nothing but rounding is left, and judged as such."""
+    """The gap is wide enough; only rounding remains, and is judged as rounding."""
     problem = stack(*heated("50 + 0*x"), gap=0.01)
     value = 0.0
     if method.prescribes is Prescribed.WORK:  # type: ignore[attr-defined]
@@ -178,7 +178,7 @@ def test_initial_stress_that_is_in_equilibrium_stays() -> None:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_every_term_of_the_duality_gap_counts(degree: int, seed: int) -> None:
-    """Dead load, pore pressure, u_D, e₀ and gaps of both signs at once, on random problems."""
+    """Random problems have dead load, pore pressure, u_D, e₀ and gaps of both signs at once."""
     a, b, c, d, e, f, g = np.random.default_rng(seed).uniform(0.5, 1.5, 7)
     problem = Problem(
         blocks(),
@@ -228,7 +228,7 @@ def test_every_term_of_the_duality_gap_counts(degree: int, seed: int) -> None:
 
 
 def test_a_limit_load_is_that_without() -> None:
-    """Temperature and interference change the way to the limit, and not the limit."""
+    """Temperature and interference change the path to the limit load, but not the limit load."""
     arguments = (
         blocks(),
         {"lower": STEEL, "upper": STEEL},

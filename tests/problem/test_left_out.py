@@ -1,4 +1,4 @@
-"""Nodes without contact or friction are told of."""
+"""Test the message on nodes without contact or friction."""
 
 from mpi4py import MPI
 
@@ -12,7 +12,7 @@ from tests.models import STEEL, Read
 
 
 def glued(comm: MPI.Intracomm, hosts: str, on: str, normal: tuple[float, float]) -> Problem:
-    """Two blocks glued to each other, held from the left, with a rough obstacle."""
+    """Return two glued blocks, held at the left, with a rough obstacle."""
     return Problem(
         blocks_apart(comm, (3, 3), (2, 2)),
         {"lower": STEEL, "upper": STEEL},
@@ -36,7 +36,7 @@ def test_nodes_that_cannot_rub_are_told_of(comm: MPI.Intracomm) -> None:
 
 
 def test_a_node_at_an_edge_is_told_of(read: Read) -> None:
-    """It has a normal on each face, and no direction along both."""
+    """The node has a normal on each face, and no tangential direction common to both."""
     problem = Problem(
         read(write_corner_seat, dim=2, size=0.5),
         {"block": STEEL, "seat": STEEL},

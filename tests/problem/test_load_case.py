@@ -1,4 +1,4 @@
-"""Dead and live loads: energy, gradient, algorithms and certificate take both alike."""
+"""Test dead and live loads in energy, gradient, algorithms and certificate."""
 
 from mpi4py import MPI
 
@@ -32,7 +32,7 @@ ZETA = 180.0
 
 
 def problem(mesh: TaggedMesh, live: float, dead: float) -> Problem:
-    """Two cantilevers under a traction on the upper one and a force in the lower one."""
+    """Return two cantilevers under a traction on the upper one and a force in the lower one."""
     loads = [Traction("top", (0.0, 0.0, -live)), BodyForce("lower", (0.0, dead, 0.0))]
     return Problem(
         mesh,
@@ -50,7 +50,7 @@ def mesh() -> TaggedMesh:
 
 @pytest.fixture(scope="module")
 def both(mesh: TaggedMesh) -> Problem:
-    """A live traction and a dead force."""
+    """Return the problem under a live traction and a dead force."""
     both = problem(mesh, 1.0, 0.0)
     both.loads = LoadCase(problem(mesh, 0.0, 60.0).loads.live, both.loads.live)
     return both
@@ -58,7 +58,7 @@ def both(mesh: TaggedMesh) -> Problem:
 
 @pytest.fixture(scope="module")
 def known(mesh: TaggedMesh) -> Level:
-    """Under one live load that is the sum of both."""
+    """Return the problem under one live load that is the sum of both."""
     level = Newton(problem(mesh, ZETA, 60.0), TIGHT).solve(1.0)
     assert level.report.converged
     assert 0 < level.report.plastic_fraction < 1

@@ -1,4 +1,4 @@
-"""Forces and moments of loads and supports against statics, at ζ = 1 and at the limit load."""
+"""Test forces and moments of loads and supports against statics, at ζ = 1 and the limit load."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -38,7 +38,7 @@ TOP = (1.5, (2.25, 0.5, 2.0))
 """Area and centre of the loaded surface of two blocks."""
 
 UPPER = (3.0, (1.5, 0.5, 1.5))
-"""Volume and centre of the upper one."""
+"""Volume and centre of the upper block."""
 
 DIGITS = 1e-9
 
@@ -50,7 +50,7 @@ def cantilevers(loads: Sequence[Load], degree: int = 2) -> Problem:
 
 
 def plane(turned: bool = False) -> Problem:
-    """Two blocks of plane strain, or discs, on each other."""
+    """Return two stacked blocks in plane strain, or discs."""
     mesh = blocks_apart(COMM, (4, 2), (4, 2))
     return Problem(
         mesh.turned() if turned else mesh,
@@ -63,7 +63,7 @@ def plane(turned: bool = False) -> Problem:
 
 
 def at(place: Sequence[float], force: Sequence[float]) -> tuple[list[float], list[float]]:
-    """A force and its moment about the origin."""
+    """Return a force and its moment about the origin."""
     if len(force) == 3:
         return list(force), np.cross(place, force).tolist()
     return list(force), [place[0] * force[1] - place[1] * force[0]]
@@ -75,12 +75,12 @@ def of(on: tuple[float, Sequence[float]], density: Sequence[float]) -> tuple[lis
 
 
 def turned(moment: Sequence[float], both: tuple[list, list]) -> tuple[list, list]:
-    """The same with a moment besides."""
+    """Return the same with an additional moment."""
     return both[0], np.add(both[1], moment).tolist()
 
 
 SLOPE = [0.0, 0.0, -(3.0**2 - 1.5**2) / 2]
-"""Force of the traction −x in z, which acts at x = ∫x² / ∫x."""
+"""Resultant of the traction −x along z, which acts at x = ∫x² / ∫x."""
 
 CASES: dict[str, tuple[Callable[[], Problem], list[tuple[list, list]]]] = {
     "down": (lambda: cantilevers([Traction("top", (0, 0, -1.0))]), [of(TOP, (0, 0, -1.0))]),
@@ -121,7 +121,7 @@ def assert_close(found: Sequence[float], wanted: Sequence[float], scale: float) 
 
 
 def assert_static(problem: Problem, found: LimitForces | None) -> None:
-    """Loads and supports balance each other, in force and moment."""
+    """Check the equilibrium of loads and supports in force and moment."""
     assert found is not None
     total = found.reactions["loads"]
     supports = [name for name in found.reactions if name.startswith("support")]
@@ -166,7 +166,7 @@ def test_statics_on_the_mesh_that_bounds_divide() -> None:
 @pytest.mark.mpi2("a force and a moment")
 @pytest.mark.parametrize("name", ["a force and a moment", "weight", "rollers", "plane strain"])
 def test_statics_of_a_lower_bound(name: str) -> None:
-    """The stress that proves it is in balance with the loads, in each support."""
+    """The stress that proves the bound is in equilibrium with the loads and each support."""
     make, _ = CASES[name]
     problem = make()
     body = limit_bounds(problem, 1e-2)
@@ -177,7 +177,7 @@ def test_statics_of_a_lower_bound(name: str) -> None:
 
 
 def test_statics_of_a_path() -> None:
-    """Forces are those of the last level, near the limit load, and as accurate as this level."""
+    """The forces belong to the last level, near the limit load, and have its accuracy."""
     problem = touching_blocks(degree=2)
     limit = limit_load(problem, 1e-2, method="path")
     found = limit_forces(problem, limit)
@@ -187,7 +187,7 @@ def test_statics_of_a_path() -> None:
 
 
 def test_statics_of_the_full_turn() -> None:
-    """A disc of radius 1: the force along the axis is π times the pressure."""
+    """On a disc of radius 1, the axial force is π times the pressure."""
     problem = plane(turned=True)
     (load,) = load_resultants(problem)
     assert load.force[1] == pytest.approx(-3 * np.pi, rel=DIGITS)
@@ -201,7 +201,7 @@ SOIL = MohrCoulomb(young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0)
 
 
 def punched_ground(read: Read, law: Material, tresca: float | None, weight: float) -> Problem:
-    """Ground under a strong punch of radius 1, around an axis."""
+    """Return ground under a strong punch of radius 1, in axisymmetry."""
     mesh = read(write_strip_footing, size=1.0, punch=True, width=3.0, depth=2.0).turned()
     loads: list[Load] = [Pressure("top", 3.0)]
     if weight:
@@ -225,7 +225,7 @@ def punched_ground(read: Read, law: Material, tresca: float | None, weight: floa
 def test_statics_of_a_lower_bound_around_an_axis(
     read: Read, law: Material, tresca: float | None, weight: float
 ) -> None:
-    """The support carries π times the pressure, the weight of the ground, and no more."""
+    """The support carries exactly π times the pressure plus the weight of the ground."""
     body = limit_bounds(punched_ground(read, law, tresca, weight), 0.1)
     assert body.strict, body.why_not
     found = limit_forces(body.problem, body.mesh, body)
@@ -239,6 +239,6 @@ def test_statics_of_a_lower_bound_around_an_axis(
     assert found.reactions["support bottom"][1] == pytest.approx(carried, rel=DIGITS)
     on_ground = found.reactions["contact ground_footing punch_footing"][1]
     assert on_ground == pytest.approx(-pressed, rel=DIGITS)
-    # the stress of the mesh's limit load is not in balance with nodal forces of displacements
+    # the stress at the limit load of the mesh does not balance nodal forces of displacements
     unproven = replace(body.lower, of=Scope.MESH, why_not=("not proven",))
     assert limit_forces(body.problem, body.mesh, replace(body, lower=unproven)) is None

@@ -1,4 +1,4 @@
-"""Loads: resultants by hand, formulas, pore pressure, constant loads, refusals."""
+"""Test loads: known resultants, formulas, pore pressure, constant loads, refusals."""
 
 from collections.abc import Callable
 from functools import cache
@@ -30,7 +30,7 @@ HELD = (Support("bottom"), Support("x0", "x"))
 
 @cache
 def blocks() -> TaggedMesh:
-    """Cubes (0,1)²×(0,1) and (0,1)²×(1,2)."""
+    """Return cubes (0,1)²×(0,1) and (0,1)²×(1,2)."""
     return stacked_blocks(MPI.COMM_WORLD, 2)
 
 
@@ -55,7 +55,7 @@ def along(axis: int) -> Callable[[np.ndarray], np.ndarray]:
 @pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_weight_of_blocks(degree: int) -> None:
-    """The lower one weighs 25, the upper one 10 + 6(z − 1) a volume: 13 times ζ."""
+    """The lower cube weighs 25, the upper one 10 + 6(z − 1) per volume: together 13, times ζ."""
     weight = BodyForce("lower", (0.0, 0.0, -25.0), constant=True)
     light = BodyForce("upper", (0.0, 0.0, "-10 - 6*(z - 1)"))
     both = problem(weight, light, degree=degree)
@@ -67,7 +67,7 @@ def test_weight_of_blocks(degree: int) -> None:
 
 @pytest.mark.parametrize("level", [10.0, 6.0])
 def test_water_in_front_of_a_wall(level: float) -> None:
-    """Depth level − y on the side x = 0, 1 thick, of a plate whose hole ends below y = 1."""
+    """Water of depth level − y acts on the side x = 0 of a plate of thickness 1 below y = 1."""
     water = Pressure("x0", f"9.81*maximum({level} - y, 0)")
     wall = Problem(l_plate(MPI.COMM_WORLD, 1), {"plate": SOFT}, [Support("y0")], [water])
     x = wall.V.tabulate_dof_coordinates()
@@ -87,7 +87,7 @@ def test_water_in_front_of_a_wall(level: float) -> None:
 
 
 def test_torsion_by_a_traction() -> None:
-    """(−y, x, 0) on the unit square turns about its corner with ∫x² + y² = 2/3."""
+    """The traction (−y, x, 0) on the unit square has the moment ∫x² + y² = 2/3 about its corner."""
     twisted = problem(Traction("top", ("-y", "x", 0.0)), degree=2)
     turned = work(twisted, lambda x: np.array([-x[1], x[0], 0 * x[0]]), 1.0)
     assert turned == pytest.approx(2 / 3, rel=1e-12)
@@ -102,7 +102,7 @@ def test_pore_pressure_pushes_on_all_sides(degree: int) -> None:
     for axis, buoyancy in ((0, 0.0), (1, 0.0), (2, 0.0)):
         assert work(pores, along(axis), 1.0) == pytest.approx(buoyancy, abs=1e-12)
     lifted = work(pores, lambda x: np.array([0 * x[0], 0 * x[1], x[2]]), 0.0)
-    assert lifted == pytest.approx(2.5, rel=1e-12)  # it is constant
+    assert lifted == pytest.approx(2.5, rel=1e-12)  # the load is constant
 
 
 def test_what_supports_take_up_is_no_load_of_the_bodies() -> None:

@@ -1,4 +1,4 @@
-"""Expressions of laws whose equal parts are made one object, so that UFL does not compare them."""
+"""Test that equal parts of expressions become one object, which UFL need not compare."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ def number_of_parts(expression: Expr) -> int:
 
 
 def unrolled(steps: int, once: bool) -> Expr:
-    """Return steps of Newton's method for x² = 2, of which each part is made once or twice."""
+    """Return Newton steps for x² = 2, in which each part is made once or twice."""
 
     def iterate(step: int) -> Expr:
         if step == 0:
@@ -39,7 +39,7 @@ def unrolled(steps: int, once: bool) -> Expr:
 @pytest.mark.serial
 @pytest.mark.parametrize("steps", [1, 8])
 def test_equal_parts_become_one_object(steps: int) -> None:
-    """An expression with 2ⁿ parts is merged to as few parts as if equal parts were made once."""
+    """An expression with 2ⁿ parts has as few parts as if equal parts were made once."""
     once, twice = merged(unrolled(steps, True)), unrolled(steps, False)
     found = merged(twice)
     assert number_of_parts(found) == number_of_parts(once)

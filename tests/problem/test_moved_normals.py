@@ -1,4 +1,4 @@
-"""Supports that move surfaces along their normals, flat and curved, and by formulas."""
+"""Test supports that move flat and curved surfaces along their normals, also by formulas."""
 
 from pathlib import Path
 
@@ -20,14 +20,14 @@ ALLOY = Elastic(young=E, poisson=NU)
 
 
 def lame(moved: float) -> float:
-    """The pressure on the bore that moves it outwards, in plane strain."""
+    """Return the pressure on the bore that moves it outwards, in plane strain."""
     a, b = INNER, OUTER
     return moved * E * (b**2 - a**2) / ((1 + NU) * a * ((1 - 2 * NU) * a**2 + b**2))
 
 
 @pytest.mark.mpi3
 def test_a_bore_is_moved_along_its_normals(read: Read) -> None:
-    """The normal is out of the body: the bore of a tube is widened by a negative value."""
+    """The normal points out of the body: a negative value widens the bore of a tube."""
     moved = -1e-3
     mesh = read(write_thick_tube, size=0.1)
     supports = [Support("x0", "x"), Support("y0", "y")]
@@ -48,7 +48,7 @@ def test_a_bore_is_moved_along_its_normals(read: Read) -> None:
 
 
 def squeezed(*supports: Support) -> Problem:
-    """A unit square on a smooth floor."""
+    """Return a unit square on a smooth floor."""
     mesh = stones(COMM, [box([0, 0], [1, 1])], (3, 3))
     materials = {"0": VonMises(young=1e4, poisson=0.3, yield_stress=10.0)}
     held = [Support("0_x0", "x"), Support("0_y0", "y")]

@@ -1,4 +1,4 @@
-"""Objects made in Python that are refused in a sentence that names the cause."""
+"""Test Python objects that are refused in a sentence that names the cause."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ Change = Callable[[TaggedMesh], TaggedMesh]
 
 @dataclass(frozen=True)
 class Own:
-    """An elastic material whose author checks nothing."""
+    """An elastic material without checks of its parameters."""
 
     law: ClassVar[type[ElasticLaw]] = ElasticLaw
 
@@ -65,7 +65,7 @@ def test_a_material_of_ones_own_that_is_right() -> None:
 
 
 def square(kind: CellType = CellType.triangle, cell_tag: int = 1, facet_tag: int = 1) -> TaggedMesh:
-    """A unit square with a volume of tag 1 and a surface of tag 1 on the left."""
+    """Return a unit square with a volume of tag 1, and a surface of tag 1 on the left."""
     mesh = create_unit_square(MPI.COMM_WORLD, 2, 2, kind)
     mesh.topology.create_connectivity(1, 2)
     cells = np.arange(mesh.topology.index_map(2).size_local, dtype=np.int32)
@@ -76,7 +76,7 @@ def square(kind: CellType = CellType.triangle, cell_tag: int = 1, facet_tag: int
 
 
 def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
-    """The first cell of each rank has no tag."""
+    """Remove the tag of the first cell on each rank."""
     some = mesh.cell_tags.indices[1:]
     tags = meshtags(mesh.mesh, 2, some, np.ones(len(some), dtype=np.int32))
     return replace(mesh, cell_tags=tags)
@@ -102,8 +102,8 @@ def tagged_square(
 ) -> tuple[Mesh, MeshTags, MeshTags]:
     """Return a unit square with cell tags 3 below and 4 above, and facet tags 1 to 3.
 
-    Cells and facets have their tag on their owner alone. Facets at x = 0 have the tag 1, at x = 1
-    the tag 2, at y = 1 the tag 3.
+    Only the owner of a cell or facet has its tag. Facets at x = 0 have the tag 1, at x = 1 the tag
+    2, at y = 1 the tag 3.
     """
     mesh = create_unit_square(MPI.COMM_WORLD, 4, 4, kind, ghost_mode=ghosts)
     owned = mesh.topology.index_map(2).size_local
@@ -131,7 +131,7 @@ NAMES: dict[str, Any] = {
 
 @pytest.mark.mpi2
 def test_names_for_tags_of_dolfinx() -> None:
-    """A side has its whole length on any number of ranks, with ghost cells and without."""
+    """A side has its whole length on any number of ranks, with and without ghost cells."""
     for ghosts in (GhostMode.shared_facet, GhostMode.none):
         tagged_mesh = TaggedMesh.from_tags(*tagged_square(ghosts=ghosts), **NAMES)
         assert tagged_mesh.volumes == {"lower": 3, "upper": 4}
@@ -210,7 +210,7 @@ def test_things_in_the_wrong_place(changes: dict[str, Any], part: str) -> None:
 
 
 def with_parts() -> TaggedMesh:
-    """Return two cubes on each other; a part of each side has a name of its own."""
+    """Return two stacked cubes; a part of each side has a separate name."""
     whole = touching_blocks().tagged_mesh
     tags, dim = whole.facet_tags, whole.mesh.topology.dim
     at = compute_midpoints(whole.mesh, dim - 1, tags.indices)[:, 0] < 0.5

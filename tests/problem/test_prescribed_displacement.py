@@ -1,4 +1,4 @@
-"""Supports that move: by-hand stresses, reactions in the duality gap, gaps that they close."""
+"""Test moving supports: known stresses, reactions in the duality gap, gaps that close."""
 
 from functools import cache
 
@@ -42,7 +42,7 @@ def blocks() -> TaggedMesh:
 
 
 def stack(*supports: Support, gap: float = 0.0, degree: int = 1) -> Problem:
-    """Two blocks on rollers, on top of each other; ζ pulls the upper one aside."""
+    """Return two stacked blocks on rollers; ζ pulls the upper block sideways."""
     material = VonMises(YOUNG, 0.3, YIELD)
     return Problem(
         blocks(),
@@ -55,13 +55,13 @@ def stack(*supports: Support, gap: float = 0.0, degree: int = 1) -> Problem:
 
 
 def stresses(problem: Problem, level: Level, body: str) -> np.ndarray:
-    """Mandel vectors at the points of a body on this rank."""
+    """Return Mandel vectors at the points of a body on this rank."""
     points = problem.S.dofmap.list[problem.tagged_mesh.cells(body)].ravel()
     return level.stress.x.array.reshape(-1, problem.S.dofmap.index_map_bs)[points]
 
 
 def solve(problem: Problem, method: type, zeta: float) -> Level:
-    """The level of a load factor, or that of the work that ALG1 finds there."""
+    """Return the level for a load factor, or for the work that ALG1 finds there."""
     value = zeta
     if method.prescribes is Prescribed.WORK:  # type: ignore[attr-defined]
         value = Newton(problem, TIGHT).solve(zeta).state.alpha
@@ -80,7 +80,7 @@ def solve(problem: Problem, method: type, zeta: float) -> Level:
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 @pytest.mark.parametrize("strain", [-1e-3, -1.4e-3, -4e-3])
 def test_a_block_that_is_compressed(method: type, strain: float) -> None:
-    """Uniaxial stress E ε, and the yield stress beyond it."""
+    """The uniaxial stress is E ε, and at most the yield stress."""
     problem = stack(Support("top", "z", value=strain * HEIGHT))
     level = solve(problem, method, 0.0)
     uniform = np.array([0.0, 0.0, max(YOUNG * strain, -YIELD), 0.0, 0.0, 0.0])
@@ -99,7 +99,7 @@ def test_a_block_that_is_compressed(method: type, strain: float) -> None:
 
 @pytest.mark.parametrize(("method", "degree"), [*zip(METHODS, (2, 1, 1, 2), strict=True)])
 def test_supports_that_move_and_a_load_at_once(method: type, degree: int) -> None:
-    """No solution is known by hand; the duality gap tells that it is one."""
+    """No exact solution is known; the duality gap shows that the level is a solution."""
     problem = stack(Support("top", "z", value=-4e-3), Support("top", "y"), degree=degree)
     level = solve(problem, method, 100.0)
     assert 0 < level.report.plastic_fraction < 1
@@ -111,7 +111,7 @@ def test_supports_that_move_and_a_load_at_once(method: type, degree: int) -> Non
 @pytest.mark.parametrize("method", [Newton, AugmentedLagrangian])
 @pytest.mark.parametrize("gap", [0.0, 3e-4])
 def test_a_contact_surface_that_moves_closes_the_gap(method: type, gap: float) -> None:
-    """The guests of the contact are what moves; the lower block gets what is left of it."""
+    """The guests of the contact move; the lower block gets the remaining displacement."""
     problem = stack(Support("upper_bottom", "z", value=-8e-4), gap=gap)
     level = solve(problem, method, 0.0)
     strain = -(8e-4 - gap) / STACK_HEIGHTS[0]
@@ -170,7 +170,7 @@ def test_nodes_at_an_obstacle_that_cannot_give_way_are_refused() -> None:
 
 
 def test_the_interior_point_method_ignores_motions_that_stay() -> None:
-    """They do no work at collapse; those that grow are refused."""
+    """Constant motions do no work at collapse; growing motions are refused."""
     still, moved = (
         limit_load(stack(Support("top", "z", value=value)), method="interior-point")
         for value in (0.0, -1e-3)

@@ -1,4 +1,4 @@
-"""Input that a problem refuses."""
+"""Test input that a problem refuses."""
 
 import math
 

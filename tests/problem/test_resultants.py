@@ -1,4 +1,4 @@
-"""Resultants: by hand, in balance with every algorithm's levels, and told wrong where they are."""
+"""Test resultants: known values, equilibrium for every algorithm, and refusals."""
 
 from mpi4py import MPI
 
@@ -32,7 +32,7 @@ NAMES = {
 
 
 def stack(degree: int = 1) -> Problem:
-    """Two unit cubes on each other on a rigid plane, the upper one with a weight and pushed."""
+    """Return two stacked unit cubes on a rigid plane; the upper one has weight, and is pushed."""
     return Problem(
         stacked_blocks(MPI.COMM_WORLD, 2),
         {"lower": STEEL, "upper": STEEL},
@@ -65,7 +65,7 @@ def test_forces_by_hand(degree: int) -> None:
 
 
 def test_every_component_is_told_once() -> None:
-    """Edges that two supports hold count for the first one, and the sum is right."""
+    """Edges with two supports count for the first one, and the sum is right."""
     problem = two_blocks_problem(2)
     twice = Problem(
         problem.tagged_mesh,
@@ -109,7 +109,7 @@ def test_a_wrong_state_is_out_of_balance() -> None:
 
 
 def test_the_weight_of_a_plate() -> None:
-    """100 by 1, without the quarter 5 by 5 of its hole."""
+    """The plate is 100 by 1, without the quarter 5 by 5 of its hole."""
     plate = Problem(
         l_plate(MPI.COMM_WORLD, 1),
         {"plate": STEEL},

@@ -1,4 +1,4 @@
-"""Rigid bodies at levels: the limit of stiff ones, forces and moments, supports, refusals."""
+"""Test rigid bodies at levels: limit of stiff bodies, forces, moments, supports, refusals."""
 
 from dataclasses import replace
 from typing import Any
@@ -53,14 +53,14 @@ POINT: dict[int, Any] = {2: (0.4, 2.0), 3: (0.4, 0.6, 2.0)}
 
 
 def problem_of(mesh: TaggedMesh, law: Material, **given: Any) -> Problem:
-    """A block on which another one of this law is put; ready for levels."""
+    """Return a block below another block of a given law, ready for levels."""
     laws = {"lower": STEEL, "upper": law}
     supports = [Support("bottom"), *given.pop("supports", [])]
     return Problem(mesh, laws, supports, **given).with_rigid_motions()
 
 
 def check(problem: Problem, level: Level) -> None:
-    """Equilibrium of all, and no strain of rigid bodies."""
+    """Check equilibrium of all bodies, and zero strain of rigid bodies."""
     report = level.report
     assert report.converged, report.reason
     assert abs(report.duality_gap) < 1e-9
@@ -81,7 +81,7 @@ def check(problem: Problem, level: Level) -> None:
 @pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_limit_of_stiff_bodies(degree: int) -> None:
-    """A stiff punch tends to a rigid one as one over its stiffness, also where the block flows."""
+    """A stiff punch tends to a rigid one as 1/stiffness, also if the block yields."""
     mesh, base = punch(COMM, 2), VonMises(YOUNG, 0.3, PUNCH_LIMIT)
 
     def level(law: Material) -> tuple[Problem, Level]:
@@ -110,7 +110,7 @@ def test_limit_of_stiff_bodies(degree: int) -> None:
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("joint", ["contact", "friction", "nodes", "tie", "tie hosted above"])
 def test_force_and_moment(gdim: int, joint: str) -> None:
-    """They arrive at what the body touches or is glued to, whichever surface is the first."""
+    """They act on the body in contact or glued, for any order of the surfaces."""
     counts = (COUNTS[gdim][0], COUNTS[gdim][0]) if joint == "nodes" else COUNTS[gdim]
     mesh = blocks_apart(COMM, *counts, moved_by=0.0 if joint == "nodes" else 0.5)
     pair = ("upper_bottom", "lower_top")
@@ -122,7 +122,7 @@ def test_force_and_moment(gdim: int, joint: str) -> None:
     glued = joint.startswith("tie")
     force = Force("top", SHEAR[gdim] if glued else FORCE[gdim], MOMENT[gdim], POINT[gdim])
     if joint in ("contact", "nodes") and gdim == 3:
-        force = replace(force, moment=(*MOMENT[gdim][:2], 0.0))  # nothing resists the other
+        force = replace(force, moment=(*MOMENT[gdim][:2], 0.0))  # nothing resists others
     levels = []
     for law in (Rigid(), STIFF):
         problem = problem_of(mesh, law, loads=[force], **given)
@@ -136,7 +136,7 @@ def test_force_and_moment(gdim: int, joint: str) -> None:
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_bodies_that_share_nodes(gdim: int) -> None:
-    """The rigid part of a block is one with the rest."""
+    """The rigid part of a block moves with the rest."""
     whole = blocks_apart(COMM, (4,) * gdim, (1,) * gdim, moved_by=0.0)
     mesh = whole.mesh
     count = mesh.topology.index_map(gdim).size_local + mesh.topology.index_map(gdim).num_ghosts
@@ -165,7 +165,7 @@ def test_bodies_that_share_nodes(gdim: int) -> None:
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("how", ["symmetry", "pressed", "turned"])
 def test_supports(gdim: int, how: str) -> None:
-    """Supports hold and move a rigid body as they imply, and bear its forces."""
+    """Supports hold and move a rigid body consistently, and carry its forces."""
     mesh = blocks_apart(COMM, *COUNTS[gdim])
     given: dict[str, Any] = {"contacts": [Contact("upper_bottom", "lower_top", tresca=40.0)]}
     if how == "symmetry":
@@ -197,7 +197,7 @@ def test_supports(gdim: int, how: str) -> None:
 
 @pytest.mark.parametrize("algorithm", ["alg1", "alg3", "alg4", "tfeti", "stages"])
 def test_every_algorithm(algorithm: str) -> None:
-    """All find the same state."""
+    """All algorithms find the same state."""
     mesh = blocks_apart(COMM, *COUNTS[2])
     given = {
         "loads": [Force("top", FORCE[2], MOMENT[2], POINT[2])],
@@ -224,7 +224,7 @@ def test_every_algorithm(algorithm: str) -> None:
 
 
 def test_refusals() -> None:
-    """Each names what it is, and what helps."""
+    """Each sentence names the cause and a remedy."""
     mesh = blocks_apart(COMM, *COUNTS[2])
     contact = Contact("upper_bottom", "lower_top")
 

@@ -1,4 +1,4 @@
-"""Rigid surfaces: forces and moments on them, the same motion given, contact below, refusals."""
+"""Test rigid surfaces: forces and moments, the same motion prescribed, contact, refusals."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ MOMENT: dict[int, Any] = {2: 12.0, 3: (5.0, -8.0, 12.0)}
 
 
 def stacked(mesh: TaggedMesh, degree: int, *loads: Force, **motion: Any) -> Problem:
-    """A block with a rigid top, on which another one is pressed; it slides there."""
+    """Return a block with a rigid top, on which another block is pressed and slides."""
     gdim = mesh.mesh.geometry.dim
     sides = [Support(f"upper_{axis}0", axis) for axis in "xyz"[: gdim - 1]]
     return Problem(
@@ -52,7 +52,7 @@ def stacked(mesh: TaggedMesh, degree: int, *loads: Force, **motion: Any) -> Prob
 
 
 def on_top(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Local nodes of the rigid surface, and where they are relative to the point."""
+    """Return the local nodes of the rigid surface, and their positions relative to the point."""
     fdim = problem.tagged_mesh.mesh.topology.dim - 1
     nodes = fem.locate_dofs_topological(problem.V, fdim, problem.tagged_mesh.facets("lower_top"))
     gdim = fdim + 1
@@ -60,7 +60,7 @@ def on_top(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fitted(problem: Problem, level: Level) -> tuple[np.ndarray, np.ndarray, float]:
-    """Displacement and rotation of the plate, and how far nodes are from them, relative."""
+    """Return displacement and rotation of the plate, and the relative deviation of its nodes."""
     comm, (nodes, arms) = problem.comm, on_top(problem)
     gdim = arms.shape[1]
     u = level.state.u.x.array.reshape(-1, gdim)[nodes]
@@ -88,7 +88,7 @@ def check(level: Level) -> None:
 @pytest.mark.mpi3("lower_top")
 @pytest.mark.parametrize("rigid", ["lower_top", "upper_bottom"])
 def test_nodes_follow_nodes_that_follow(rigid: str) -> None:
-    """A rigid surface in contact with nodes that match: the matrix has room for all of it."""
+    """A rigid surface is in contact with matching nodes: the matrix has enough entries."""
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, (1, 2), (1, 2)),
         {"lower": STEEL, "upper": STEEL},
@@ -104,7 +104,7 @@ def test_nodes_follow_nodes_that_follow(rigid: str) -> None:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_loaded_or_moved(gdim: int, degree: int) -> None:
-    """Force and moment move the plate; so moved, it answers with that force and moment."""
+    """Force and moment move the plate; the same motion causes the same force and moment."""
     force = Force("lower_top", FORCE[gdim], MOMENT[gdim], POINT[gdim])
     mesh = blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim])  # one, as parts may differ
     loaded = stacked(mesh, degree, force)
@@ -132,7 +132,7 @@ def test_loaded_or_moved(gdim: int, degree: int) -> None:
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_held_across_planes_of_symmetry(gdim: int) -> None:
-    """Pressed along the planes that it shares nodes with; so moved, it answers with the force."""
+    """It is pressed along shared symmetry planes; the same motion causes the same force."""
     sides = [Support(f"upper_{axis}0", axis) for axis in "xyz"[: gdim - 1]]
 
     mesh = blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim])  # one, as parts may differ
@@ -163,7 +163,7 @@ def test_held_across_planes_of_symmetry(gdim: int) -> None:
 
 
 def test_a_disc_is_pressed_along_the_axis(read: Read) -> None:
-    """The force is that of the full turn; a support that is moved so answers with it."""
+    """The force is for the full turn; a moving support has the same reaction."""
     disc = read(write_ring, inner=0.0, outer=1.0, size=0.5).turned()
     held, force = [Support("bottom", "y")], [Force("top", (0.0, -500.0))]
 
@@ -199,7 +199,7 @@ def footing(ground: TaggedMesh, across: float, moment: float, held: str = "") ->
 
 
 def test_footings(ground: TaggedMesh) -> None:
-    """A central load, and eccentric ones that lean to either side."""
+    """The load is central, or eccentric to either side."""
     central = limit_load(footing(ground, 0.0, 0.0), 1e-3)
     prandtl = (2 + np.pi) * STEEL.yield_stress / np.sqrt(3) * 2
     assert prandtl < central.lower < 1.07 * prandtl  # the mesh is coarse

@@ -1,4 +1,4 @@
-"""Forces, moments and bearing forces on faces: their resultants, and bounds under them."""
+"""Test forces, moments and bearing forces on faces: resultants, and bounds."""
 
 from functools import cache
 from pathlib import Path
@@ -36,7 +36,7 @@ STEEL = VonMises(1e3, 0.2, 1.0)
 
 @cache
 def blocks() -> TaggedMesh:
-    """Cubes (0,1)²×(0,1) and (0,1)²×(1,2)."""
+    """Return cubes (0,1)²×(0,1) and (0,1)²×(1,2)."""
     return stacked_blocks(MPI.COMM_WORLD, 2)
 
 
@@ -49,13 +49,13 @@ WIDE = {
 
 
 def bar(material: Elastic | VonMises, *loads: Load) -> Problem:
-    """(0,3)×(0,1) in plane strain, held at its left end."""
+    """Return a bar (0,3)×(0,1) in plane strain, held at its left end."""
     mesh = rectangle((6, 2), (3.0, 1.0), {"bar": lambda x: x[0] < 4}, WIDE, 0.1)
     return Problem(mesh, {"bar": material}, [Support("left")], loads, degree=2)
 
 
 def half_ring(*loads: Load, degree: int = 1) -> Problem:
-    """Radii 1 to 2, y ≤ 0, of polygons: the lower half of a bore, which the outside holds."""
+    """Return a polygonal half ring of radii 1 to 2, y ≤ 0: half of a bore, held at the outside."""
     mesh = rectangle((8, 3), (3.0, 1.0), {"lug": lambda x: x[0] < 4}, WIDE, 0.1)
     angle, radius = np.pi * (1 + mesh.mesh.geometry.x[:, 0] / 3), 1 + mesh.mesh.geometry.x[:, 1]
     mesh.mesh.geometry.x[:, :2] = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
@@ -73,7 +73,7 @@ def in_space(load: Load, degree: int = 1) -> Problem:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("point", [(), (3.0, -1.0, 4.0)])
 def test_a_force_and_a_moment_on_a_face(degree: int, point: tuple[float, ...]) -> None:
-    """Without a point the force acts at the middle of the face, (½, ½, 2)."""
+    """Without a point, the force acts at the middle of the face, (½, ½, 2)."""
     force, moment = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.5])
     (found,) = load_resultants(in_space(Force("top", force, moment, point), degree))
     assert found.force == pytest.approx(force, rel=1e-12)
@@ -88,7 +88,7 @@ def test_a_force_and_a_moment_in_the_plane() -> None:
 
 
 def test_a_pulled_bar_is_bounded() -> None:
-    """2/√3 σ_y in plane strain, the force being spread evenly."""
+    """The limit is 2/√3 σ_y in plane strain, with a uniform traction."""
     bounds = limit_bounds(bar(STEEL, Force("right", (1.0, 0.0))))
     assert bounds.lower is not None and bounds.upper is not None
     assert bounds.lower.value == pytest.approx(2 / 3**0.5, rel=1e-3)
@@ -96,7 +96,7 @@ def test_a_pulled_bar_is_bounded() -> None:
 
 
 def test_bounds_under_a_moment_are_proven(shared_tmp_path: Path) -> None:
-    """The edge of its end can bear 2/√3 σ_y, and so the end 2/√3 σ_y h²/6 for certain."""
+    """The edge of the end carries at most 2/√3 σ_y, and the end certainly 2/√3 σ_y h²/6."""
     bounds = limit_bounds(bar(STEEL, Force("right", (), 1.0)))
     assert bounds.lower is not None and bounds.upper is not None
     assert bounds.lower.value == pytest.approx(2 / 3**0.5 / 6, rel=1e-3)
@@ -106,7 +106,7 @@ def test_bounds_under_a_moment_are_proven(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("force", [(0.0, -2.0), (1.0, -2.0), (0.3, -0.1)])
 def test_a_pin_in_its_bore(force: tuple[float, float]) -> None:
-    """Its force is exact on the polygon too; it presses where the bore faces it, pulls nowhere."""
+    """The polygon has the exact force; the pin presses where the bore faces it, and never pulls."""
     problem = half_ring(Bearing("bore", force))
     (found,) = load_resultants(problem)
     assert found.force == pytest.approx(force, rel=1e-9, abs=1e-12)
@@ -127,7 +127,7 @@ def test_bounds_under_a_pin_are_proven(shared_tmp_path: Path) -> None:
 
 
 def proven(bounds: BodyBounds, path: Path) -> None:
-    """A checker that shares no code finds the same numbers."""
+    """An independent checker finds the same numbers."""
     assert bounds.strict, bounds.why_not
     folder = ResultFolder(MPI.COMM_WORLD, path)
     write_proof(folder, folder.file("bounds.h5"), *proofs(bounds, bounds))

@@ -1,4 +1,4 @@
-"""Other data on the same bodies: as of a problem of its own, without another search for contact."""
+"""Test variants of a problem: other data on the same bodies, without another contact search."""
 
 from mpi4py import MPI
 
@@ -13,7 +13,7 @@ STRONG = VonMises(young=1e5, poisson=0.2, yield_stress=700.0)
 
 
 def loaded(problem: Problem, zeta: float) -> float:
-    """Largest displacement at a load factor."""
+    """Return the largest displacement at a load factor."""
     return float(Newton(problem).solve(zeta).report.max_displacement)
 
 

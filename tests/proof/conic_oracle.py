@@ -1,6 +1,6 @@
-"""Compute the best stress and velocity for the bodies of a proof with Clarabel, if it is installed.
+"""Compute the best stress and velocity for the bodies of a proof with Clarabel, if installed.
 
-This is another way to the program's numbers: it uses only the arrays in its files.
+This is an independent computation: it uses only the arrays in the proof files.
 """
 
 from collections.abc import Callable
@@ -48,11 +48,11 @@ class Rows:
 
 
 Solve = Callable[[Floats, tuple[Any, Floats], Any, Rows, Floats], float | None]
-"""As :func:`solve`."""
+"""A function like :func:`solve`."""
 
 
 def best_load(body: Body, by: Solve | None = None) -> float | None:
-    """Return the largest λ of linear stresses; None if Clarabel does not converge.
+    """Return the largest λ for linear stresses; None if Clarabel does not converge.
 
     Args:
         body: The bodies.
@@ -117,7 +117,7 @@ def solve(
     cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
 ) -> float | None:
     """Return min cost·x with A x = b, C x ≤ 0 and right − S x in equal cones; None on failure."""
-    import clarabel  # a test that wants it has looked whether it is there
+    import clarabel  # the calling test has checked that the package exists
 
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -208,7 +208,7 @@ def least_power(
 
 
 def _facet_places(body: Body) -> npt.NDArray:
-    """Return the indices in its cell of each outer facet's vertices and midsides."""
+    """Return the indices in its cell of the vertices and midsides of each outer facet."""
     d = body.dim
     edges = {pair: n for n, pair in enumerate(combinations(range(d + 1), 2), start=d + 1)}
     rows = [

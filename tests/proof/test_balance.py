@@ -1,6 +1,6 @@
-"""The imbalance of a stress reduces its bound by as much as it can cost.
+"""Test that the imbalance of a stress reduces its bound by as much as it can cost.
 
-Bodies here are cells by hand, so that limits are known: strips, columns and blocks in contact.
+The bodies are single cells with known limits: strips, columns and blocks in contact.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ RADIUS = np.sqrt(2.0)
 
 
 def strip(length: float, cells: int, height: float = 1.0) -> Arrays:
-    """A strip of squares of two cells, held at its left end, free and without stress.
+    """Return a strip of squares of two cells, held at its left end, unloaded and without stress.
 
     Args:
         length: Along x.
@@ -63,19 +63,19 @@ def strip(length: float, cells: int, height: float = 1.0) -> Arrays:
 
 
 def cantilever(length: float, cells: int) -> Arrays:
-    """A strip with a shear traction at its free end, and no stress at all."""
+    """Return a strip with a shear traction at its free end, and zero stress."""
     them = strip(length, cells)
     them["traction"][-1, :, 1] = -1.0
     return them
 
 
 def limit(length: float) -> float:
-    """Above the shear at the end of a strip that a hinge at its root carries: 2k/4 over it."""
+    """Return an upper bound on the end shear of a strip with a hinge at its root: 2k/4 over it."""
     return 0.5 / length
 
 
 def pressed(them: Arrays, pressure: float) -> None:
-    """Constant pressure all around, with the stress of that alone: nothing of the load."""
+    """Return constant pressure on all sides, with its stress, and no stress for the load."""
     x = them["vertices"][them["facets"]]
     along = x[:, 1] - x[:, 0]
     normals = np.column_stack([along[:, 1], -along[:, 0]])
@@ -91,7 +91,7 @@ def pressed(them: Arrays, pressure: float) -> None:
 @pytest.mark.parametrize("slenderness", [10.0, 1e3, 1e5, 1e6])
 @pytest.mark.parametrize("share", [1e-6, 1e-2, 0.9, 1.1, 90.0])
 def test_loads_far_below_the_strength(slenderness: float, share: float) -> None:
-    """No claim above the limit is proven, however small both are beside the strength (B4)."""
+    """No claim above the limit is proven, even if both are far below the strength (B4)."""
     them = cantilever(slenderness, 8)
     pressed(them, 1.5)
     them["bound"] = np.array(share * limit(slenderness))
@@ -104,7 +104,7 @@ def test_loads_far_below_the_strength(slenderness: float, share: float) -> None:
 @pytest.mark.parametrize("pressure", [0.0, 1.5, 1e3])
 @pytest.mark.parametrize("slenderness", [1.0, 100.0])
 def test_a_body_without_the_stress_of_its_load(slenderness: float, pressure: float) -> None:
-    """A stress that balances the load is found; its bound is small, but not zero."""
+    """The checker finds a stress that balances the load; the bound is small, but not zero."""
     them = cantilever(slenderness, 8)
     if pressure:
         pressed(them, pressure)
@@ -115,57 +115,57 @@ def test_a_body_without_the_stress_of_its_load(slenderness: float, pressure: flo
 
 
 def turned(them: Arrays) -> None:
-    """The load along the strip, which pulls."""
+    """The load acts along the strip as a tension."""
     them["traction"] = them["traction"][..., ::-1] * -1.0
 
 
 def sheared(them: Arrays) -> None:
-    """A shear stress of the size of the load in one cell alone."""
+    """One cell has a shear stress of the size of the load."""
     them["stress"][3, :, 0, 1] += 1e-3
     them["stress"][3, :, 1, 0] += 1e-3
 
 
 def moved_vertex(them: Arrays) -> None:
-    """A place moves by the rounding of a mesh, and no stress with it."""
+    """A vertex moves by the rounding of a mesh, without a change of stress."""
     them["vertices"][3] += 3e-12
 
 
 def heavy(them: Arrays) -> None:
-    """Weight in place of the load at the end."""
+    """A weight replaces the load at the end."""
     them["traction"] *= 0.0
     them["body_force"][:, 1] = -1.0
 
 
 def heavy_at_the_end(them: Arrays) -> None:
-    """Weight of the last cell alone."""
+    """Only the last cell has a weight."""
     them["traction"] *= 0.0
     them["body_force"][-1, 1] = -1.0
 
 
 def twisting(them: Arrays) -> None:
-    """A linear traction whose resultant is a moment."""
+    """A linear traction has a moment as resultant."""
     them["traction"][-1] = [[-1.0, 0.0], [1.0, 0.0]]
 
 
 def asymmetric_load(them: Arrays) -> None:
-    """Shear on one side alone."""
+    """A shear acts on one side only."""
     them["traction"][:8, :, 0] = 1.0
 
 
 def wet(them: Arrays) -> None:
-    """A pressure in the pores of one cell, which pushes its neighbours."""
+    """A pore pressure in one cell pushes its neighbours."""
     them["pore_pressure"] = np.zeros((len(them["cells"]), 3))
     them["pore_pressure"][5] = 1.0
 
 
 def half_a_stress(them: Arrays) -> None:
-    """Pull along the strip by half of what the load asks for."""
+    """The stress along the strip balances half of the load."""
     turned(them)
     them["stress"][..., 0, 0] += 0.5
 
 
 def nothing_more(them: Arrays) -> None:
-    """The load at the end."""
+    """The load acts at the end."""
 
 
 VARIANTS: dict[str, Callable[[Arrays], None]] = {
@@ -194,7 +194,7 @@ def test_what_is_proven_does_not_exceed_what_a_mechanism_allows(name: str, claim
     resultant = push + weight
     assert found.reached is not None
     assert found.reached > 0.0
-    # By shear across the root, or pull along it; a pressure in pores or a moment bends.
+    # The mechanism is shear across the root, or tension along it; pore pressure or moment bends.
     if resultant[1] > 0:
         assert found.reached <= 1.0 / resultant[1]
     elif resultant[0] > 0:
@@ -203,7 +203,7 @@ def test_what_is_proven_does_not_exceed_what_a_mechanism_allows(name: str, claim
 
 
 def test_nothing_holds_a_body() -> None:
-    """Without supports no stress balances the load, and the bound is lost, however small it is."""
+    """Without supports no stress balances even a small load, and no bound remains."""
     for size in (1.0, 1e-12, 1e-30):
         them = cantilever(2.0, 4)
         them["held"][:] = 0
@@ -214,7 +214,7 @@ def test_nothing_holds_a_body() -> None:
 
 
 def test_rollers_hold_what_they_hold() -> None:
-    """A column on rollers stands, and no force along them is carried."""
+    """A column on rollers is stable, but no force along the rollers is carried."""
     them = strip(2.0, 4)
     them["held"][:] = 0
     them["held"][:4, 1] = 1
@@ -226,7 +226,7 @@ def test_rollers_hold_what_they_hold() -> None:
 
 
 def test_a_small_gap_of_balance_costs_little_and_is_told() -> None:
-    """A load 1e-6 larger than the stress bears lowers the bound by 1e-6 times the size."""
+    """A load that exceeds the stress by 1e-6 lowers the bound by 1e-6 times the size."""
     them = strip(2.0, 4)
     them["traction"][-1, :, 0] = 1.0
     them["stress"][..., 0, 0] = 2.0
@@ -244,7 +244,7 @@ def test_a_small_gap_of_balance_costs_little_and_is_told() -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_sizes_of_stresses_on_the_regular_simplex(dim: int) -> None:
-    """The numbers of the argument, computed from the conditions on the parts of the simplex."""
+    """The test computes the numbers in the argument from conditions on the parts of the simplex."""
     of_facets, of_force = sizes_on(dim)
     assert SIZE[dim][0] * 0.98 <= of_facets <= SIZE[dim][0] * (1 - 1e-3)
     assert SIZE[dim][1] * 0.98 <= of_force <= SIZE[dim][1] * (1 - 1e-3)
@@ -254,7 +254,7 @@ def test_sizes_of_stresses_on_the_regular_simplex(dim: int) -> None:
 
 
 def regular(dim: int) -> npt.NDArray:
-    """Vertices of the regular simplex with edges 1."""
+    """Return the vertices of the regular simplex with unit edges."""
     found = np.zeros((dim + 1, dim))
     for i in range(1, dim + 1):
         found[i] = found[:i].mean(axis=0)
@@ -263,7 +263,7 @@ def regular(dim: int) -> npt.NDArray:
 
 
 def sizes_on(dim: int) -> tuple[float, float]:
-    """The largest stress for tractions of size 1 on a facet, and for a force of size 1."""
+    """Return the largest stress for unit tractions on a facet, and for a unit force."""
     corners = regular(dim)
     centre = corners.mean(axis=0)
     points = np.vstack([corners, centre])
@@ -342,7 +342,7 @@ def sizes_on(dim: int) -> tuple[float, float]:
 
 
 def test_numbers_of_twice_the_digits_contain_exact_results() -> None:
-    """Against fractions, of numbers of very different sizes that nearly cancel."""
+    """Compare with fractions for numbers of very different size that almost cancel."""
 
     random = np.random.default_rng(7)
     values = random.normal(size=(200, 6)) * 10.0 ** random.integers(-8, 8, (200, 6))
@@ -381,7 +381,7 @@ def test_numbers_of_twice_the_digits_contain_exact_results() -> None:
 @pytest.mark.parametrize(("adhesion", "friction"), [(0.0, 0.0), (0.1, 0.0), (0.0, 0.3), (0.1, 0.3)])
 @pytest.mark.parametrize("claim", [1e-3, 0.05, 0.2, 10.0])
 def test_friction_alone_holds_a_body(adhesion: float, friction: float, claim: float) -> None:
-    """A strip on a plane, pressed by 1 and pushed along: no more than c + μ is proven."""
+    """A strip on a plane, pressed by 1 and pushed along it: at most c + μ is proven."""
     them = strip(2.0, 4)
     them["held"][:] = 0
     them["surface"][:4] = 1

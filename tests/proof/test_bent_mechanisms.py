@@ -1,6 +1,6 @@
-"""The errors of a velocity in its conditions increase an upper bound by as much as they cost.
+"""Test that errors of a velocity increase an upper bound by as much as they cost.
 
-Bodies here are cells by hand, so that limits are known, or blocks whose lower bound is.
+The bodies are single cells with known limits, or blocks with a known lower bound.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ Velocity = Callable[[npt.NDArray], npt.NDArray]
 
 
 def moving(them: Arrays, velocity: Velocity) -> Arrays:
-    """The upper half of bodies with a velocity of places, shape (n, d)."""
+    """Return the upper half with a velocity of vertices, shape (n, d)."""
     them = {name: values for name, values in them.items() if name != "stress"}
     places = places_of(Body.of(them))
     x = them["vertices"]
@@ -33,7 +33,7 @@ def moving(them: Arrays, velocity: Velocity) -> Arrays:
 
 
 def pulled(length: float = 4.0, cells: int = 4) -> Arrays:
-    """A strip between rollers, pulled by 1 at its end: it yields at 2."""
+    """Return a strip between rollers under the tension 1 at its end: it yields at 2."""
     them = strip(length, cells)
     them["held"][:] = 0
     them["held"][-2, 0] = 1  # the left end along x, and the lower side along y
@@ -43,12 +43,12 @@ def pulled(length: float = 4.0, cells: int = 4) -> Arrays:
 
 
 def stretched(x: npt.NDArray) -> npt.NDArray:
-    """The mechanism of that."""
+    """Return its mechanism."""
     return x * [1.0, -1.0]
 
 
 def scaled(x: npt.NDArray, factors: tuple[float, float]) -> npt.NDArray:
-    """Stretching along both axes."""
+    """Return a uniform expansion along both axes."""
     return x * np.array(factors)
 
 
@@ -68,10 +68,10 @@ def test_noise_costs_something(size: float) -> None:
 @pytest.mark.parametrize("slenderness", [10.0, 1e3, 1e5, 1e6])
 @pytest.mark.parametrize("pressure", [0.0, 1.5, 1e3])
 def test_a_hinge_that_changes_its_volume(slenderness: float, pressure: float) -> None:
-    """Fibres that lengthen without getting thinner dissipate half of what they do (B4)."""
+    """Fibres that lengthen without a contraction dissipate half of the correct work (B4)."""
     them = cantilever(slenderness, 8)
     x = them["vertices"]
-    x[np.isclose(x[:, 0], slenderness / 8), 0] = 1.0  # the hinge is as long as high
+    x[np.isclose(x[:, 0], slenderness / 8), 0] = 1.0  # length and height of the hinge are equal
     if pressure:
         pressed(them, pressure)
 
@@ -84,7 +84,7 @@ def test_a_hinge_that_changes_its_volume(slenderness: float, pressure: float) ->
 
 
 def test_what_grows_has_to_grow_by_more_than_rounding() -> None:
-    """At its cone's edge a rate may be outside of that; a little beyond it is inside for sure."""
+    """On the edge of the cone a rate may lie outside; slightly beyond it is certainly inside."""
     slope = 0.5
     for share, fine in ((1 - 1e-9, False), (1.0, False), (1 + 1e-9, True)):
         them = pulled()
@@ -98,23 +98,23 @@ def test_what_grows_has_to_grow_by_more_than_rounding() -> None:
 
 
 def test_volume_without_a_way_out() -> None:
-    """A body held all around but for an elastic one that is pulled away cannot follow that."""
+    """A body held on all sides, except at an elastic body that is pulled away, cannot follow."""
     them = pulled()
     beside = (them["vertices"][them["facets"]][..., 0] >= 3.0).all(axis=1)
     them["held"] = np.where(beside[:, None], 0, np.ones_like(them["held"]))
     ends = them["vertices"][them["facets"]][..., 0]
-    them["held"][ends.max(axis=1) == 3.0, 0] = 0  # where the elastic one begins
+    them["held"][ends.max(axis=1) == 3.0, 0] = 0  # where the elastic body begins
     them["cone"][-2:] = -1
     faults = check_upper(moving(them, lambda x: np.outer(x[:, 0] >= 3.0, [1.0, 0.0]))).faults
     assert any("no outlet" in fault for fault in faults), faults
-    them["held"][0] = 0  # one facet lets it go
+    them["held"][0] = 0  # one facet is free
     faults = check_upper(moving(them, lambda x: np.outer(x[:, 0] >= 3.0, [1.0, 0.0]))).faults
     assert not any("no outlet" in fault for fault in faults), faults
 
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> tuple[Halves, float]:
-    """Two blocks on a plane in the plane, and their lower bound."""
+    """Return two plane blocks on a plane, and their lower bound."""
     folder = tmp_path_factory.mktemp("honest")
     halves = blocks(folder, 2)
     low = check(folder / "bounds.h5")["lower"].proven
@@ -123,7 +123,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> tuple[Halves, float]:
 
 
 def nodes_on(them: Arrays, flags: npt.NDArray) -> npt.NDArray:
-    """Nodes of the velocity on some outer facets."""
+    """Return the velocity nodes on given outer facets."""
     body = Body.of(them)
     places = places_of(body)
     nodes = np.zeros(places.count, dtype=np.int64)
@@ -138,18 +138,18 @@ def supports_move(them: Arrays, size: float) -> None:
 
 
 def bodies_enter(them: Arrays, size: float) -> None:
-    """Move all nodes in contact down by different lengths."""
+    """Move all contact nodes down by different distances."""
     at = nodes_on(them, np.isin(them["surface"], them["contacts"]))
     them["velocity"][at, 1] -= size * np.linspace(0, 1, len(at))
 
 
 def planes_are_entered(them: Arrays, size: float) -> None:
-    """All on obstacles moves down."""
+    """Move all nodes on obstacles down."""
     them["velocity"][nodes_on(them, np.isin(them["surface"], them["obstacles"])), 1] -= size
 
 
 def volumes_change(them: Arrays, size: float) -> None:
-    """All shrinks towards a corner, as loads do work on that."""
+    """Contract everything towards a corner, on which the loads do work."""
     body = Body.of(them)
     x = np.zeros_like(them["velocity"])
     places = places_of(body)
@@ -159,13 +159,13 @@ def volumes_change(them: Arrays, size: float) -> None:
 
 
 def elastic(them: Arrays, size: float) -> None:
-    """The stronger block is elastic, and strains."""
+    """Make the stronger block elastic; it strains."""
     them["cone"] = np.where(them["cone"] == np.argmax(them["cone_bound"]), -1, them["cone"])
     volumes_change(them, size)
 
 
 def swept(them: Arrays, size: float) -> None:
-    """Slip has to part, though it does not."""
+    """Require slip to open the joint, which it does not do."""
     them["contact_friction"] = np.full(len(them["contacts"]), size)
 
 
@@ -176,7 +176,7 @@ EDITS = (supports_move, bodies_enter, planes_are_entered, volumes_change, elasti
 def test_an_edit_proves_no_less_than_is_carried(
     honest: tuple[Halves, float], edit: Callable[[Arrays, float], None]
 ) -> None:
-    """Ten sizes of each."""
+    """Each edit has ten sizes."""
     halves, low = honest
     fine = 0
     for power in range(10):
@@ -189,7 +189,7 @@ def test_an_edit_proves_no_less_than_is_carried(
 
 
 class _Divided:
-    """Velocities of a degree on a regular simplex that its centre divides.
+    """Velocities of one degree on a regular simplex that is divided at its centre.
 
     Attributes:
         rows: The coefficients of the divergence, of each of all coefficients.
@@ -229,7 +229,7 @@ class _Divided:
         return np.eye(count).reshape(count, -1, self.dim)
 
     def gradients(self, u: npt.NDArray) -> npt.NDArray:
-        """Coefficients of the gradient on all parts."""
+        """Return the coefficients of the gradient on all parts."""
         found = []
         for _, g, number in self.parts:
             for powers in self.lower:
@@ -241,7 +241,7 @@ class _Divided:
         return np.array(found)
 
     def solved(self, u: npt.NDArray, divergence: npt.NDArray) -> npt.NDArray:
-        """Gradients of the smallest velocity with a divergence, and given on the facets."""
+        """Return gradients of the smallest velocity with a divergence and given facet values."""
         free = (self.inside[:, None] * self.dim + np.arange(self.dim)).ravel()
         rest = divergence - self.rows @ u.ravel()
         more = np.linalg.lstsq(self.rows[:, free], rest, rcond=None)[0]
@@ -251,7 +251,7 @@ class _Divided:
         return self.gradients(u.reshape(-1, self.dim))
 
     def of_linear(self, q: npt.NDArray) -> npt.NDArray:
-        """Coefficients of a linear function, given at the vertices."""
+        """Return the coefficients of a linear function from its values at the vertices."""
         found = []
         for names, _, _ in self.parts:
             ends = np.array([q.mean() if v < 0 else q[v] for v in names])
@@ -261,7 +261,7 @@ class _Divided:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_constants(dim: int) -> None:
-    """The sizes of velocities on the regular simplex are at most those that are used."""
+    """The sizes of velocities on the regular simplex do not exceed the constants in use."""
     it = _Divided(dim, dim)
     zero = np.zeros((len(it.numbers), dim))
     sizes = 0.0
@@ -285,7 +285,7 @@ def test_constants(dim: int) -> None:
 
 
 def test_pairs_of_vertices_are_those_of_nodes() -> None:
-    """Edges are numbered as on file."""
+    """Edges have the same numbers as in files."""
     body = Body.of(strip(2.0, 2))
     places = places_of(body)
     ends = body.cells[:, list(combinations(range(3), 2))]

@@ -1,4 +1,4 @@
-"""Proofs of rigid blocks are found without faults, and forged ones are refused."""
+"""Test that proofs of rigid blocks have no faults, and that forged proofs are refused."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 
 def in_space() -> Problem:
-    """A stone on a held one, pushed along it, with friction and adhesion."""
+    """Return a stone on a held stone, pushed along the joint, with friction and adhesion."""
     mesh = stones(
         MPI.COMM_WORLD, [box([0, 0, -1], [1, 1, 0]), box([0, 0, 0], [1, 1, 1])], (1, 1, 1)
     )
@@ -34,13 +34,13 @@ def in_space() -> Problem:
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of blocks with friction and adhesion."""
+    """Return the halves of a proof for blocks with friction and adhesion."""
     problem = pushed(0.2, 2.0, 1.0, 0.1) if request.param == 2 else in_space()
     return written(tmp_path_factory.mktemp("blocks"), limit_bounds(problem))
 
 
 def lower(change: Callable[[dict], object]) -> Callable[[Halves], None]:
-    """Changes the lower half, and leaves the other out."""
+    """Return a function that changes the lower half, and omits the upper half."""
 
     def forge(halves: Halves) -> None:
         del halves["upper"]
@@ -50,7 +50,7 @@ def lower(change: Callable[[dict], object]) -> Callable[[Halves], None]:
 
 
 def upper(change: Callable[[dict], object]) -> Callable[[Halves], None]:
-    """Changes the upper half, and leaves the other out."""
+    """Return a function that changes the upper half, and omits the lower half."""
 
     def forge(halves: Halves) -> None:
         del halves["lower"]
@@ -60,17 +60,17 @@ def upper(change: Callable[[dict], object]) -> Callable[[Halves], None]:
 
 
 def times(name: str, factor: float) -> Callable[[dict], None]:
-    """Multiplies an array."""
+    """Return a function that multiplies an array."""
 
     def change(half: dict) -> None:
-        with np.errstate(invalid="ignore"):  # 0 times what is no number
+        with np.errstate(invalid="ignore"):  # 0 times a nan
             half[name] = half[name] * factor
 
     return change
 
 
 def elsewhere(half: dict) -> None:
-    """Adds two opposite forces on a facet that touches nothing, so that all is in balance."""
+    """Add two opposite forces on a facet without contact, which balance each other."""
     free = np.setdiff1d(np.arange(len(half["facets"])), np.flatnonzero(touched(half)))
     free = free[~half["held"][free].any(axis=1)]
     half["joint_force"][free[0], 0, 0] += 1.0
@@ -78,12 +78,12 @@ def elsewhere(half: dict) -> None:
 
 
 def touched(half: dict) -> np.ndarray:
-    """Facets in contact."""
+    """Return the facets in contact."""
     return np.isin(half["surface"], half["contacts"])
 
 
 def pulled(half: dict) -> None:
-    """Adds a pull at one vertex of the contact and a push at another, on both sides alike."""
+    """Add a pull at one vertex of the contact and a push at another, equal on both sides."""
     force, at = half["joint_force"], np.flatnonzero(touched(half))
     up = np.zeros(force.shape[2])
     up[-1] = 100.0
@@ -95,27 +95,27 @@ def pulled(half: dict) -> None:
 
 
 def unequal(half: dict) -> None:
-    """Leaves the forces out on one side of the contact, the other being in balance by supports."""
+    """Remove the forces on one side of the contact; supports balance the other side."""
     half["joint_force"][np.isin(half["surface"], half["contacts"][0, :1])] *= 0.5
 
 
 def rubs_more(half: dict) -> None:
-    """Turns forces of contact along it."""
+    """Rotate contact forces towards the joint plane."""
     half["joint_force"][touched(half)] = np.roll(half["joint_force"][touched(half)], 1, axis=2)
 
 
 def bent(half: dict) -> None:
-    """Strains a block."""
+    """Strain a block."""
     half["velocity"][::2] *= 1.001
 
 
 def turned(half: dict) -> None:
-    """Turns the motion round, so that blocks enter each other or loads do no work."""
+    """Reverse the motion, so blocks penetrate or loads do no work."""
     half["velocity"] *= -1
 
 
 def without_inner(half: dict) -> None:
-    """Leaves the forces inside of the limits out."""
+    """Remove the forces inside the limits."""
     for name in [name for name in half if name.startswith("inner")]:
         del half[name]
 
@@ -204,7 +204,7 @@ def test_forgeries_are_refused(honest: Halves, name: str, tmp_path: Path) -> Non
 
 
 def test_forces_that_are_a_share_of_others_hide_nothing(honest: Halves, tmp_path: Path) -> None:
-    """Large forces that are in balance make no room for loads that are not."""
+    """Large balanced forces do not permit unbalanced loads."""
     halves = {"lower": {name: np.copy(values) for name, values in honest["lower"].items()}}
     half = halves["lower"]
     held = np.flatnonzero(half["held"].any(axis=1))
@@ -226,7 +226,7 @@ def test_forces_that_count_for_nothing_prove_no_more(
 
 
 def test_what_forces_leave_lowers_the_bound(honest: Halves, tmp_path: Path) -> None:
-    """The load is larger by a share, and the inner forces make up for it."""
+    """The load is larger by a fraction, and the inner forces compensate this."""
     claimed = float(honest["lower"]["bound"])
     for share in (1e-9, 1e-6, 1e-3):
         half = {name: np.copy(values) for name, values in honest["lower"].items()}

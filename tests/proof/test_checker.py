@@ -1,4 +1,4 @@
-"""A file of bounds is checked without the program, and what breaks a condition is found."""
+"""Test that the checker verifies a file of bounds alone, and finds violated conditions."""
 
 import subprocess
 import sys
@@ -46,13 +46,13 @@ STRONG = VonMises(young=2e5, poisson=0.3, yield_stress=450.0)
 HEIGHTS = (0.7, 1.2)
 WEIGHT = 0.5
 LIMIT = WEAK.yield_stress / (1 + WEIGHT * HEIGHTS[1])
-"""The lower block yields under the pressure on the upper one and its weight."""
+"""The lower block yields under the pressure on the upper block and its weight."""
 
 Arrays = dict[str, npt.NDArray]
 
 
 def stack() -> Problem:
-    """Two blocks on each other, the lower one on a plane, split."""
+    """Return two stacked blocks on a plane, split."""
     return Problem(
         alfeld_split(stacked_blocks(COMM, 2, heights=HEIGHTS)),
         {"lower": WEAK, "upper": STRONG},
@@ -65,7 +65,7 @@ def stack() -> Problem:
 
 
 def stress(problem: Problem) -> npt.NDArray:
-    """The uniaxial stress at the limit load, at the vertices of the cells."""
+    """Return the uniaxial stress at the limit load, at the vertices of the cells."""
     cells, points = corners(problem.tagged_mesh.mesh)
     above = np.clip(sum(HEIGHTS) - points[cells][:, :, 2], 0, HEIGHTS[1])
     values = np.zeros((*cells.shape, 6))
@@ -75,7 +75,7 @@ def stress(problem: Problem) -> npt.NDArray:
 
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A file with both bounds of the stack."""
+    """Write a file with both bounds for the stack."""
     folder = ResultFolder(COMM, COMM.bcast(tmp_path_factory.mktemp("proof")))
     problem = stack()
     mended = without_entering(problem)
@@ -103,7 +103,7 @@ def arrays(path: Path, kind: str) -> Arrays:
 
 
 def radii(them: Arrays) -> npt.NDArray:
-    """Yield radius of each cell."""
+    """Return the yield radius of each cell."""
     found: npt.NDArray = them["cone_bound"][them["cone"]]
     return found
 
@@ -113,7 +113,7 @@ def test_both_bounds_are_proven(proof: Path) -> None:
     found = check(proof)
     assert found["lower"].proven == pytest.approx(LIMIT, rel=1e-9)
     assert found["lower"].proven is not None
-    assert found["lower"].proven < LIMIT  # less what rounding of the stress may cost
+    assert found["lower"].proven < LIMIT  # minus the possible cost of rounding of the stress
     assert found["upper"].proven == pytest.approx(LIMIT, rel=1e-4)
     assert found["upper"].proven is not None
     assert found["upper"].proven == pytest.approx(found["upper"].claimed, rel=1e-9)
@@ -125,7 +125,7 @@ def test_both_bounds_are_proven(proof: Path) -> None:
 
 
 def times(name: str, factor: float) -> Callable[[Arrays], None]:
-    """Changes all of an array."""
+    """Return a function that multiplies a whole array."""
 
     def change(them: Arrays) -> None:
         them[name] = them[name] * factor
@@ -134,7 +134,7 @@ def times(name: str, factor: float) -> Callable[[Arrays], None]:
 
 
 def add(name: str, where: tuple, value: npt.ArrayLike) -> Callable[[Arrays], None]:
-    """Adds to a part of an array."""
+    """Return a function that adds to a part of an array."""
 
     def change(them: Arrays) -> None:
         them[name] = them[name].copy()
@@ -144,7 +144,7 @@ def add(name: str, where: tuple, value: npt.ArrayLike) -> Callable[[Arrays], Non
 
 
 def shear_everywhere(them: Arrays) -> None:
-    """A uniform stress that is in equilibrium, but not with the surfaces."""
+    """Add a uniform stress that is in equilibrium, but not at the surfaces."""
     them["stress"] = them["stress"] / 2
     them["bound"] = them["bound"] / 2
     them["stress"][:, :, 0, 2] += 10.0
@@ -152,7 +152,7 @@ def shear_everywhere(them: Arrays) -> None:
 
 
 def less_above(them: Arrays) -> None:
-    """The upper block is not pressed on as much as it presses."""
+    """Reduce the pressure on the upper block below its contact pressure."""
     above = np.isclose(radii(them), STRONG.yield_radius)
     them["stress"][~above] *= 0.9
 
@@ -180,7 +180,7 @@ def test_a_broken_stress_is_found(proof: Path, name: str) -> None:
 
 
 def into_the_plane(them: Arrays) -> None:
-    """All moves down."""
+    """Move everything down."""
     them["velocity"] = them["velocity"] - [0, 0, 1]
 
 
@@ -208,13 +208,13 @@ def test_a_broken_velocity_is_found(proof: Path, name: str) -> None:
 
 
 def refused(checked: Checked, word: str) -> None:
-    """Not proven, and the reason has the word."""
+    """Check that nothing is proven, and that the reason contains a word."""
     assert word in "; ".join(checked.faults)
     assert "is not proven" in str(checked)
 
 
 def test_entering_between_three_nodes_is_found(proof: Path) -> None:
-    """Jumps 0, 0 at the ends and < 0 in the middle do not enter; 0 and 0 at one half do."""
+    """Jumps 0, 0 at the ends and < 0 in the middle penetrate nowhere; 0 and 0 at one half do."""
     them = arrays(proof, "upper")
     cells, nodes = them["cells"], them["nodes"]
     x = np.zeros((len(them["velocity"]), 3))
@@ -232,11 +232,11 @@ def test_entering_between_three_nodes_is_found(proof: Path) -> None:
         found = mechanism_of(body, v[nodes], shapes_of(body))
         assert found.reason is None
         at = bernstein(found.places, v[nodes])
-        assert (np.abs(found.at.mid - at).max() > 0.1) == enters  # bent until nothing enters
+        assert (np.abs(found.at.mid - at).max() > 0.1) == enters  # bent until nothing penetrates
 
 
 def bernstein(places: Places, v: npt.NDArray) -> npt.NDArray:
-    """The coefficients of a velocity that is not bent."""
+    """Return the coefficients of a straight velocity."""
     values = np.zeros((places.count, v.shape[2]))
     values[places.of_cells] = v
     n = places.count - len(places.ends)
@@ -245,18 +245,18 @@ def bernstein(places: Places, v: npt.NDArray) -> npt.NDArray:
 
 
 def swap_a_node(them: Arrays) -> None:
-    """A cell with another midside than its neighbour."""
+    """Give a cell a midside node that differs from its neighbour's."""
     them["nodes"][0, 5] = them["nodes"][0, 6]
 
 
 def torn(them: Arrays) -> None:
-    """A facet is forgotten."""
+    """Omit a facet."""
     for name in ("facets", "surface", "held", "traction"):
         them[name] = them[name][:-1]
 
 
 def flat(them: Arrays) -> None:
-    """A cell without volume."""
+    """Make a cell without volume."""
     them["vertices"][them["cells"][0, 0]] = them["vertices"][them["cells"][0, 1]]
 
 

@@ -1,4 +1,4 @@
-"""Whether cones hold each other, against points of them."""
+"""Test whether cones contain each other, against points of the cones."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ N = 400
 
 
 def cones(rng: np.random.Generator, axial: bool) -> Strengths:
-    """About one axis: r ≤ c − αp, of which some have no slope, no cohesion or the same slope."""
+    """Return cones r ≤ c − αp about one axis, some with zero or equal slopes, or c = 0."""
     slope = rng.choice([0.0, 0.2, 0.5, 1.0], N)
     bound = rng.choice([0.0, 1.0, 2.0, 3.0, np.inf], N)
     return Strengths(np.zeros(N, dtype=np.int64), slope, bound, np.full(N, axial))

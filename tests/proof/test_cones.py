@@ -1,4 +1,4 @@
-"""The checker's cones: dissipation by sampling, and arrays that are none or of other sets."""
+"""Test the checker's cones: dissipation by sampling, and invalid or different arrays."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -42,11 +42,11 @@ pytestmark = pytest.mark.serial
 AT = np.zeros(1, dtype=np.int64)
 
 NONE = np.array([np.nan])
-"""Sine of what does not bound principal stresses."""
+"""Sine of cones that do not bound principal stresses."""
 
 
 def cone(k: int, m: int, steep: float, seed: int) -> Cones:
-    """A random one of rank k, with M⁺ᵀq of that size where M bounds all, or q·ν = 0."""
+    """Return a random cone of rank k, with M⁺ᵀq of a given size if M bounds all, or q·ν = 0."""
     random = np.random.default_rng(seed)
     matrix = np.zeros((m, m))
     matrix[:k] = random.normal(size=(k, m))
@@ -56,7 +56,7 @@ def cone(k: int, m: int, steep: float, seed: int) -> Cones:
 
 
 def best(cones: Cones, rate: np.ndarray, seed: int) -> float:
-    """The most of stresses on the surface at random; those along what is free do no work."""
+    """Return the largest work of random stresses on the surface; free stresses do no work."""
     random = np.random.default_rng(seed)
     stresses = random.normal(size=(200_000, rate.size))
     ratios = cones.ratios(AT, stresses[None])[0]
@@ -80,12 +80,12 @@ def test_convex_dissipation(k: int, steep: float, seed: int) -> None:
         assert found >= power * (1 - 2e-2)
         assert power <= cones.steepness[0] * np.linalg.norm(rate)
     assert cones.takes_any[0] == (k == 3)
-    assert not cones.keeps_volume(2)[0]  # what is free is not the mean stress
+    assert not cones.keeps_volume(2)[0]  # the free stress is not the mean stress
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_dissipation_of_what_grows(seed: int) -> None:
-    """It is work at the apex; less growth is inadmissible."""
+    """The dissipation is the work at the apex; smaller dilation is inadmissible."""
     random = np.random.default_rng(seed)
     flat = cone(2, 3, 0.5, seed)
     free = np.linalg.svd(flat.matrix[0])[2][-1]
@@ -116,7 +116,7 @@ def test_vectors_do_the_work_of_tensors() -> None:
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Foam under steel, by the program."""
+    """Return foam under steel, from the program."""
     path = tmp_path_factory.mktemp("cones")
     problem = Problem(
         stacked_blocks(MPI.COMM_SELF, 1),
@@ -132,32 +132,32 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 
 def turned(them: Arrays) -> None:
-    """Rows of the matrices turned in themselves: the same sets."""
+    """Rotate the rows of each matrix: the sets do not change."""
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 6)))[0]
     them["cone_matrix"] = turn @ them["cone_matrix"]
 
 
 def flattened(them: Arrays) -> None:
-    """The foam bears any mean stress."""
+    """Let the foam carry any mean stress."""
     unit = np.array([1.0, 1, 1, 0, 0, 0]) / np.sqrt(3)
     them["cone_matrix"][0] -= np.outer(them["cone_matrix"][0] @ unit, unit)
     them["cone_slope"][0] = 0
 
 
 def tiny_slope(them: Arrays) -> None:
-    """The steel dilates next to nothing."""
+    """Give the steel a tiny dilation."""
     them["cone_slope"][1, :3] = 1e-3
     them["cone_slope"][1, :2] += [1e3, -1e3]
     them["cone_slope"][1, 2] = -2e-3 + 1e-6
 
 
 def steeper(them: Arrays) -> None:
-    """The foam's ellipsoid is open."""
+    """Open the ellipsoid of the foam."""
     them["cone_slope"][0] *= 10.0
 
 
 def more_cones(them: Arrays) -> None:
-    """One that no cell has, which is none."""
+    """Add a cone that no cell has, and that is invalid."""
     for name in (name for name in them if name.startswith("cone_")):
         them[name] = np.concatenate([them[name], -them[name][:1]])
 
@@ -221,7 +221,7 @@ def test_a_forged_cone_is_refused(honest: Halves, tmp_path: Path, name: str) -> 
 def test_the_same_sets_in_other_words(
     honest: Halves, tmp_path: Path, change: Callable[[Arrays], object]
 ) -> None:
-    """The file defines a set; another matrix of the same set is accepted."""
+    """The file defines a set; another matrix for the same set is accepted."""
     halves = {kind: {k: v.copy() for k, v in half.items()} for kind, half in honest.items()}
     change(halves["upper"])
     checked = check(write(tmp_path / "same.h5", halves))

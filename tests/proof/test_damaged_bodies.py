@@ -1,7 +1,7 @@
-"""Bodies with damaged meshes are refused by the checker, whatever stress is claimed in them.
+"""Test that the checker refuses bodies with damaged meshes for any claimed stress.
 
-The stress is a pressure along the last axis, the same everywhere: it is in balance in any cell, and
-in all of the sound mesh, so that nothing but the mesh can be wrong.
+The stress is a uniform pressure along the last axis. It is in equilibrium in any cell, and in the
+valid mesh, so only the mesh can be wrong.
 """
 
 from mpi4py import MPI
@@ -17,12 +17,12 @@ from tests.proof.forging import Arrays
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is serial")
 
 HARMLESS = {("not glued", 2), ("not glued", 3), ("a few not glued", 2), ("a few not glued", 3)}
-"""Cuts along the pressure: a stress that a cut body bears is one of the whole body too, so that the
-lower bound holds for both. The run refuses them, and the checker tells of them."""
+"""Cuts along the pressure. A stress that a cut body carries is also a stress of the whole body, so
+the lower bound holds for both. The run refuses these meshes, and the checker names the cuts."""
 
 
 def pressed(mesh: Plain) -> Arrays:
-    """The lower half of a proof on a mesh, of the load 1 and the yield radius 1."""
+    """Return the lower half of a proof on a mesh, with the load 1 and the yield radius 1."""
     d, cells = mesh.dim, mesh.cells
     m = d * (d + 1) // 2
     every = np.concatenate([np.delete(cells, i, axis=1) for i in range(d + 1)])
@@ -64,7 +64,7 @@ def pressed(mesh: Plain) -> Arrays:
 
 
 def said_of(mesh: Plain) -> str:
-    """Faults of the half; nothing where it is a proof."""
+    """Return the faults of the half; empty for a proof."""
     try:
         return "; ".join(check_lower(pressed(mesh)).faults)
     except ProofError as error:
@@ -73,7 +73,7 @@ def said_of(mesh: Plain) -> str:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_sound_body_is_proven(dim: int) -> None:
-    """With its cells numbered the other way round as well."""
+    """Also if the cells have the opposite orientation."""
     assert said_of(blocks(dim)) == ""
     assert said_of(inverted(blocks(dim))) == ""
     assert "cut open" not in str(check_lower(pressed(blocks(dim))).words)

@@ -1,4 +1,4 @@
-"""Claims that the numbers of a file do not support are refused, whatever hides the difference."""
+"""Test that claims without support in the file are refused, even if the difference is hidden."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -30,19 +30,19 @@ Change = Callable[[Arrays], object]
 
 @pytest.fixture(scope="module")
 def pressed(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Two blocks on each other."""
+    """Return two stacked blocks."""
     return blocks(tmp_path_factory.mktemp("pressed"), 2)
 
 
 @pytest.fixture(scope="module")
 def fallen(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """A strip that constant loads shear off, whatever presses on it."""
+    """Return a strip that constant loads shear off under any pressure."""
     bounds = limit_bounds(footing((0.0, -1.0), (2 * K, 0.0)))
     return written(tmp_path_factory.mktemp("fallen"), bounds)
 
 
 def nearly_all_stays(them: Arrays) -> None:
-    """All but a billionth of the loads at the upper bound is constant."""
+    """All loads are constant at the upper bound, except for a billionth."""
     share = (1 - 1e-9) * float(them["bound"])
     for name in ("traction", "body_force"):
         them[f"constant_{name}"] = share * them[name]
@@ -66,7 +66,7 @@ def test_a_claim_beside_loads_at_their_limit(pressed: Halves, tmp_path: Path, cl
 
 
 def idle_and_quick(them: Arrays) -> None:
-    """A cell far off that loads of any factor do not touch moves a million times as fast."""
+    """A remote cell without loads of any factor moves a million times as fast."""
     free_cell(1.0)(them)
     cell, facets = len(them["cells"]) - 1, len(them["facets"]) - len(them["any_traction"])
     assert facets > 0
@@ -84,13 +84,13 @@ def idle_and_quick(them: Arrays) -> None:
 
 
 def some_work(them: Arrays) -> None:
-    """Loads of any factor have a ten thousandth of the others, which does work."""
+    """Loads of any factor are a ten thousandth of the others, and do work."""
     them["any_traction"] = them["any_traction"] + 1e-4 * them["traction"]
 
 
 @pytest.mark.parametrize("forge", [some_work, in_turn(some_work, idle_and_quick)])
 def test_work_of_loads_of_any_factor(fallen: Halves, tmp_path: Path, forge: Change) -> None:
-    """However fast others are, those loads do it where they are."""
+    """For any speed of the others, these loads do work in their place."""
     said = said_of_forged(fallen, alone("upper", forge), tmp_path)
     assert "work of others" in said
 
@@ -105,7 +105,7 @@ def test_the_largest_factor_of_others_is_told(fallen: Halves, tmp_path: Path) ->
 
 
 def on_supports_alone(them: Arrays) -> None:
-    """All loads press on what supports hold."""
+    """All loads act on supported nodes."""
     push = np.zeros_like(them["traction"])
     push[them["held"].all(axis=1)] = 1.0
     assert push.any()
@@ -116,7 +116,7 @@ def on_supports_alone(them: Arrays) -> None:
 
 
 def test_nothing_that_matters_is_loaded(tmp_path: Path) -> None:
-    """Every factor of such loads is carried, so that no bound says anything."""
+    """The body carries such loads with every factor, so a bound has no meaning."""
     honest = written(tmp_path, limit_bounds(footing((0.0, -1.0), (0.0, 0.0))))
     for forge in (both(on_supports_alone), alone("lower", on_supports_alone)):
         assert "only supports are loaded" in said_of_forged(honest, forge, tmp_path)

@@ -1,4 +1,4 @@
-"""Two halves of different bodies are refused, however their sums agree."""
+"""Test that halves of different bodies are refused, even if their sums agree."""
 
 from collections.abc import Callable
 from functools import partial
@@ -36,27 +36,27 @@ Change = Callable[[Arrays], object]
 
 @pytest.fixture(scope="module", params=[2, 3])
 def stacked(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Two blocks on each other."""
+    """Return two stacked blocks."""
     return blocks(tmp_path_factory.mktemp("stacked"), request.param)
 
 
 @pytest.fixture(scope="module")
 def ground(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """A footing on a mesh of equal cells."""
+    """Return a footing on a mesh of equal cells."""
     honest = limit_bounds(footing((0.0, -1.0), (0.0, 0.0)))
     return written(tmp_path_factory.mktemp("ground"), honest)
 
 
 @pytest.fixture(scope="module")
 def turned(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Two discs."""
+    """Return two axisymmetric discs."""
     return written(tmp_path_factory.mktemp("turned"), limit_bounds(discs(), 1e-3))
 
 
 def refused(
     honest: Halves, common: Change, above: Change, below: Change, word: str, folder: Path
 ) -> None:
-    """Both halves are changed alike, which is harmless; then each by itself, which is not."""
+    """A change in both halves is harmless, but a change in one half is refused."""
     halves = copied(honest)
     both(common)(halves)
     assert not said_of(write(folder / "harmless.h5", halves))
@@ -66,11 +66,11 @@ def refused(
 
 
 def as_it_is(them: Arrays) -> None:
-    """Nothing is changed."""
+    """Change nothing."""
 
 
 def idle(count: int, size: float, away: float = 0.0) -> Change:
-    """Free cells in a row, which nothing strains."""
+    """Add a row of free cells without strain."""
 
     def forge(them: Arrays) -> None:
         d = them["vertices"].shape[1]
@@ -82,13 +82,13 @@ def idle(count: int, size: float, away: float = 0.0) -> Change:
 
 
 def facets_of(them: Arrays, cell: int) -> npt.NDArray:
-    """Numbers of all facets of a free cell, counted from the end."""
+    """Return the numbers of all facets of a free cell, counted from the end."""
     wide = them["vertices"].shape[1] + 1
     return np.arange(wide) + len(them["facets"]) + wide * cell
 
 
 def one_weaker_cell(them: Arrays) -> None:
-    """One cell of the weaker block bears a tenth less."""
+    """Give one cell of the weaker block a tenth less strength."""
     for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"):
         them[name] = np.concatenate([them[name], them[name][:1]])
     them["cone_bound"][-1] = 0.9 * them["cone_bound"].min()
@@ -97,14 +97,14 @@ def one_weaker_cell(them: Arrays) -> None:
 
 
 def less_load(them: Arrays) -> None:
-    """The blocks bear a tenth less, in the place of what presses on a far one."""
+    """Reduce the load on the blocks by a tenth, and load a remote block instead."""
     pushes = np.abs(them["traction"]).max(axis=(1, 2)) < 1e2
     them["traction"][pushes] *= 0.9
     them["bound"] = 2 * them["bound"]
 
 
 def pressed_idle_cell(them: Arrays) -> None:
-    """A large cell far off that supports hold, pressed on these."""
+    """Add a large remote cell that supports hold, with pressure on the held facets."""
     idle(1, 1e6)(them)
     there = facets_of(them, -1)
     them["held"][there] = 1
@@ -112,7 +112,7 @@ def pressed_idle_cell(them: Arrays) -> None:
 
 
 def moved_cell(them: Arrays) -> None:
-    """The last of the free cells but the large one is a little farther away."""
+    """Move the last free cell, except the large one, slightly further away."""
     d = them["vertices"].shape[1]
     them["vertices"][-d - 1 :, 1] += 1e-4
     if "velocity" in them:
@@ -120,13 +120,13 @@ def moved_cell(them: Arrays) -> None:
 
 
 def far_names(them: Arrays) -> None:
-    """All surfaces have large numbers."""
+    """Give all surfaces large numbers."""
     for name in ("surface", "contacts", "obstacles"):
         them[name] = them[name] + 10**12
 
 
 def of_another_surface(them: Arrays) -> None:
-    """The contact is of surfaces that do not face each other."""
+    """Assign the contact to surfaces that do not face each other."""
     other = np.setdiff1d(them["surface"], [*them["contacts"].ravel(), *them["obstacles"]])
     them["contacts"][0, 1] = other[0]
 
@@ -172,7 +172,7 @@ def test_what_sums_do_not_tell(stacked: Halves, tmp_path: Path, name: str) -> No
 
 
 def in_row(them: Arrays, columns: tuple[int, int], changed: Change) -> None:
-    """Changes two cells of the lowest row of the ground, of those whose places are alike."""
+    """Change two cells of the lowest row of the ground, from those with equal places."""
     centres = them["vertices"][them["cells"]].mean(axis=1)
     row = np.flatnonzero(np.isclose(centres[:, 1], centres[:, 1].min()))
     row = row[np.argsort(centres[row, 0])]
@@ -180,7 +180,7 @@ def in_row(them: Arrays, columns: tuple[int, int], changed: Change) -> None:
 
 
 def two_cones(them: Arrays) -> None:
-    """A second cone, of no cell, that bears twice as much; claims are modest."""
+    """Add a second cone, without cells, of twice the strength; claims are small."""
     for name in ("cone_bound", "cone_slope", "cone_matrix", "cone_sine", "cone_tension"):
         them[name] = np.concatenate([them[name], them[name][:1]])
     them["cone_bound"][1] *= 2
@@ -189,17 +189,17 @@ def two_cones(them: Arrays) -> None:
 
 
 def strong(columns: tuple[int, int]) -> Change:
-    """The second cone for two cells of the lowest row."""
+    """Assign the second cone to two cells of the lowest row."""
     return partial(in_row, columns=columns, changed=lambda it: put("cone", it["these"], 1)(it))
 
 
 def test_strengths_exchanged_among_equal_cells(ground: Halves, tmp_path: Path) -> None:
-    """The first and the fourth are as far from the middle as the second and the third."""
+    """The mean distance of cells 1 and 4 from the middle equals that of cells 2 and 3."""
     refused(ground, two_cones, strong((1, 2)), strong((0, 3)), "weaker bodies", tmp_path)
 
 
 def heavy(columns: tuple[int, int]) -> Change:
-    """Forces of two cells, of which nothing is known but their resultant."""
+    """Add forces on two cells, of which only the resultant is known."""
     push = [0.0, -1e-30]
     return partial(
         in_row, columns=columns, changed=lambda it: put("body_force", it["these"], push)(it)
@@ -211,7 +211,7 @@ def test_forces_exchanged_among_equal_cells(ground: Halves, tmp_path: Path) -> N
 
 
 def sheared(them: Arrays) -> None:
-    """Tractions along a facet that supports hold, with neither a force nor a moment."""
+    """Add tractions along a held facet with zero force and moment."""
     facet = np.flatnonzero(them["held"].all(axis=1))[0]
     x = them["vertices"][them["facets"][facet]]
     them["traction"][facet] += [x[1] - x[0], x[0] - x[1]]
@@ -248,7 +248,7 @@ def test_halves_on_two_meshes(tmp_path: Path, seed: int, dim: int) -> None:
 
 
 def finer(them: Arrays) -> None:
-    """The upper half's first outer cell is divided into as many as it has facets."""
+    """Divide the first outer cell of the upper half into one cell per facet."""
     cell = int(np.flatnonzero(them["cone"] >= 0)[0])
     old, middle = them["cells"][cell].copy(), len(them["vertices"])
     centre = them["vertices"][old].mean(axis=0)

@@ -1,7 +1,7 @@
-"""Forged proofs are refused, each for the reason that it is false.
+"""Test that forged proofs are refused, each for the right reason.
 
-A forgery changes arrays of honest files, one in the plane and one in space, in the lower half, the
-upper one or both. Where the dimension does not matter it is tried in both.
+A forgery changes arrays of honest files, one in 2D and one in 3D, in the lower half, the upper half
+or both. Forgeries that do not depend on the dimension are tried in both.
 """
 
 import subprocess
@@ -40,14 +40,14 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of two blocks on a plane, of different strength, with weight."""
+    """Return the halves of a proof of two blocks on a plane, of different strength, with weight."""
     return blocks(tmp_path_factory.mktemp("honest"), request.param)
 
 
 def free_cell(
     radius: float, speed: float = 0.0, size: float = 1.0, pressed: float = 0.0
 ) -> Callable[[Arrays], None]:
-    """A cell far off that nothing holds; it may be sheared, or pressed from all sides."""
+    """Add a free remote cell, which may be sheared, or pressed from all sides."""
 
     def forge(them: Arrays) -> None:
         d, n = them["vertices"].shape[1], len(them["vertices"])
@@ -91,7 +91,7 @@ ELASTIC = partial(np.full_like, fill_value=-1)
 
 
 def elastic_where_weakest(them: Arrays) -> None:
-    """The weakest cells are elastic."""
+    """Make the weakest cells elastic."""
     them["cone"][them["cone"] == np.argmin(them["cone_bound"])] = -1
 
 
@@ -103,7 +103,7 @@ def nothing(them: Arrays) -> None:
 
 
 def floating(cone: str) -> Callable[[Arrays], None]:
-    """A cell that nothing holds is pulled by a little force, beside bodies that bear anything."""
+    """Pull a free cell by a small force, beside bodies that carry any load."""
 
     def forge(them: Arrays) -> None:
         them["cone_bound"] = 1e15 * them["cone_bound"]
@@ -120,12 +120,12 @@ def floating(cone: str) -> Callable[[Arrays], None]:
 
 
 def twice_in_one_place(them: Arrays) -> None:
-    """All bodies once more, where they are."""
+    """Add a copy of all bodies in the same place."""
     second_copy(them, 0.0)
 
 
 def second_copy(them: Arrays, shift: float) -> None:
-    """All bodies once more, moved along x."""
+    """Add a copy of all bodies, moved along x."""
     vertices, nodes = len(them["vertices"]), len(them.get("velocity", ()))
     for name in them:
         if name == "bound" or name.startswith(("contact", "obstacle")) or "cone_" in name:
@@ -143,14 +143,14 @@ def second_copy(them: Arrays, shift: float) -> None:
 
 
 def a_cell_within(them: Arrays) -> None:
-    """A small free cell inside of another."""
+    """Add a small free cell inside another cell."""
     centre = them["vertices"][them["cells"][0]].mean(axis=0)
     free_cell(1.0, size=1e-3)(them)
     them["vertices"][-centre.size - 1 :] += centre - 50.0
 
 
 def crossing(them: Arrays) -> None:
-    """Two needles across each other, between the ends and middles of their sides."""
+    """Add two needles that cross between the ends and middles of their sides."""
     free_cell(1.0)(them)
     free_cell(1.0)(them)
     d = them["vertices"].shape[1]
@@ -164,7 +164,7 @@ def crossing(them: Arrays) -> None:
 
 
 def folded(them: Arrays) -> None:
-    """The vertex of an outer facet's cell is drawn through the next cell."""
+    """Move the vertex of an outer facet's cell through the next cell."""
     d, cells = them["vertices"].shape[1], them["cells"]
     inner = np.setdiff1d(cells.ravel(), them["facets"].ravel())
     v = inner[0] if len(inner) else cells[0, 0]
@@ -175,13 +175,13 @@ def folded(them: Arrays) -> None:
 
 
 def weakest_cell(them: Arrays, speed: float) -> None:
-    """All moves down together, beside a quick cell that costs nothing."""
+    """Move everything down, beside a fast cell without dissipation."""
     them["velocity"][:, -1] -= 1.0
     free_cell(1e-40, speed)(them)
 
 
 def moved(axis: int, by: float) -> Callable[[Arrays], None]:
-    """All velocities."""
+    """Change all velocities."""
 
     def forge(them: Arrays) -> None:
         them["velocity"][:, axis] += by
@@ -190,13 +190,13 @@ def moved(axis: int, by: float) -> Callable[[Arrays], None]:
 
 
 def raised(them: Arrays, by: float) -> None:
-    """The stress all over, so that only what bounds it can tell."""
+    """Add a uniform stress that only its bounds can detect."""
     d = them["vertices"].shape[1]
     them["stress"] += by * np.eye(d)
 
 
 def swollen(them: Arrays, by: float) -> None:
-    """Velocity that grows with the distance from the corner, so that volume does."""
+    """Change the velocity in proportion to the distance from the corner, so the volume changes."""
     cells, nodes = them["cells"], them["nodes"]
     d = them["vertices"].shape[1]
     x = np.zeros_like(them["velocity"])
@@ -207,7 +207,7 @@ def swollen(them: Arrays, by: float) -> None:
 
 
 def without(tag_of: str) -> Callable[[Arrays], None]:
-    """No contact or no obstacle."""
+    """Remove the contact or the obstacle."""
 
     def forge(them: Arrays) -> None:
         for name in them:
@@ -220,7 +220,7 @@ def without(tag_of: str) -> Callable[[Arrays], None]:
 LARGE = 1e300
 
 FORGERIES: dict[str, tuple[Forgery, str]] = {
-    # what passed once
+    # forgeries that once passed
     "a strong free cell hides a load": (
         both(in_turn(free_cell(1e12), times("bound", 100))),
         "outer tractions",
@@ -292,7 +292,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "no bound": (low(drop("bound")), "bound is missing"),
     "lower 1e-6 too large": (low(times("bound", 1 + 1e-6)), "outer tractions"),
     "upper 1e-6 too small": (high(times("bound", 1 - 1e-6)), "only"),
-    # numbers that are none, or absurd
+    # invalid or absurd numbers
     "vertices nan": (both(times("vertices", np.nan)), "not finite"),
     "vertices huge": (both(times("vertices", LARGE)), "1e-60 to 1e60"),
     "vertices tiny": (both(times("vertices", 1e-300)), "1e-60 to 1e60"),
@@ -412,7 +412,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         lambda halves: halves["upper"]["bound"].__setitem__((), 0.5 * halves["lower"]["bound"]),
         "only",
     ),
-    # tags that are none
+    # invalid tags
     "a contact of no surface": (both(put("contacts", (0, 0), 0)), "not positive"),
     "an obstacle of no surface": (both(put("obstacles", 0, 0)), "not positive"),
     "a contact of a surface that there is not": (
