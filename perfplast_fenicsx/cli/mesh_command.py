@@ -377,7 +377,10 @@ def _page(
         "bodies": [body.name for body in survey.bodies],
         "cells": sum(body.cells for body in survey.bodies),
         "affordable": affordable_cells(survey),
-        "faces": [{"number": a.number, "name": a.name, "body": a.body} for a in survey.faces],
+        "faces": [
+            {"number": a.number, "name": a.name, "body": a.body, "round": a.round_of}
+            for a in survey.faces
+        ],
         "sets": [{"name": one.name, "faces": one.faces} for one in survey.sets],
         "joints": [
             {"bodies": one.bodies, "surfaces": one.surfaces, "glued": one.shared}

@@ -193,7 +193,7 @@ function offerNames() {
   part("choose").replaceChildren(
     new Option("a name …", ""),
     ...group("All free faces of a body", setup.bodies.map((body) => [body, `body:${body}`])),
-    ...group("Faces", setup.faces.map(({ name }) => [name, name])),
+    ...group("Faces", setup.faces.map(({ name, round }) => [round ? `${name}: ${round}` : name, name])),
     ...group("Several faces by one name", [...setup.sets.map(({ name }) => name), ...own].map((name) => [name, name])),
     ...group("Surfaces that touch", setup.joints.flatMap(({ surfaces }) => surfaces).map((name) => [name, name])),
   );
