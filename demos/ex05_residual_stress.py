@@ -1,6 +1,6 @@
 """Residual stress of a plate after unloading.
 
-Stages are the parts of a load history. With `Flow` a material keeps its plastic strain from one
+Stages are the parts of a load history. With `Flow`, a material keeps its plastic strain from one
 level to the next. After unloading, residual stress and plastic strain remain in the plate.
 """
 

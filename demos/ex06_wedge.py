@@ -1,7 +1,7 @@
 """Contact on an inclined plane, with an unstructured mesh.
 
 A steel block lies on an aluminium block. They touch on an inclined plane without friction. A
-pressure on top pushes the upper block down the incline, against a wall at x = 0. Gmsh makes the
+pressure on top pushes the upper block down the incline, against a wall at x = 0. Gmsh generates the
 mesh. Only the contact supports the upper block in z.
 
 Exact: the contact forces act along the normal of the incline, and their vertical sum is the load.

@@ -4,7 +4,7 @@ A constant pressure of 10 acts on a block that lies on another block, and a trac
 upper block sideways. The coefficient of friction is 0.3, so the block slides at a traction of 3,
 long before it yields.
 
-With Coulomb friction no limit theorem holds, because slip is not normal to the friction cone. The
+With Coulomb friction, no limit theorem holds, because slip is not normal to the friction cone. The
 result is therefore the load at which this path loses equilibrium. It does not bound the limit loads
 of other paths.
 """

@@ -1,7 +1,8 @@
 """Four algorithms for the same level.
 
-Čermák, Haslinger and Sysala (COMPLAS XII, 2013) give four methods. ALG1 and ALG2 prescribe the load
-ζ and compute the work α; ALG3 and ALG4 prescribe α and compute ζ. All four find the same state.
+Čermák, Haslinger and Sysala (COMPLAS XII, 2013) describe four methods. ALG1 and ALG2 prescribe the
+load ζ and compute the work α; ALG3 and ALG4 prescribe α and compute ζ. All four find the same
+state.
 
 | | prescribed | each iteration solves |
 |---|---|---|

@@ -18,10 +18,10 @@ EXAMPLES = sorted((ROOT / "demos").glob("ex[0-9][0-9]_*.py"))
 
 HEAD = """# Gallery
 
-These are ten examples in Python. Each is one file with fewer than 100 lines and runs in seconds, on
-one or several processes. It states the exact solution, draws a picture, and ends with an error if a
-number is wrong. See also the [notebook](../demos/limit_load.ipynb), case files of [real
-structures](gallery/real_things.md), and [verification](verification.md).
+This page shows ten examples in Python. Each is one file with fewer than 100 lines and runs in
+seconds, on one or several processes. It states the exact solution, draws a picture, and ends with
+an error if a number is wrong. See also the [notebook](../demos/limit_load.ipynb), case files of
+[real structures](gallery/real_things.md), and [verification](verification.md).
 """
 
 
