@@ -1,4 +1,4 @@
-"""Make random stacks of blocks in contact, plane or in space, with random materials and loads."""
+"""Make random stacks of blocks in contact, in 2D or 3D, with random materials and loads."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
 
 @dataclass(frozen=True)
 class Stack:
-    """Blocks on each other, each with a side in the plane x = 0 (and y = 0).
+    """Stacked blocks, each with a side in the plane x = 0 (and y = 0).
 
     Attributes:
         seed: Seed of all random numbers.
@@ -50,7 +50,7 @@ class Stack:
 
 
 def stack(seed: int, dim: int) -> Stack:
-    """Return a random stack; every third stack is plain."""
+    """Return a random stack; every third stack is two-dimensional."""
     random = Random(seed)
     count, plain = random.randint(1, 3 if dim == 2 else 2), seed % 3 == 0
     heights = [random.uniform(0.4, 1.2) for _ in range(count)]
@@ -94,7 +94,7 @@ def write_stack(path: Path, it: Stack) -> None:
 
 
 def _seams(dim: int, heights: Sequence[float]) -> list[list[int]]:
-    """Return the tags of the entities between blocks, from the lowest one up."""
+    """Return the tags of the entities between blocks, from the bottom up."""
     level = accumulate(heights[:-1])
     return [[tag for tag in on_plane(dim, dim, z) if tag in interface(dim)] for z in level]
 
@@ -102,7 +102,7 @@ def _seams(dim: int, heights: Sequence[float]) -> list[list[int]]:
 def problem_of(
     it: Stack, mesh: TaggedMesh, contrast: float = 1, dead: float = 0
 ) -> tuple[Problem, float | None]:
-    """Return a problem of a stack with random materials, supports and loads, quadratic.
+    """Return a quadratic problem of a stack with random materials, supports and loads.
 
     Args:
         it: The stack.

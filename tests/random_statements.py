@@ -1,7 +1,7 @@
-"""Make random cases of two blocks on each other that combine many statements.
+"""Make random cases of two stacked blocks that combine many statements.
 
-Every third case has a known limit load: the blocks are pressed between smooth planes, and other
-statements change the limit load not at all, or by an amount that statics gives.
+Every third case has a known limit load: the blocks are compressed between smooth planes. Other
+statements do not change the limit load, or change it by an amount from statics.
 """
 
 import math
@@ -52,7 +52,7 @@ class Case:
 
 
 class _Draw:
-    """A case while it is drawn: random numbers, and the statements so far.
+    """A case under construction: random numbers, and the statements so far.
 
     Attributes:
         kind: "plane", "axis" or "space".
@@ -95,7 +95,7 @@ class _Draw:
 
 
 def random_case(seed: int) -> Case:
-    """Return a random case; every third one has a known limit load. Collective."""
+    """Return a random case; every third case has a known limit load. Collective."""
     it = _Draw(seed)
     strengths = dict.fromkeys(BLOCKS, it.random.choice([1.0, it.number(0.5, 2.0)]))
     alike = it.say("of one strength", 0.5)
@@ -104,7 +104,7 @@ def random_case(seed: int) -> Case:
     seam = _seam(it, alike)
     plate = it.say("a rigid surface", 0.25)
     stiff = ""
-    if plate and it.known:  # beside which the other one widens as it likes
+    if plate and it.known:  # the other block can then widen freely
         stiff, seam = "upper", {"contacts": [Contact(*SEAM)]}
         it.words.append("frictionless, and elastic above")
     elif it.say("an elastic body", 0.2) and not (it.known and _rubs(seam)):
@@ -120,7 +120,7 @@ def random_case(seed: int) -> Case:
     held = "xyz"[: it.gdim - 1] if straight else ""
     if plate:
         given["rigid"].append(RigidSurface("top", held=held))
-        # no node of it may be a support's
+        # supports must not hold any of its nodes
         given["supports"] = [one for one in given["supports"] if not one.on.startswith("upper")]
     weakest = min(strength for name, strength in strengths.items() if name != stiff)
     given["loads"], exact = _loads(it, weakest, plate, held)
@@ -133,7 +133,7 @@ def _metal(strength: float) -> VonMises:
 
 
 def _rubs(seam: dict[str, Any]) -> bool:
-    """Return whether anything resists slip at a seam."""
+    """Return whether friction resists slip at a seam."""
     contacts = seam.get("contacts", [])
     return not contacts or contacts[0].tresca is not None or contacts[0].coulomb is not None
 
@@ -152,7 +152,7 @@ def _mesh(it: _Draw, seam: dict[str, Any]) -> Any:
 
 
 def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
-    """Return the random connection between the blocks."""
+    """Return a random connection between the blocks."""
     smooth = it.known and not alike
     what = it.pick(
         ("contact", "a gap", "a press fit")

@@ -1,4 +1,4 @@
-"""Make rigid stones of four or eight corners, divided into simplices, and problems of them."""
+"""Make rigid stones of four or eight corners, divided into simplices, and their problems."""
 
 from collections.abc import Callable, Sequence
 from itertools import permutations, product
@@ -16,7 +16,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
 
 Place = Callable[[Floats], Floats]
-"""From places in the unit cube, shape (n, d), to places of a stone."""
+"""A map from points in the unit cube, shape (n, d), to points of a stone."""
 
 
 def stones(comm: MPI.Intracomm, places: Sequence[Place], counts: Sequence[int]) -> TaggedMesh:
@@ -103,7 +103,7 @@ def chain(
     obstacles: Sequence[Plane] = (),
     **joint: npt.ArrayLike,
 ) -> Problem:
-    """Return a problem of stones, each of which touches the next one along x."""
+    """Return a problem of stones, each of which touches the next stone along x."""
     count = len(mesh.volumes)
     return Problem(
         mesh,
@@ -135,7 +135,7 @@ def lune(begin: float, end: float, inner: float, outer: float, wide: float) -> P
         outer: Outer radius.
         wide: Tangent of half the angle between the two planes.
     """
-    least = 1e-2 * inner  # of x at the crown, where planes meet
+    least = 1e-2 * inner  # lower limit of x at the crown, where planes meet
 
     def place(share: Floats) -> Floats:
         angle = begin + share[:, 0] * (end - begin)

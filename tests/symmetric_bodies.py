@@ -111,10 +111,10 @@ def with_image(points: Floats, cells: Longs, rank: Longs) -> tuple[Floats, Longs
 
 
 def sharing_facets() -> Any:
-    """Return a partitioner with which ranks have ghost cells across facets."""
+    """Return a partitioner that gives ranks ghost cells across facets."""
     try:
         return create_cell_partitioner(GhostMode.shared_facet)
-    except TypeError:  # DOLFINx 0.11 also asks how many cells a facet has at most
+    except TypeError:  # DOLFINx 0.11 requires the largest number of cells at a facet
         return create_cell_partitioner(GhostMode.shared_facet, 2)
 
 

@@ -1,4 +1,4 @@
-"""Linear functions around formulas: below and above at random points, and exact where they are."""
+"""Test linear functions around formulas: below and above at random points, and exact if linear."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_formulas_are_between(formula: str, corners: int) -> None:
 
 
 def test_what_is_linear_in_a_cell_is_exact() -> None:
-    """Kinks on an edge or at a vertex leave a cell on one side of them."""
+    """With a kink on an edge or at a vertex, a cell lies on one side of the kink."""
     cell = np.array([[[0.5, 0.25], [1.0, 0.25], [0.5, 1.0]]])
     for formula in ("where(x < 0.5, 7, 2*y)", "maximum(0, x - 0.5)", "abs(y - 0.25)*3", "4"):
         found = enclosed(formula, cell, "here")

@@ -1,4 +1,4 @@
-"""Codes, places and remedies of refusals and warnings."""
+"""Test codes, places and remedies of errors and warnings."""
 
 import logging
 from pathlib import Path
@@ -24,7 +24,7 @@ from perfplast_fenicsx.materials.von_mises import VonMises
 
 @pytest.mark.serial
 def test_each_place_has_a_code_of_its_own() -> None:
-    """A new message needs a code: python3 docs/refusals.py --write gives it one."""
+    """A new message needs a code; python3 docs/refusals.py --write adds one."""
     rows, found = refusals.stored(), refusals.sites()
     assert len({row.code for row in rows}) == len(rows)
     now = updated(rows, found)
@@ -89,7 +89,7 @@ def test_a_refusal_of_the_package() -> None:
 
 @pytest.mark.serial
 def test_the_place_of_a_file_is_named() -> None:
-    """Who names the file does not change the code."""
+    """The caller that names the file does not change the code."""
     alone = refused(Contact, "a", "b", coulomb=-0.1)
     table = {"primary": "a", "secondary": "b", "coulomb": -0.1}
     error = refused(convert, table, Contact, "case.toml, [[contact]] 1")
@@ -107,7 +107,7 @@ def test_the_place_of_a_file_is_named() -> None:
 
 @pytest.mark.mpi2
 def test_ranks_agree(comm: MPI.Intracomm) -> None:
-    """The code and the place are those of the rank that found the fault."""
+    """The code and the place come from the rank that found the fault."""
 
     def one_rank() -> None:
         if comm.rank == comm.size - 1:
@@ -123,7 +123,7 @@ def test_ranks_agree(comm: MPI.Intracomm) -> None:
 
 @pytest.mark.serial
 def test_a_warning(caplog: pytest.LogCaptureFixture) -> None:
-    """A warning that repeats a refusal has its code."""
+    """A warning that repeats an error has the code of the error."""
     rows = [row for row in refusals.stored() if row.kind == "warning"]
     for row in rows:
         record = logging.makeLogRecord(

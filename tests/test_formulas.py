@@ -1,4 +1,4 @@
-"""Formulas in x, y, z: their values, and what is refused before anything is evaluated."""
+"""Test formulas in x, y, z: their values, and refusals before any evaluation."""
 
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def test_refused(formula: str, fault: str) -> None:
 
 
 def test_deep_nesting_ends_in_a_value_or_a_refusal() -> None:
-    """How deep Python's stack is already decides which."""
+    """The current depth of Python's stack determines which."""
     try:
         assert np.allclose(evaluate("-" * 900 + "x", X, "here"), x)
     except InputError as error:

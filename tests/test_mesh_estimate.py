@@ -1,4 +1,4 @@
-"""Words on the limit load of a mesh: it is an estimate, not a bound."""
+"""Test the words on the limit load of a mesh: it is an estimate, not a bound."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Rows of arrays that travel between ranks, and communicators that are given back."""
+"""Test array rows that travel between ranks, and the release of communicators."""
 
 import gc
 
@@ -22,7 +22,7 @@ def test_rows_arrive_where_they_are_sent(comm: MPI.Intracomm) -> None:
 
 @pytest.mark.mpi3
 def test_rows_with_names_arrive_whole_and_in_order(comm: MPI.Intracomm) -> None:
-    """All go to the last rank; the others get rows of the same type, none."""
+    """All rows go to the last rank; the other ranks get empty arrays of the same type."""
     rows = np.zeros(5, dtype=[("number", np.int32), ("x", np.float64, 2), ("flag", np.bool_)])
     rows["number"] = 10 * comm.rank + np.arange(5)
     rows["x"] = rows["number"][:, None] / 4 + (0, 1)
@@ -51,9 +51,10 @@ def test_rows_are_fetched_by_number(comm: MPI.Intracomm) -> None:
 
 @pytest.mark.mpi3
 def test_problems_that_are_dropped_leave_no_communicator(comm: MPI.Intracomm) -> None:
-    """MPICH has 2048 of them: a sweep over meshes ended the program when PETSc kept some of each.
+    """MPICH has 2048 communicators: a sweep over meshes failed when PETSc kept some of each.
 
-    An attribute is copied whenever a communicator is duplicated, and deleted when that is freed.
+    MPI copies an attribute when a communicator is duplicated, and deletes it when the communicator
+    is freed.
     """
     living = 0
 

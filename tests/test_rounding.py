@@ -1,4 +1,4 @@
-"""A printed bound is still a bound after rounding."""
+"""Test that a printed bound is still a bound after rounding."""
 
 import numpy as np
 import pytest

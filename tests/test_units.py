@@ -1,4 +1,4 @@
-"""Consistent systems of units."""
+"""Test consistent systems of units."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def test_systems_are_consistent(name: str) -> None:
 
 
 def test_stresses_in_pounds() -> None:
-    """Factors to SI are those of NIST SP 811 (2008), appendix B.8."""
+    """Factors to SI come from NIST SP 811 (2008), appendix B.8."""
     factors = {"psi": 6894.757, "ksi": 6894757.0, "psf": 47.88026, "ksf": 47880.26}
     assert {
         system.stress: pytest.approx(system.pascals, rel=1e-7)
@@ -43,10 +43,10 @@ def test_units_of_quantities() -> None:
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_moments_have_arms_in_metres_or_feet(name: str) -> None:
-    """A moment of a force and an arm of one metre or foot is 1 in the unit that is told."""
+    """A unit force with an arm of one metre or foot has the moment 1 in the reported unit."""
     units, system = Units(system=name), SYSTEMS[name]  # type: ignore[arg-type, index]
     arm = "ft" if system.length in ("in", "ft") else "m"
-    arm_as_given = METRES[arm] / system.metres  # one metre or foot in the case's unit of length
+    arm_as_given = METRES[arm] / system.metres  # one metre or foot in the length unit of the case
     assert units.moment_scale() * arm_as_given == pytest.approx(1.0, rel=1e-14)
     assert units.table()["moment"] == f"{units.table()['force']} {arm}"
     assert units.moment_scale(whole=False) == Units("cm", "bar").moment_scale() == 1.0

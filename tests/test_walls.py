@@ -1,4 +1,4 @@
-"""Imports between sub-packages: :data:`BELOW` lists the allowed ones."""
+"""Test imports between sub-packages: :data:`BELOW` lists the allowed ones."""
 
 import ast
 from collections.abc import Iterator
@@ -92,9 +92,9 @@ BELOW: dict[str, set[str]] = {
         *("export", "limit_analysis", "solvers", "problem", "materials", "seepage"),
     },
 }
-"""For each room those that it may import from, besides itself and the ground: the modules that lie
-in the package itself, which import from no room. Who lies elsewhere and may enter a room may enter
-those inside of it."""
+"""For each room (sub-package), the rooms from which it may import, besides itself and the ground.
+The ground consists of the modules in the package itself, which import from no room. A module
+elsewhere that may import from a room may also import from its sub-folders."""
 
 GROUND = ""
 
@@ -125,7 +125,7 @@ def room(parts: tuple[str, ...]) -> str:
 
 
 def modules() -> list[tuple[str, Path]]:
-    """Return all modules with their rooms, except for the module of the command."""
+    """Return all modules with their rooms, except the module of the command."""
     found = []
     for path in sorted((ROOT / PACKAGE).rglob("*.py")):
         parts = path.relative_to(ROOT / PACKAGE).with_suffix("").parts
@@ -174,7 +174,7 @@ def test_demos_import_no_deeper_than_rooms(path: Path) -> None:
 
 
 def test_modules_have_at_most_600_lines() -> None:
-    """A module holds one idea, whole; 600 lines are what a reader takes in."""
+    """A module contains one topic; 600 lines are the most that a reader can follow."""
     long = {
         str(path.relative_to(ROOT)): lines
         for _, path in modules()
@@ -184,10 +184,10 @@ def test_modules_have_at_most_600_lines() -> None:
 
 
 MANY_PARAMETERS = {"problem/problem.py:__init__"}
-"""Functions that still have more than 8 parameters: names leave this set and never join it."""
+"""Functions that still have more than 8 parameters; names may leave this set, but not join it."""
 
 LONG_FUNCTIONS = {"io/case/case_reader.py:case_of", "proof/outer_tractions.py:outer_tractions"}
-"""Functions that still have more than 80 lines: names leave this set and never join it."""
+"""Functions that still have more than 80 lines; names may leave this set, but not join it."""
 
 KERNEL_SOURCES = {"body_stiffness.py:source", "condensed_stiffness.py:source"}
 """Functions that return the source of C kernels."""
@@ -220,7 +220,7 @@ def test_functions_have_at_most_80_lines() -> None:
 
 
 def test_no_public_name_is_that_of_a_module() -> None:
-    """The first import of the module would put it in the place of the name."""
+    """The first import of the module would replace the name."""
     for names in (ROOT / PACKAGE).rglob("__init__.pyi"):
         modules = {path.stem for path in names.parent.iterdir()}
         public = {
@@ -283,7 +283,7 @@ def importers() -> dict[str, set[str]]:
 
 
 def test_no_thin_module_serves_one_neighbour() -> None:
-    """A module of less than 60 lines whose only importer is in its folder belongs into it."""
+    """A module below 60 lines whose only importer is in its folder belongs in the importer."""
     thin = set()
     for name, users in importers().items():
         folder, _, stem = name.rpartition(".")
@@ -295,7 +295,7 @@ def test_no_thin_module_serves_one_neighbour() -> None:
 
 
 THIN_MODULES = {"controls.load_control"}
-"""One of several of a kind that has a file for each."""
+"""Modules of a kind for which each member has a separate file."""
 
 
 def test_a_bound_needs_at_most_50_modules_of_limit_analysis() -> None:

@@ -1,4 +1,4 @@
-"""Proofs of bodies that are held along one direction of their surfaces, and forgeries of these."""
+"""Test proofs of bodies whose surfaces are held along one direction, and forgeries."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ TURNED = 0.3
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of an eighth of a tube, or half an octant of a cube."""
+    """Return the halves of a proof of an eighth of a tube, or half an octant of a cube."""
     tube = request.param == 2
     mesh = (square_tube if tube else cube)(MPI.COMM_SELF, 2 if tube else 1, False, TURNED)
     supports = [Support("diagonal", "normal"), Support("y0", "normal")]
@@ -48,14 +48,14 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def guided_nodes(them: Arrays) -> np.ndarray:
-    """Nodes on guides, as vertices have the first numbers of their cells' nodes."""
+    """Return the nodes on guides; vertices have the first numbers of their cells' nodes."""
     on = np.unique(them["facets"][them["guided"].any(axis=1)])
     d = them["vertices"].shape[1]
     return np.unique(them["nodes"][:, : d + 1][np.isin(them["cells"], on)])
 
 
 def pass_through(share: float) -> Forgery:
-    """Lets nodes of guides move along the diagonal's normal."""
+    """Move nodes of guides along the normal of the diagonal."""
 
     def forge(them: Arrays) -> None:
         v = them["velocity"]
@@ -66,7 +66,7 @@ def pass_through(share: float) -> Forgery:
 
 
 def shear_there(share: float) -> Forgery:
-    """Adds a uniform shear, with loads that bear it on all facets but guides."""
+    """Add a uniform shear, with loads that balance it on all facets except guides."""
 
     def forge(them: Arrays) -> None:
         body = Body.of(them)
@@ -81,7 +81,7 @@ def shear_there(share: float) -> Forgery:
 
 
 def test_what_passes_a_guide_is_refused(honest: Halves, tmp_path: Path) -> None:
-    """A velocity through the guide is corrected, which increases the bound."""
+    """The checker corrects a velocity through the guide, which increases the bound."""
     for share in (1e-2, 1e-6):
         assert "only" in said_of_forged(honest, pass_through(share), tmp_path)
 

@@ -1,4 +1,4 @@
-"""The checker's parabola: its gauge and dissipation by sampling, and forged ones."""
+"""Test the checker's parabola: gauge and dissipation by sampling, and forgeries."""
 
 import re
 from pathlib import Path
@@ -35,7 +35,7 @@ NONE = np.array([np.nan])
 
 
 def rock() -> Cones:
-    """The cone of a rock, as from a file."""
+    """Return the cone of a rock, as from a file."""
     bound, curvature = np.array([ROCK.tension]), np.array([ROCK.curvature])
     return Cones(bound, np.zeros((1, 3)), np.zeros((1, 3, 3)), NONE, NONE, curvature)
 
@@ -68,7 +68,7 @@ def test_stresses_of_ratio_one_are_those_of_the_criterion() -> None:
 
 
 def test_dissipation_by_sampling() -> None:
-    """The most work of stresses on the surface, and its Lipschitz constant for all rates."""
+    """Compare with the largest work of stresses on the surface, and with the Lipschitz constant."""
     cones, random = rock(), np.random.default_rng(2)
     stress = random.normal(size=(1, 200_000, 3)) - random.exponential(3, (200_000, 1)) * [1, 1, 0]
     stress /= cones.ratios(AT, stress)[..., None]
@@ -91,7 +91,7 @@ def test_dissipation_by_sampling() -> None:
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """A block of rock, by the program."""
+    """Return a rock block, from the program."""
     path = tmp_path_factory.mktemp("parabola")
     found = written(path, limit_bounds(block(ROCK)))
     words = check(path / "bounds.h5")["lower"].words[0]
@@ -100,7 +100,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 
 def divided(them: Arrays) -> None:
-    """A strength that F divides."""
+    """Divide the strength by F."""
     them["strength_factor"] = np.array(2.0)
 
 

@@ -1,4 +1,4 @@
-"""Forged pressures in pores are refused, of honest proofs of wet ground beside dry."""
+"""Test that forged pore pressures are refused, in honest proofs of wet ground beside dry ground."""
 
 import re
 from pathlib import Path
@@ -46,7 +46,7 @@ WET = "constant_pore_pressure"
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of two blocks of ground, the lower one with water in its pores."""
+    """Return the halves of a proof of two ground blocks; the lower one has pore water."""
     dim, path = request.param, tmp_path_factory.mktemp("honest")
     it = Stack(1, dim, (0.7, 1.2), ((1.0, 1.0),) * 2, 0.4 if dim == 2 else 0.7, plain=True)
     write_stack(path / "stack.msh", it)
@@ -66,7 +66,7 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def elsewhere(them: Arrays) -> None:
-    """The pressure in the other cells."""
+    """Move the pressure to the other cells."""
     them[WET] = them[WET][::-1].copy()
 
 
@@ -105,7 +105,7 @@ def test_a_forged_pressure(honest: Halves, tmp_path: Path, name: str) -> None:
 
 
 def test_a_file_without_pores_is_as_before(honest: Halves, tmp_path: Path) -> None:
-    """With zeros in their place nothing changes: the stress is no proof without the pressure."""
+    """Zeros have the same effect: without the pressure, the stress proves nothing."""
     halves = {kind: dict(of) for kind, of in honest.items()}
     for of in halves.values():
         of["pore_pressure"] = np.zeros(of[WET].shape)

@@ -1,6 +1,6 @@
-"""Honest proofs of random bodies pass, however much stronger one body is than the others.
+"""Test that honest proofs of random bodies pass, for any ratio of their strengths.
 
-``PERFPLAST_FUZZ=10`` tries twenty-five times as many.
+``PERFPLAST_FUZZ=10`` tries twenty-five times as many bodies.
 """
 
 import os
@@ -22,15 +22,16 @@ COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "0.4"))
 CONTRASTS = (1e0, 1e3, 1e6, 1e9, 1e12, 1e15)
 COARSE = {163, 205}
-"""Meshes of some twenty cells on which no stress that is linear in the cells is in equilibrium and
-presses wherever bodies touch: a bound is that of one nearby, less what it leaves."""
+"""Meshes of about twenty cells, on which no linear stress in the cells is in equilibrium and
+compressive wherever bodies touch. The bound belongs to a stress nearby, minus the cost of its
+residuals."""
 SEEDS = [
     pytest.param(seed, marks=[] if seed < 104 else [pytest.mark.serial])  # few on several ranks
     for seed in sorted({*range(100, 100 + int(12 * EFFORT)), *COARSE, 240, 276})
 ]
-"""In numbers 240 and 276 edges nearly cross: rows of equilibrium nearly depend on each other."""
+"""Seeds. In numbers 240 and 276 edges almost cross, and equilibrium rows are almost dependent."""
 COARSER = 1.5
-"""Ratio of edge lengths to those of other tests with such bodies."""
+"""Ratio of the edge lengths to those in other tests with such bodies."""
 
 
 @pytest.mark.mpi2("100")

@@ -1,6 +1,6 @@
-"""Random bodies beside a share of their loads that stays: the limit load is less by that share.
+"""Test random bodies with a constant fraction of their loads, which reduces the limit load.
 
-``PERFPLAST_FUZZ=10`` tries ten times as many.
+``PERFPLAST_FUZZ=10`` tries ten times as many bodies.
 """
 
 import os
@@ -22,7 +22,7 @@ from tests.random_bodies import problem_of, stack, write_stack
 COMM = MPI.COMM_WORLD
 EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 SHARES = (-1.0, 0.3, 0.95, 1.4)
-"""Shares of the proven load; the last one is too large without other loads."""
+"""Fractions of the proven load; the last fraction is too large without other loads."""
 
 
 @pytest.mark.long(but=["300"])
@@ -43,7 +43,7 @@ def test_a_share_that_stays(shared_tmp_path: Path, seed: int) -> None:
     assert bounds.strict, bounds.why_not
     assert bounds.lower.value is not None
     assert bounds.upper.value is not None
-    # both brackets hold the same number, and are about as wide
+    # both brackets contain the same number, and have about the same width
     least, most = bounds.lower.value + dead, bounds.upper.value + dead
     rounding = 1e-8 * plain.upper.value
     assert least <= plain.upper.value + rounding

@@ -1,9 +1,9 @@
-"""No random edit of an honest file makes a bound that is false.
+"""Test that no random edit of an honest file proves a false bound.
 
-An edit of a stress, a velocity or a claim leaves the bodies as they are, and so does an edit of the
-bodies of one half that the checker takes as the same. Then no lower bound may be above the honest
-upper one, and no upper bound below the honest lower one. Edits of the bodies of both halves have
-other limits: there the two bounds must not cross.
+An edit of a stress, a velocity or a claim does not change the bodies. The same holds for an edit of
+the bodies in one half that the checker accepts as the same bodies. Then no lower bound may be above
+the honest upper bound, and no upper bound below the honest lower bound. Edits of the bodies in both
+halves change the limits: there the two bounds must not cross.
 
 With ``PERFPLAST_FUZZ=10`` the long test tries 2 040 edits of all kinds of files.
 """
@@ -56,7 +56,7 @@ EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "1"))
 
 
 def reading(folder: Path) -> Callable[..., TaggedMesh]:
-    """A function that writes a mesh and reads it."""
+    """Return a function that writes a mesh and reads it."""
 
     def read(write_mesh: Callable[..., object], **options: object) -> TaggedMesh:
         write_mesh(folder / "mesh.msh", **options)
@@ -66,22 +66,22 @@ def reading(folder: Path) -> Callable[..., TaggedMesh]:
 
 
 def of(make: Callable[[Path], Problem], rtol: float = 1e-3) -> Callable[[Path], Halves]:
-    """A function that writes the proof of a problem."""
+    """Return a function that writes the proof of a problem."""
     return lambda path: written(path, limit_bounds(make(path), rtol))
 
 
 def sheet(path: Path) -> Problem:
-    """A quarter of a ring in plane stress."""
+    """Return a quarter of a ring in plane stress."""
     return ring(reading(path)(write_thick_tube, outer=2.0, size=0.4), Pressure("inner", 1.0))
 
 
 def dilating_less(path: Path) -> Problem:
-    """A column of ground with two angles."""
+    """Return a column of ground with two angles."""
     return column(ground("radenkovic"), Pressure("top", 1.0))
 
 
 def in_a_direction(path: Path) -> Problem:
-    """A square sheet under two loads in one direction of an envelope, one of them constant."""
+    """Return a square sheet under two loads in one direction of an envelope; one is constant."""
     sides = {
         f"{axis}{end}": lambda x, i=i, end=end: np.abs(x[i] - end) < 1e-9
         for i, axis in enumerate("xy")
@@ -95,7 +95,7 @@ def in_a_direction(path: Path) -> Problem:
 
 
 def combined(path: Path) -> Problem:
-    """A block whose strength and loads have partial factors of a combination."""
+    """Return a block whose strength and loads have partial factors of a combination."""
     law = MohrCoulomb(1e4, 0.3, 10.0 / 1.25, math.degrees(math.atan(math.tan(0.5) / 1.25)))
     sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 1 - 1e-9}
     ends = {"bottom": lambda x: x[1] < 1e-9, "top": lambda x: x[1] > 1 - 1e-9}
@@ -106,7 +106,7 @@ def combined(path: Path) -> Problem:
 
 
 def footing_on_rock(path: Path) -> Problem:
-    """Half of a strip footing on rock of Hoek and Brown, between rollers and a pressure."""
+    """Return half of a strip footing on Hoek–Brown rock, between rollers and a pressure."""
     sides = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 2 - 1e-9}
     ends = {
         "bottom": lambda x: x[1] < 1e-9,
@@ -171,7 +171,7 @@ def noisy(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
 
 
 def shuffled(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
-    """Two rows change places."""
+    """Exchange two rows."""
     order = np.arange(len(values))
     pair = random.integers(len(values), size=2)
     order[pair] = order[pair[::-1]]
@@ -179,14 +179,14 @@ def shuffled(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
 
 
 def cleared(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
-    """A row of zeros."""
+    """Set a row to zero."""
     found = values.copy()
     found[random.integers(len(values))] = 0
     return found
 
 
 def flipped(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
-    """Another whole number, or flag, in one place."""
+    """Change a whole number, or a flag, in one place."""
     found = values.copy()
     most = 1 if values.dtype == np.uint8 else max(int(values.max()), 1)
     found.flat[random.integers(found.size)] = random.integers(most + 1)
@@ -194,7 +194,7 @@ def flipped(values: npt.NDArray, random: np.random.Generator) -> npt.NDArray:
 
 
 def edit(them: Arrays, name: str, random: np.random.Generator) -> None:
-    """Change one array in place of itself."""
+    """Replace one array by its edited copy."""
     values = np.asarray(them[name])
     if values.ndim == 0:
         them[name] = np.asarray(scaled(values, random))
@@ -211,7 +211,8 @@ def edit(them: Arrays, name: str, random: np.random.Generator) -> None:
 def some_edits(
     name: str, number: int, folder: Path, random: np.random.Generator
 ) -> tuple[int, int]:
-    """Edits of a kind of file prove nothing that is false. Return how many are proven, and not."""
+    """Check that edits of one kind of file prove nothing false; count those with and without proof.
+    """
     honest = KINDS[name](folder)
     proven = check(folder / "bounds.h5")
     low, high = proven["lower"].proven, proven["upper"].proven

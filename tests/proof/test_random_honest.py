@@ -1,8 +1,8 @@
-"""Honest proofs of extreme bodies: slender ones, strong contrasts, loads far above the strength.
+"""Test honest proofs of extreme bodies: slender bodies, strong contrasts, very large loads.
 
-A bound that the program calls strict is proven on file, and encloses the limit load where that is
-known. What the search has found and what is proven differ by 1e-8 at most, or the file tells by how
-much. ``PERFPLAST_FUZZ=10`` tries 300 bodies.
+The file proves a bound that the program calls strict, and the bounds enclose the limit load if it
+is known. The bounds of the search and of the proof differ by at most 1e-8, or the file names the
+difference. ``PERFPLAST_FUZZ=10`` tries 300 bodies.
 """
 
 import math
@@ -44,12 +44,12 @@ EFFORT = float(os.environ.get("PERFPLAST_FUZZ", "0.2"))
 SIDES = ("x0", "x1", "y0", "y1")
 SMALL = 1e-9
 NEAR = 1e-8
-"""Distance of what is proven from what was found that needs no words."""
+"""Largest difference of proven and found bounds without a message."""
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """A problem, in words, and its limit load; None where it is not known."""
+    """A problem, its description, and its limit load; None if it is not known."""
 
     problem: Problem
     words: str
@@ -57,22 +57,22 @@ class Extreme:
 
 
 def size(random: Random, decades: float, least: float = 0.0) -> float:
-    """A number between powers of 10."""
+    """Return a number between powers of 10."""
     return float(10 ** random.uniform(least, decades))
 
 
 def metal(strength: float) -> VonMises:
-    """Metal with a shear strength in plane strain."""
+    """Return metal with a shear strength in plane strain."""
     return VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3.0) * strength)
 
 
 def bar(
     random: Random, counts: tuple[int, int], length: float, layers: dict[str, Material]
 ) -> Problem:
-    """Layers on each other along x, under one constant pressure on all free sides.
+    """Return stacked layers along x, under one constant pressure on all free sides.
 
-    The first side is held, or guided by rollers beside others below. The last one is pulled,
-    pressed, or pushed aside.
+    The first side is held, or guided by rollers. The last side is pulled, pressed, or pushed
+    sideways.
     """
     number = len(layers)
     volumes = {
@@ -95,7 +95,7 @@ def bar(
 
 
 def slender(random: Random, path: Path) -> Extreme:
-    """A bar of one metal, up to a million times as long as thick, or as thick as long."""
+    """Return a bar of one metal, up to a million times as long as thick, or as thick as long."""
     length = size(random, 6.0, -6.0 if random.random() < 0.3 else 0.0)
     counts = random.choice([(8, 2), (12, 2), (4, 4)])
     problem = bar(random, counts, length, {"bar": metal(1.0)})
@@ -104,7 +104,7 @@ def slender(random: Random, path: Path) -> Extreme:
 
 
 def layered(random: Random, path: Path) -> Extreme:
-    """Layers of metal with strengths between 1 and 1e15, glued to each other."""
+    """Return glued metal layers with strengths between 1 and 1e15."""
     strengths = [size(random, 15.0) for _ in range(random.randint(2, 3))]
     layers: dict[str, Material] = {f"layer{i}": metal(s) for i, s in enumerate(strengths)}
     n = 2 * len(strengths)
@@ -113,7 +113,7 @@ def layered(random: Random, path: Path) -> Extreme:
 
 
 def stacked(random: Random, path: Path) -> Extreme:
-    """Blocks in contact, one of which is up to 1e15 times as strong."""
+    """Return blocks in contact; one of them is up to 1e15 times as strong."""
     it = stack(random.randrange(10_000), 3 if random.random() < 0.15 else 2)
     it = replace(it, size=1.5 * it.size)
     write_stack(path / "stack.msh", it)
@@ -123,7 +123,7 @@ def stacked(random: Random, path: Path) -> Extreme:
 
 
 def ground(random: Random, path: Path) -> Extreme:
-    """Ground between smooth planes, under pressures up to a million times its cohesion."""
+    """Return ground between smooth planes, under pressures up to a million times its cohesion."""
     angle = random.uniform(5.0, 40.0)
     pressure = size(random, 6.0, -2.0)
     names = {name: (i // 2, float(i % 2)) for i, name in enumerate(SIDES)}
@@ -145,7 +145,7 @@ def ground(random: Random, path: Path) -> Extreme:
 
 
 def in_space(random: Random, path: Path) -> Extreme:
-    """Two blocks in contact, flat or high, one much stronger, under one pressure all around."""
+    """Return two blocks in contact, flat or high, one much stronger, under hydrostatic pressure."""
     heights = (size(random, 3.0, -3.0), size(random, 3.0, -3.0))
     strengths = sorted([1.0, size(random, 15.0)], key=lambda _: random.random())
     around = size(random, 6.0, -6.0)
@@ -157,7 +157,7 @@ def in_space(random: Random, path: Path) -> Extreme:
         [Contact("lower_top", "upper_bottom")],
         degree=2,
     )
-    # the constant pressure acts on the top alone, and takes its part of the limit load
+    # the constant pressure acts only on the top, and takes its part of the limit load
     words = f"blocks in space, heights {heights[0]:.1e} and {heights[1]:.1e}, {around:.1e} stays"
     return Extreme(problem, words, math.sqrt(3.0) * min(strengths) - around)
 

@@ -1,4 +1,4 @@
-"""The checker's results for a factor that divides strengths."""
+"""Test the checker's results for a factor that divides strengths."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +17,7 @@ from tests.proof.test_balance import strip
 
 @pytest.fixture(scope="module")
 def half(tmp_path_factory: pytest.TempPathFactory) -> Arrays:
-    """A half of two blocks of yield stress 1 and 3, without a factor."""
+    """Return a half for two blocks with yield stresses 1 and 3, without a factor."""
     return blocks(tmp_path_factory.mktemp("reduction"), 2)["lower"]
 
 
@@ -81,7 +81,7 @@ def test_what_fits_no_bodies_is_refused(
 
 @pytest.fixture(scope="module")
 def sides(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Both sides of a factor of safety of two blocks: strengths over the bounds carry the loads."""
+    """Return both sides of a factor of safety of two blocks: reduced strengths carry the loads."""
     halves = blocks(tmp_path_factory.mktemp("sides"), 2)
     for kind, half in halves.items():
         bound = float(half["bound"])
@@ -95,7 +95,7 @@ def sides(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 
 def pair_of(sides: Halves, folder: Path) -> tuple[Path, Path]:
-    """Write both sides, each into a file of its own."""
+    """Write both sides into separate files."""
     stands, falls = folder / "stands.h5", folder / "falls.h5"
     write(stands, {"lower": sides["lower"]})
     write(falls, {"upper": sides["upper"]})
@@ -103,7 +103,7 @@ def pair_of(sides: Halves, folder: Path) -> tuple[Path, Path]:
 
 
 def scaled(name: str, factor: float) -> Callable[[Arrays], None]:
-    """Multiply an array."""
+    """Return a function that multiplies an array."""
 
     def change(them: Arrays) -> None:
         them[name] = them[name] * factor
@@ -117,7 +117,7 @@ def half_as_much(them: Arrays) -> None:
 
 
 def with_kept_cells(them: Arrays) -> None:
-    """The second block is not divided."""
+    """Mark the second block as not reduced."""
     kept = them["cone"] != them["cone"][0]
     them["cell_kept"] = kept.astype(np.uint8)
 
@@ -165,7 +165,7 @@ def test_sides_of_other_bodies_are_no_factor(sides: Halves, tmp_path: Path, name
     change(forged[kind])
     paths = pair_of(forged, tmp_path)
     found = check_pair(*paths)
-    if not why:  # a bound that is smaller than what is claimed is proven all the same
+    if not why:  # a bound that is smaller than the claim is still proven
         assert not found.faults
         return
     assert why in "; ".join(found.faults)
@@ -185,7 +185,7 @@ def test_files_that_are_no_pair_are_refused(sides: Halves, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 1.7])
 def test_ground_before_its_strength_is_divided(factor: float) -> None:
-    """Cohesion and tan φ of both kinds of cones are multiplied, and so is a tensile strength."""
+    """Cohesion and tan φ of both kinds of cones, and the tensile strength, are multiplied."""
     whole, sine = principal_cell(2.0, 0.7, 0.5)
     reduced, _ = principal_cell(2.0 / factor, 0.7 / factor, 0.5 / factor)
     kept = dict(zip(KEPT, (np.zeros(n, dtype=bool) for n in (2, 0, 0)), strict=True))
@@ -198,7 +198,7 @@ def test_ground_before_its_strength_is_divided(factor: float) -> None:
 
 
 def principal_cell(cohesion: float, tangent: float, tension: float) -> tuple[Arrays, float]:
-    """A square of two cells, one with Mohr and Coulomb's cone, one with the plane one."""
+    """Return a square of two cells, one with Mohr–Coulomb's cone, one with the plane cone."""
     cosine = 1 / np.sqrt(1 + tangent**2)
     sine = tangent * cosine
     them = strip(1.0, 1)

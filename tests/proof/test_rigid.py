@@ -1,4 +1,4 @@
-"""Forged rigid surfaces are refused, of honest proofs of plates that are pushed and turned."""
+"""Test that forged rigid surfaces are refused, in honest proofs of pushed and rotated plates."""
 
 import re
 from pathlib import Path
@@ -42,7 +42,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of a block on a plane, with a plate on top that is loaded aside."""
+    """Return the halves of a proof of a block on a plane, with a laterally loaded plate on top."""
     dim, path = request.param, tmp_path_factory.mktemp("honest")
     it = Stack(1, dim, (0.7,), ((1.0, 1.0),), 0.4 if dim == 2 else 0.7, plain=True)
     write_stack(path / "stack.msh", it)
@@ -62,7 +62,7 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def bent(them: Arrays) -> None:
-    """One node of the plate moves."""
+    """Move one node of the plate."""
     d = them["vertices"].shape[1]
     cells, nodes = them["cells"], them["nodes"]
     tag = them["rigid"][0]
@@ -72,13 +72,13 @@ def bent(them: Arrays) -> None:
 
 
 def without_plate(them: Arrays) -> None:
-    """No rigid surface, and none of its loads."""
+    """Remove the rigid surface and its loads."""
     for name in ("rigid", "rigid_held", "rigid_force", "rigid_moment"):
         del them[name]
 
 
 def pushed_for_nothing(them: Arrays) -> None:
-    """No stress under the plate, in a body that bears anything, beside one that is pressed more."""
+    """Remove the stress under the plate, in a body of any strength, beside a more loaded body."""
     them["cone_bound"] = 1e15 * them["cone_bound"]
     them["stress"] = 0.0 * them["stress"]
     free_cell(1e15, pressed=1e12)(them)

@@ -1,4 +1,4 @@
-"""Rigid plates on bodies of revolution are proven, and forged ones are refused."""
+"""Test that proofs of rigid plates on bodies of revolution pass, and forgeries are refused."""
 
 import re
 from pathlib import Path
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of a disc between a floor and a plate."""
+    """Return the halves of a proof of a disc between a floor and a plate."""
     path, bounds = tmp_path_factory.mktemp("honest"), limit_bounds(pressed_disc(2))
     found = written(path, bounds)
     proven = check(path / "bounds.h5")
@@ -40,7 +40,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
 
 
 def bent(them: Arrays) -> None:
-    """The plate is faster at its edge."""
+    """Increase the velocity of the plate at its edge."""
     r = them["vertices"][them["cells"], 0]
     on = (them["vertices"][them["cells"], 1] > 0.5 - 1e-9) & (r > 1 - 1e-9)
     them["velocity"][them["nodes"][:, :3][on]] *= 1 + 1e-6

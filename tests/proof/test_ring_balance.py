@@ -1,6 +1,6 @@
-"""Residuals of bodies of revolution and of rigid plates make a lower bound smaller.
+"""Test that residuals of bodies of revolution and rigid plates reduce a lower bound.
 
-Bodies here are cells by hand, so that limits are known: cylinders, tubes, and strips with a plate.
+The bodies are single cells with known limits: cylinders, tubes, and strips with a plate.
 """
 
 from collections.abc import Callable
@@ -19,11 +19,11 @@ pytestmark = pytest.mark.serial
 
 Arrays = dict[str, npt.NDArray]
 PULL = np.sqrt(3.0)
-"""The largest pull along a cylinder with a shear strength of 1."""
+"""The largest tension along a cylinder with a shear strength of 1."""
 
 
 def tube(inner: float, cells: tuple[int, int] = (2, 3)) -> Arrays:
-    """A tube of outer radius 1 and height 1, held along its axis at the bottom, without stress."""
+    """Return a tube of outer radius 1 and height 1, held axially at the bottom, without stress."""
     nr, nz = cells
     r, z = np.linspace(inner, 1.0, nr + 1), np.linspace(0.0, 1.0, nz + 1)
     places = np.array([(x, y) for y in z for x in r])
@@ -62,7 +62,7 @@ def tube(inner: float, cells: tuple[int, int] = (2, 3)) -> Arrays:
 
 
 def stretched(them: Arrays, size: float) -> None:
-    """A uniform stress along the axis."""
+    """Set a uniform stress along the axis."""
     r = them["vertices"][them["cells"]][..., 0]
     pairs = [(a, b) for a in range(3) for b in range(a, 3)]
     for a, b in pairs:
@@ -70,7 +70,7 @@ def stretched(them: Arrays, size: float) -> None:
 
 
 def pulled(them: Arrays, share: float) -> None:
-    """A load along the axis at the top, and a share of the stress that bears it."""
+    """Set a load along the axis at the top, and a fraction of the stress that balances it."""
     them["traction"][them["surface"] == 2, :, 1] = 1.0
     stretched(them, share)
 
@@ -92,47 +92,47 @@ def test_a_pulled_tube(inner: float, share: float) -> None:
 
 
 def heavy(them: Arrays) -> None:
-    """Weight in place of the load at the top: the bottom bears all of it."""
+    """Replace the load at the top by a weight: the bottom carries all of it."""
     them["traction"] *= 0.0
     them["body_force"][:, 1] = -1.0
 
 
 def heavy_in_one_cell(them: Arrays) -> None:
-    """Weight of the last cell alone."""
+    """Give a weight to the last cell only."""
     them["traction"] *= 0.0
     them["body_force"][-1, 1] = -1.0
 
 
 def sheared(them: Arrays) -> None:
-    """A traction along the outer side in place of that at the top."""
+    """Replace the load at the top by a shear traction on the outer side."""
     them["traction"] *= 0.0
     them["traction"][them["surface"] == 4, :, 1] = 1.0
 
 
 def burst(them: Arrays) -> None:
-    """A pressure from outside besides, without stress."""
+    """Add an outer pressure, without a stress."""
     them["constant_traction"] = np.zeros_like(them["traction"])
     them["constant_traction"][them["surface"] == 4, :, 0] = -1e-9
 
 
 def a_jump(them: Arrays) -> None:
-    """A stress in one cell alone, away from the axis."""
+    """Set a stress in one cell only, away from the axis."""
     them["stress"][1, 1] += 1e-3 * np.eye(2)
 
 
 def spun(them: Arrays) -> None:
-    """A radial force, which hoop stresses bear."""
+    """Set a radial force, which hoop stresses balance."""
     them["constant_body_force"] = np.zeros_like(them["body_force"])
     them["constant_body_force"][:, 0] = 1e-3
 
 
 def moved(them: Arrays) -> None:
-    """A place moves, and no stress with it."""
+    """Move a vertex without a change of the stress."""
     them["vertices"][5] += 3e-12
 
 
 def plated(them: Arrays) -> None:
-    """A rigid plate on top, with the load."""
+    """Put a rigid plate on top, with the load."""
     them["traction"] *= 0.0
     them["rigid"], them["rigid_held"] = np.array([2]), np.array([[1, 0]], dtype=np.uint8)
     inner = them["vertices"][:, 0].min()
@@ -141,7 +141,7 @@ def plated(them: Arrays) -> None:
 
 
 def on_a_plane(them: Arrays) -> None:
-    """Pressed on a plane without friction, in place of the support."""
+    """Replace the support by a plane without friction, with compression."""
     them["held"][:] = 0
     them["traction"] *= -1.0
     them["stress"] *= -1.0
@@ -149,7 +149,7 @@ def on_a_plane(them: Arrays) -> None:
 
 
 def held_at_the_top(them: Arrays) -> None:
-    """Held at the top, where the load is, and nowhere else: nothing is loaded but that."""
+    """Hold only the top, where the load acts: the load acts only on held facets."""
     them["held"][:] = 0
     them["held"][them["surface"] == 4, 1] = 1
 
@@ -164,7 +164,7 @@ VARIANTS: dict[str, Callable[[Arrays], None]] = {
 
 
 def most(them: Arrays, name: str) -> float:
-    """Return a load factor that no stress exceeds: by pull, or shear, across the whole tube."""
+    """Return a load factor that no stress exceeds: by tension, or shear, across the whole tube."""
     inner = float(them["vertices"][:, 0].min())
     area = np.pi * (1 - inner**2)
     if name == "heavy":
@@ -184,10 +184,10 @@ def test_what_is_proven_does_not_exceed_the_section(name: str, share: float, inn
     pulled(them, share)
     VARIANTS[name](them)
     found = check_lower(them)
-    if name in ("burst", "spun"):  # such a stress cannot be made smaller
+    if name in ("burst", "spun"):  # such a stress cannot be scaled down
         assert found.reached is None or found.reached <= 1.0
         return
-    if name == "on_a_plane" and share != 1.0:  # contact cannot push by more than it does
+    if name == "on_a_plane" and share != 1.0:  # contact cannot push with a larger force
         assert found.reached is None
         return
     assert found.reached is not None
@@ -217,7 +217,7 @@ def test_stress_on_the_axis_proves_nothing() -> None:
 
 @pytest.mark.parametrize("axis", [None, 0, 1, 2])
 def test_sizes_of_stresses_on_the_regular_triangle(axis: int | None) -> None:
-    """The numbers of the argument, computed from the conditions on its three parts."""
+    """The test computes the numbers in the argument from the conditions on the three parts."""
     of_sides, of_force = sizes_on(axis)
     exact = (3.6901, 1.3946) if axis is None else (2.7690, 1.5461)
     assert (of_sides, of_force) == pytest.approx(exact, abs=1e-4)
@@ -228,12 +228,12 @@ def test_sizes_of_stresses_on_the_regular_triangle(axis: int | None) -> None:
 def test_a_stress_is_zero_where_tractions_are() -> None:
     """At a vertex where both sides have no traction, in both parts of the triangle there."""
     stress = stresses_on(None, bare=0)
-    assert np.abs(stress[[6, 12]]).max() < 1e-12  # first of six coefficients of each part
+    assert np.abs(stress[[6, 12]]).max() < 1e-12  # first of the six coefficients in each part
     assert np.abs(stress).max() > 1
 
 
 def sizes_on(axis: int | None) -> tuple[float, float]:
-    """The largest coefficient for tractions of size 1 on a side, and for a force of size 1."""
+    """Return the largest coefficient for unit tractions on a side, and for a unit force."""
     found = stresses_on(axis)
 
     def size(at: npt.NDArray, start: int, count: int) -> float:
@@ -245,7 +245,7 @@ def sizes_on(axis: int | None) -> tuple[float, float]:
 
 
 def stresses_on(axis: int | None, bare: int | None = None) -> npt.NDArray:
-    """Coefficients of stresses for unit tractions and forces, projected on what is in balance.
+    """Return coefficients of stresses for balanced unit tractions and forces.
 
     Args:
         axis: The side on which the stress is zero, with the tractions at its ends; None for none.
@@ -346,7 +346,7 @@ def _balance(points: npt.NDArray, places: list[tuple[int, int, int]]) -> npt.NDA
 
 
 def with_plate(length: float = 4.0, cells: int = 8) -> Arrays:
-    """A strip held at its left end, with a rigid plate at the other end that is pulled."""
+    """Return a strip held at its left end, with a rigid plate under tension at the other end."""
     them = strip(length, cells)
     them["surface"][-1] = 5
     them["rigid"], them["rigid_held"] = np.array([5]), np.zeros((1, 2), dtype=np.uint8)
@@ -356,17 +356,17 @@ def with_plate(length: float = 4.0, cells: int = 8) -> Arrays:
 
 
 def plate_turned(them: Arrays) -> None:
-    """A moment on the plate, with the force aside."""
+    """Apply a moment on the plate, with the force removed."""
     them["rigid_moment"] += 0.25
 
 
 def plate_pushed_across(them: Arrays) -> None:
-    """A force along the plate."""
+    """Apply a force along the plate."""
     them["rigid_force"], them["rigid_moment"] = np.array([[0.0, 1.0]]), np.array([[4.0]])
 
 
 def plate_held(them: Arrays) -> None:
-    """A plate that neither turns nor moves across, and nothing else holds the strip across."""
+    """Hold the plate against rotation and lateral motion; nothing else holds the strip so."""
     them["rigid_held"][0, 1] = 1
     them["held"][-2] = [1, 0]
 
@@ -376,19 +376,19 @@ def plate_without_stress(them: Arrays) -> None:
 
 
 def plate_with_traction(them: Arrays) -> None:
-    """The load as a traction on the plate, whose resultant counts."""
+    """Apply the load as a traction on the plate, whose resultant matters."""
     them["rigid_force"] *= 0.0
     them["rigid_moment"] *= 0.0
     them["traction"][-1, :, 0] = [0.0, 2.0]
 
 
 def plate_pulled_apart(them: Arrays) -> None:
-    """Half of the stress."""
+    """Set half of the stress."""
     them["stress"] *= 0.5
 
 
 def plate_at_the_side(them: Arrays) -> None:
-    """A second plate on facets of the top, without loads."""
+    """Add a second plate on facets of the top, without loads."""
     them["surface"][8:12] = 6
     them["rigid"], them["rigid_held"] = np.array([5, 6]), np.zeros((2, 2), dtype=np.uint8)
     them["rigid_force"] = np.append(them["rigid_force"], [[0.0, 0.0]], axis=0)
@@ -396,7 +396,7 @@ def plate_at_the_side(them: Arrays) -> None:
 
 
 def plate_over_two_pieces(them: Arrays) -> None:
-    """The plate joins the strip to another one beside it, which is held, too."""
+    """Let the plate connect the strip with a second strip, which is also held."""
     more = strip(4.0, 8)
     count = len(them["vertices"])
     more["vertices"] = more["vertices"] + [0.0, 2.0]
@@ -411,7 +411,7 @@ def plate_over_two_pieces(them: Arrays) -> None:
 
 
 def plate_as_it_is(them: Arrays) -> None:
-    """The load along the strip."""
+    """Apply the load along the strip."""
 
 
 PLATES: dict[str, tuple[Callable[[Arrays], None], float]] = {

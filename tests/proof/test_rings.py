@@ -1,4 +1,4 @@
-"""Proofs of bodies of revolution are found without faults, and forged ones are refused."""
+"""Test that proofs of bodies of revolution have no faults, and that forgeries are refused."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -44,7 +44,7 @@ SOIL = MohrCoulomb(young=1e3, poisson=0.3, cohesion=1.0, friction_angle=20.0)
 
 
 def discs(law: Material = STEEL, **friction: float) -> Problem:
-    """Two discs on each other and on a plane, with weight, pressed and pulled outwards."""
+    """Return two stacked discs on a plane, with weight, under pressure and radial tension."""
     return Problem(
         blocks_apart(MPI.COMM_WORLD, [3, 2], [3, 2], moved_by=0.0).turned(),
         {"lower": law, "upper": law},
@@ -57,7 +57,7 @@ def discs(law: Material = STEEL, **friction: float) -> Problem:
 
 
 def proven(path: Path, problem: Problem) -> Halves:
-    """The halves of a proof, of the bounds that were told."""
+    """Return the halves of a proof of the reported bounds."""
     bounds = limit_bounds(problem, 1e-3)
     halves = written(path, bounds)
     found = check(path / "bounds.h5")
@@ -95,18 +95,18 @@ def test_resultants_are_those_of_the_full_turn(honest: Halves) -> None:
 
 
 def moved(by: float) -> Callable[[Arrays], None]:
-    """All bodies, away from the axis or across it."""
+    """Move all bodies away from the axis, or across it."""
     return lambda them: them.update(vertices=them["vertices"] + [by, 0.0])
 
 
 def pressed_on_the_axis(them: Arrays) -> None:
-    """A hydrostatic S there, which yield does not see."""
+    """Add a hydrostatic S at the axis, which does not affect yield."""
     x = them["vertices"][them["cells"]][..., 0]
     them["stress"][:, :3][x == 0] += np.eye(2)
 
 
 def moving_on_the_axis(them: Arrays) -> None:
-    """The v of a velocity without end there."""
+    """Add an unbounded axial velocity at the axis."""
     x = np.zeros(len(them["velocity"]))
     x[them["nodes"][:, :3]] = them["vertices"][them["cells"]][..., 0]
     x[them["nodes"][:, 3:]] = them["vertices"][them["cells"]][:, ENDS][..., 0].mean(axis=2)
@@ -114,7 +114,7 @@ def moving_on_the_axis(them: Arrays) -> None:
 
 
 def between_vertices(them: Arrays) -> None:
-    """A stress that is far above yield at the middles of edges alone."""
+    """Add a stress that exceeds yield only at the middles of edges."""
     them["stress"][0, 3:, 0, 1] += 1e3
     them["stress"][0, 3:, 1, 0] += 1e3
 
@@ -124,7 +124,7 @@ def plane(them: Arrays) -> None:
 
 
 def rigid_surface(them: Arrays) -> None:
-    """A plate on what is loaded."""
+    """Add a plate on the loaded surface."""
     them["rigid"] = them["surface"].max(keepdims=True)
     them["rigid_held"] = np.zeros((1, 2), dtype=np.uint8)
     for kind in ("", "constant_", "any_"):
@@ -174,14 +174,14 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
 
 
 def loosen(them: Arrays) -> None:
-    """Sand, whose yield ratios are those of S, and not of S over r."""
+    """Use sand, with yield ratios of S instead of S over r."""
     normal = [1.0, 1.0, 1.0, 0.0]
     slopes = np.tile(normal, (len(them["cone_bound"]), 1))
     them.update(cone_bound=0.0 * them["cone_bound"], cone_slope=slopes)
 
 
 def swell(them: Arrays) -> None:
-    """U_r grows with the distance from the axis."""
+    """Let U_r increase with the distance from the axis."""
     x = np.zeros(len(them["velocity"]))
     x[them["nodes"][:, :3]] = them["vertices"][them["cells"]][..., 0]
     x[them["nodes"][:, 3:]] = them["vertices"][them["cells"]][:, ENDS][..., 0].mean(axis=2)
@@ -189,7 +189,7 @@ def swell(them: Arrays) -> None:
 
 
 def shrink(them: Arrays) -> None:
-    """U_r grows with the distance from the axis, inwards."""
+    """Let −U_r increase with the distance from the axis."""
     them["velocity"][:] *= -1.0
     swell(them)
     them["velocity"][:] *= -1.0

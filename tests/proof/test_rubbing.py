@@ -1,4 +1,4 @@
-"""Proofs of bodies that rub are found without faults, and forged ones are refused."""
+"""Test that proofs of bodies with friction have no faults, and that forgeries are refused."""
 
 import copy
 from collections.abc import Callable
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 
 def stacked(gdim: int, **friction: float) -> Problem:
-    """Two blocks on a plane, all of which rubs."""
+    """Return two blocks on a plane, with friction everywhere."""
     down = [0.0] * (gdim - 1)
     return Problem(
         blocks_apart(MPI.COMM_WORLD, [3] * gdim, [3] * gdim, moved_by=0.0),
@@ -42,7 +42,7 @@ def stacked(gdim: int, **friction: float) -> Problem:
 
 
 def proven(path: Path, problem: Problem) -> Halves:
-    """The halves of a proof, of the bounds that were told."""
+    """Return the halves of a proof of the reported bounds."""
     bounds = limit_bounds(problem, 1e-3)
     halves = written(path, bounds)
     found = check(path / "bounds.h5")
@@ -53,35 +53,35 @@ def proven(path: Path, problem: Problem) -> Halves:
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof with Tresca's friction."""
+    """Return the halves of a proof with Tresca friction."""
     folder = tmp_path_factory.mktemp("rubbing")
     return proven(folder, stacked(request.param, tresca=10.0))
 
 
 def times(kind: str, name: str, factor: float) -> Callable[[Halves], None]:
-    """Multiplies an array of a half."""
+    """Return a function that multiplies an array of a half."""
     return lambda halves: halves[kind].update({name: halves[kind][name] * factor})
 
 
 def both(name: str, factor: float) -> Callable[[Halves], None]:
-    """The same of both."""
+    """Return a function that multiplies an array in both halves."""
     return lambda halves: [times(kind, name, factor)(halves) for kind in halves] and None
 
 
 def more_shear(halves: Halves) -> None:
-    """Shear all over that is in equilibrium, but for what the loads and contact may bear."""
+    """Add a shear in equilibrium, except for the limits of loads and contact."""
     halves["lower"]["stress"][..., 0, -1] += 1.0
     halves["lower"]["stress"][..., -1, 0] += 1.0
 
 
 def slips(halves: Halves) -> None:
-    """The upper half says that something rubs whose slip does not part the surfaces."""
+    """Declare friction in the upper half where slip does not open the joint."""
     for half in halves.values():
         half["contact_friction"] = np.full_like(half["contact_friction"], 0.5)
 
 
 def alone(kind: str, change: Callable[[Halves], None]) -> Callable[[Halves], None]:
-    """Leaves the other half out, so that nothing can be compared."""
+    """Remove the other half, which prevents a comparison."""
 
     def forge(halves: Halves) -> None:
         change(halves)
@@ -119,7 +119,7 @@ def test_forgeries_are_refused(honest: Halves, name: str, tmp_path: Path) -> Non
 
 
 def test_files_without_friction_have_none(honest: Halves, tmp_path: Path) -> None:
-    """Missing friction counts as zero, so that shear is a fault and slip costs nothing."""
+    """Missing friction counts as zero: shear is then a fault, and slip dissipates nothing."""
     halves = copy.deepcopy(honest)
     for half in halves.values():
         for name in [name for name in half if "adhesion" in name or "friction" in name]:

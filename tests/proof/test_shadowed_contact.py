@@ -1,4 +1,4 @@
-"""Facets that lie behind others of their surface, and bounds that contradict each other."""
+"""Test facets that lie behind others of their surface, and contradictory bounds."""
 
 from collections.abc import Callable
 from itertools import product
@@ -23,7 +23,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 def plates(
     heights: tuple[float, ...], faces_down: tuple[int, ...], faces_up: tuple[int, ...]
 ) -> Arrays:
-    """Squares of two cells one above another, the lowest on supports, the others pressed.
+    """Return squares of two cells above one another; the lowest is held, the others are loaded.
 
     Args:
         heights: Of their lower sides.
@@ -73,7 +73,7 @@ SHADOWED = {
 
 @pytest.mark.parametrize(("name", "turned"), [*product(SHADOWED, (False, True))])
 def test_a_facet_behind_another_has_no_partner(name: str, turned: bool) -> None:
-    """Whatever the order of the surfaces, its load is nobody's, and no bound is told."""
+    """For any order of the surfaces its load has no carrier, and no bound is reported."""
     arrays = plates(*SHADOWED[name])
     arrays["contacts"] = arrays["contacts"][:, ::-1] if turned else arrays["contacts"]
     body = Body.of(arrays)
@@ -95,7 +95,7 @@ def test_a_facet_behind_another_has_no_partner(name: str, turned: bool) -> None:
 
 
 def test_stacks_whose_facets_all_have_a_partner() -> None:
-    """Three squares on each other, with one name for all lower and one for all upper sides."""
+    """Three squares are stacked, with one name for all lower and one name for all upper sides."""
     body = Body.of(plates((0.0, 1.0, 2.0), (1, 2), (0, 1)))
     pair = touching(body, np.int64(1), np.int64(2))
     assert pair.apart == 0
@@ -103,7 +103,7 @@ def test_stacks_whose_facets_all_have_a_partner() -> None:
 
 
 def half(kind: str, claimed: float, proven: float | None) -> _Half:
-    """A half of no bodies in particular."""
+    """Return a half for arbitrary bodies."""
     body = Body.of(plates((0.0, 1.0), (1,), (0,)))
     checked = Checked(kind, claimed, proven, {}, () if proven is not None else ("fails",))
     return _Half(checked, body, 0, power=1.0)
@@ -111,7 +111,7 @@ def half(kind: str, claimed: float, proven: float | None) -> _Half:
 
 @pytest.mark.parametrize("claims", [(2.0, 3.0), (1e-3, 1.0), (0.0, 1e9)])
 def test_bounds_are_compared_by_what_is_proven(claims: tuple[float, float]) -> None:
-    """Whatever the halves claim."""
+    """This holds for any claims of the halves."""
     faults, _ = _together(half("lower", claims[0], 2.0), half("upper", claims[1], 1.0))
     assert any("the lower bound 2 is above the upper one 1" in fault for fault in faults)
 
@@ -124,7 +124,7 @@ def test_what_is_not_proven_is_not_compared(proven: tuple[float | None, float | 
 
 
 def only_on_plate(axes: tuple[int, int], push: tuple[float, float]) -> Callable[[Arrays], None]:
-    """The upper plate is rigid and held along some axes, and pushed."""
+    """Make the upper plate rigid, hold it along some axes, and push it."""
 
     def forge(them: Arrays) -> None:
         them["rigid"], them["rigid_held"] = np.array([3]), np.array([axes], dtype=np.uint8)
@@ -149,7 +149,7 @@ def only_on_plate(axes: tuple[int, int], push: tuple[float, float]) -> Callable[
 def test_loads_on_a_plate_that_is_held(
     axes: tuple[int, int], push: tuple[float, float], refused: bool
 ) -> None:
-    """Every factor of loads on what cannot move is carried, so that no bound says anything."""
+    """The body carries every factor of loads on held parts, so a bound has no meaning."""
     arrays = plates((0.0, 1.0), (1,), (0,))
     only_on_plate(axes, push)(arrays)
     arrays["stress"] = np.zeros((len(arrays["cells"]), 3, 2, 2))
@@ -163,7 +163,7 @@ def test_loads_on_a_plate_that_is_held(
 
 @pytest.mark.parametrize("held", [(0, 0), (0, 1)])
 def test_tractions_without_a_resultant_push_no_plate(held: tuple[int, int]) -> None:
-    """They are constant along each facet of the plate, and zero in the mean."""
+    """The tractions are constant along each facet of the plate, and zero in the mean."""
     arrays = plates((0.0, 1.0), (1,), (0,))
     only_on_plate(held, (0.0, 0.0))(arrays)
     top = int(np.flatnonzero(arrays["surface"] == 3)[0])

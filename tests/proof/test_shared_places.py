@@ -1,4 +1,4 @@
-"""Where two meshes share a place: boxes, cells and facets, against all pairs and random points."""
+"""Test where two meshes share a place: boxes, cells and facets, against all pairs."""
 
 from collections.abc import Callable
 
@@ -40,7 +40,7 @@ def test_boxes_that_meet(dim: int, away: float) -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_boxes_of_many_sizes(dim: int) -> None:
-    """Each of 120 boxes in one corner is half as large as the one before: all meet, once."""
+    """Each of 120 boxes in one corner has half the size of the previous box: all meet, once."""
     high = 2.0 ** -np.arange(120)[:, None] * np.ones(dim)
     boxes = np.stack([0 * high, high])
     found = np.concatenate([np.stack(pair, axis=1) for pair in box_pairs(boxes, boxes)])
@@ -48,7 +48,7 @@ def test_boxes_of_many_sizes(dim: int) -> None:
 
 
 def test_boxes_of_a_graded_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Six to each cell of a grid whose edges double: long boxes meet few others."""
+    """Each cell of a grid with doubling edges has six boxes: long boxes meet few others."""
     monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.FEW_PAIRS", 0)
     edges = 2.0 ** np.arange(13)
     low, high = (
@@ -61,7 +61,7 @@ def test_boxes_of_a_graded_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_too_many_boxes_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is said where their pairs would take too long."""
+    """The checker says so if the pairs would take too long."""
     monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.FEW_PAIRS", 10)
     monkeypatch.setattr("perfplast_fenicsx.proof.box_pairs.MOST_PAIRS", 10)
     boxes = np.stack([np.zeros((100, 2)), np.ones((100, 2))])
@@ -70,7 +70,7 @@ def test_too_many_boxes_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_cells_in_one_place_are_seen_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search does not examine all pairs of two thousand times two cells in one place."""
+    """The search does not examine all pairs of two thousand times two coinciding cells."""
     looked_at = []
 
     def counted(ones: Floats, others: Floats) -> npt.NDArray[np.bool_]:
@@ -85,7 +85,7 @@ def test_cells_in_one_place_are_seen_at_once(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cells_with_a_common_volume(dim: int) -> None:
-    """Beside random points: all pairs with one in both are found, and few without."""
+    """The search finds all pairs with a random point in both, and few other pairs."""
     random = np.random.default_rng(dim)
     ones, others = random.random((2, 100, dim + 1, dim))
     found = have_common_volume(ones, others)
@@ -107,7 +107,7 @@ def test_cells_with_a_common_volume(dim: int) -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cells_that_touch_have_none(dim: int) -> None:
-    """Mirrored about a facet, and about a vertex; a thin slice of a cell has one."""
+    """A cell and its image about a facet or vertex share none; a thin slice shares some."""
     cell = np.concatenate([np.zeros((1, dim)), np.eye(dim)])[None]
     beside = cell * ([-1.0] + [1.0] * (dim - 1))
     assert not have_common_volume(cell, beside)[0]
@@ -119,7 +119,7 @@ def test_cells_that_touch_have_none(dim: int) -> None:
 
 
 def box(count: int, dim: int, change: Callable[[Floats], Floats] = lambda x: x) -> Body:
-    """A unit box of triangles or tetrahedra, strong above the middle, pressed and heavy."""
+    """Return a unit box of triangles or tetrahedra, strong above the middle, pressed and heavy."""
     axes = np.stack(np.meshgrid(*[np.arange(count + 1)] * dim, indexing="ij"), axis=-1)
     x = axes.reshape(-1, dim) / count
     numbers = np.arange(len(x)).reshape(axes.shape[:-1])

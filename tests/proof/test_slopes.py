@@ -1,4 +1,4 @@
-"""Forged slopes of yield cones are refused, of honest proofs of ground beside steel."""
+"""Test that forged cone slopes are refused, in honest proofs of ground beside steel."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -46,7 +46,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the checker is 
 
 @pytest.fixture(scope="module", params=[2, 3])
 def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """The halves of a proof of ground on a plane, under a block of von Mises, with weight."""
+    """Return the halves of a proof of ground on a plane, under a von Mises block with weight."""
     dim, path = request.param, tmp_path_factory.mktemp("honest")
     it = Stack(1, dim, (0.7, 1.2), ((1.0, 1.0),) * 2, 0.4 if dim == 2 else 0.7, plain=True)
     write_stack(path / "stack.msh", it)
@@ -66,12 +66,12 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def other_way_round(cones: npt.NDArray) -> npt.NDArray:
-    """The cone of the other body."""
+    """Exchange the cones of the bodies."""
     return np.asarray(cones.max() - cones)
 
 
 def sucked(them: Arrays) -> None:
-    """All stresses turned, and the loads with them: the pressure becomes a tension."""
+    """Reverse all stresses and loads: the pressure becomes a tension."""
     for name in ("stress", "traction", "body_force"):
         them[name] = -them[name]
     for name in ("contacts", "contact_adhesion", "contact_friction"):
@@ -79,7 +79,7 @@ def sucked(them: Arrays) -> None:
 
 
 def negative_strength(them: Arrays) -> None:
-    """More slope, as if pressure made the ground stronger than it does."""
+    """Increase the slope, as if pressure added more strength to the ground."""
     them["cone_slope"] = 3 * them["cone_slope"]
 
 
@@ -138,7 +138,7 @@ def test_a_forged_slope_is_refused(honest: Halves, tmp_path: Path, name: str) ->
 def test_what_is_stronger_is_another_proof(
     honest: Halves, tmp_path: Path, change: Callable[[Arrays], object], proven: str
 ) -> None:
-    """Pressed ground of more slope carries the stress too; stronger ground has that velocity."""
+    """Ground with a larger slope also carries the stress; stronger ground has this velocity."""
     half = {k: v.copy() for k, v in honest[proven].items()}
     change(half)
     found = check(write(tmp_path / "other.h5", {proven: half}))

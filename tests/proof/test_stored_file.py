@@ -1,4 +1,4 @@
-"""HDF5 files that lead elsewhere, or claim more than they have, are refused by every reader."""
+"""Test that every reader refuses HDF5 files that lead elsewhere or exaggerate their content."""
 
 import json
 import os
@@ -23,12 +23,12 @@ from perfplast_fenicsx.proof.stored_file import MOST_OBJECTS, stored_file
 pytestmark = pytest.mark.serial
 
 SECRET = 4711.0
-"""A number of a file that no reader may open."""
+"""A number in a file that no reader may open."""
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder beside a file that it must not lead to."""
+    """Return a folder beside a file to which it must not lead."""
     with h5py.File(tmp_path / "elsewhere.h5", "w") as file:
         file["a"] = np.full(10, SECRET)
     (tmp_path / "in").mkdir()
@@ -40,7 +40,7 @@ def external_link(file: h5py.File) -> None:
 
 
 def link_to_a_file_that_may_be_meant(file: h5py.File) -> None:
-    """The file is a symbolic link itself."""
+    """The file itself is a symbolic link."""
     beside = Path(file.filename).parent / "mesh.h5"
     beside.symlink_to("../elsewhere.h5")
     file["a"] = h5py.ExternalLink("mesh.h5", "/a")
@@ -75,7 +75,7 @@ def without_storage(file: h5py.File) -> None:
 
 
 def bomb(file: h5py.File) -> None:
-    """A thousand times as many bytes as are stored."""
+    """Write an array with a thousand times as many bytes as are stored."""
     data = file.create_dataset("a", (2**36,), "u1", chunks=(2**20,), compression="gzip")
     data[: 2**20] = 0
 
@@ -118,11 +118,11 @@ def test_what_is_not_in_the_file(
         check(path)
     with pytest.raises(ValueError, match=words.replace("mesh.h5", "a")):
         vtu_of(path)
-    assert MOST_OBJECTS >= 1000  # as many groups as honest files of other programs have
+    assert MOST_OBJECTS >= 1000  # honest files of other programs have this number of groups
 
 
 def test_links_to_the_mesh_beside_it(folder: Path) -> None:
-    """A field's file takes its mesh from the same folder, and from no other one."""
+    """A file of fields takes its mesh only from the same folder."""
     with h5py.File(folder / "mesh.h5", "w") as file:
         file["a"] = [1.0, 2.0]
     with h5py.File(folder / "it.h5", "w") as file:
@@ -139,7 +139,7 @@ def test_links_to_the_mesh_beside_it(folder: Path) -> None:
 
 
 def test_compressed_arrays_of_other_programs(folder: Path) -> None:
-    """Zeros are compressed a thousandfold, and are read where they are not too many."""
+    """Zeros are compressed by a factor of a thousand, and can be read if there are not too many."""
     path = folder / "it.h5"
     with h5py.File(path, "w") as file:
         file.create_dataset("a", data=np.zeros(10**5), compression="gzip")
@@ -149,7 +149,7 @@ def test_compressed_arrays_of_other_programs(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["mesh.med", "mesh.inp", "mesh.unv", "bounds.h5", "rows.h5"])
 def test_a_pipe_in_the_place_of_a_file(folder: Path, name: str) -> None:
-    """Nobody writes to it, so that whoever opens it waits for ever."""
+    """Nobody writes to the pipe, so a reader would wait for ever."""
     path = folder / name
     os.mkfifo(path)
     read: dict[str, Callable[[], object]] = {
@@ -164,7 +164,7 @@ def test_a_pipe_in_the_place_of_a_file(folder: Path, name: str) -> None:
 
 
 def results(folder: Path, entries: list[object]) -> ResultReader:
-    """A folder with a list of fields."""
+    """Return a folder with a list of fields."""
     for name in ("summary.json", "path.csv", "scene.json"):
         (folder / name).write_text("{}")
     (folder / "fields.vtkhdf.series").write_text(

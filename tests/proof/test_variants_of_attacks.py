@@ -1,4 +1,4 @@
-"""Ten variants of each way in which files have been forged, beside those of the other tests.
+"""Test ten variants of each kind of forgery, in addition to other tests.
 
 | attack | variants |
 |---|---|
@@ -31,7 +31,7 @@ Floats = npt.NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Two blocks on each other."""
+    """Return two stacked blocks."""
     return blocks(tmp_path_factory.mktemp("honest"), 2)
 
 
@@ -39,14 +39,14 @@ CLAIMS = [
     *((2.0, 3.0), (1.0, 0.5), (0.5, 2.0), (1e-3, 1.0), (1e9, 1e9), (0.0, 1e9)),
     *((1 + 1e-6, 1.0), (1.0, 1 - 1e-6), (3.0, 1 / 3), (1e9, 1e-9)),
 ]
-"""Factors of both claims."""
+"""Factors on both claims."""
 
 
 @pytest.mark.parametrize("claims", CLAIMS)
 def test_a_claim_changes_nothing_that_is_proven(
     honest: Halves, tmp_path: Path, claims: tuple[float, float]
 ) -> None:
-    """Of a half that claims more than its numbers prove nothing is proven."""
+    """A half that claims more than its numbers prove proves nothing."""
     halves, proven = copied(honest), check(write(tmp_path / "honest.h5", honest))
     halves["lower"]["factor"] = halves["lower"]["bound"]
     for half, by in zip(halves.values(), claims, strict=True):
@@ -59,10 +59,10 @@ def test_a_claim_changes_nothing_that_is_proven(
 
 @pytest.mark.parametrize("slenderness", 10.0 ** np.linspace(0.5, 6, 10))
 def test_a_slender_body_under_pressure(slenderness: float) -> None:
-    """A constant pressure on all sides alone balances no force on its end, however small.
+    """A constant hydrostatic pressure balances no force on the end, even a small one.
 
-    The body is a cantilever of width 1, whose end shears off, or bends its foot, at less than
-    1/slenderness of the shear strength.
+    The body is a cantilever of width 1. Its end fails in shear, or its foot in bending, at less
+    than 1/slenderness of the shear strength.
     """
     body = slender(slenderness)
     for claim in (10.0, 1.0):
@@ -73,7 +73,7 @@ def test_a_slender_body_under_pressure(slenderness: float) -> None:
 
 
 def slender(slenderness: float) -> Arrays:
-    """A cantilever of two cells, with a constant pressure of 1.5 and a force across its end."""
+    """Return a cantilever of two cells, with constant pressure 1.5 and a force across its end."""
     arrays = plates((0.0,), (), ()) | {"contacts": np.zeros((0, 2), dtype=int)}
     arrays["vertices"] = arrays["vertices"] * [1.0, slenderness]
     x = arrays["vertices"][arrays["facets"]]
@@ -94,7 +94,7 @@ COUNT = 300
 
 
 def turned(angle: float) -> Floats:
-    """A matrix."""
+    """Return a rotation matrix."""
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
@@ -114,7 +114,7 @@ LAYOUTS: dict[str, Callable[[int], Callable[[Floats], Floats]]] = {
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_many_cells_in_one_place(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are refused, and few of their 720 000 pairs are looked at."""
+    """They are refused, and the check examines few of their 720 000 pairs."""
     looked_at = []
 
     def counted(ones: Floats, others: Floats) -> npt.NDArray[np.bool_]:
@@ -134,7 +134,7 @@ def test_many_cells_in_one_place(name: str, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("axes", [(1, 1), (0, 1), (1, 0)])
 @pytest.mark.parametrize("size", [1e-30, 1e-3, 1.0, 1e30])
 def test_a_push_along_what_is_held(axes: tuple[int, int], size: float) -> None:
-    """Every factor of loads on what cannot move is carried, so that no bound says anything."""
+    """The body carries every factor of loads on held parts, so a bound has no meaning."""
     push = (size * axes[0], size * axes[1])
     arrays = plates((0.0, 1.0), (1,), (0,))
     only_on_plate(axes, push)(arrays)

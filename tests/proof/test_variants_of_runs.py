@@ -1,9 +1,8 @@
-"""Ten variants of each way in which honest runs had bounds that their checker refused.
+"""Test ten variants of each kind of honest run whose bounds the checker once refused.
 
-- Bodies in contact that are meshed apart, under pressures far above their strength: both sides of a
-  seam differ by rounding.
-- Ground whose cohesion is far below its pressures: Rankine's passive and active states.
-- Walls that rub on ground: bounds of each mesh on the way, and strict ones from above.
+- Separately meshed bodies in contact, under pressures far above their strength: both sides of a
+seam differ by rounding. - Ground whose cohesion is far below its pressures: Rankine's passive and
+active states. - Walls with friction on ground: bounds on each mesh, and strict upper bounds.
 """
 
 import math
@@ -48,7 +47,7 @@ COMM = MPI.COMM_WORLD
 
 
 def assert_proven(path: Path, low: BodyBounds, high: BodyBounds) -> None:
-    """The checker proves both halves on file, with the values that are told."""
+    """Check that the checker proves both halves on file, with the reported values."""
     assert low.lower.strict, low.why_not
     assert high.upper.strict, high.why_not
     folder = ResultFolder(COMM, path)
@@ -61,7 +60,7 @@ def assert_proven(path: Path, low: BodyBounds, high: BodyBounds) -> None:
 
 @dataclass(frozen=True)
 class Apart:
-    """Two blocks on each other, meshed apart, with a pressure on their sides that stays.
+    """Two stacked blocks with separate meshes, and a constant pressure on their sides.
 
     Attributes:
         cohesion: Of Mohr and Coulomb's ground of 30°; for ``metal`` the shear strength.
@@ -152,7 +151,7 @@ def test_blocks_meshed_apart_under_pressure(tmp_path: Path, name: str) -> None:
 
 @dataclass(frozen=True)
 class Rankine:
-    """A block of heavy ground between smooth planes, which is pushed or let go on its right side.
+    """A block of heavy ground between smooth planes, pushed or released at its right side.
 
     Attributes:
         cohesion: Over the weight of a column of the block's height.
@@ -246,7 +245,7 @@ WALLS = {
 @pytest.mark.long
 @pytest.mark.parametrize("name", WALLS)
 def test_walls_that_rub(read: Read, tmp_path: Path, name: str) -> None:
-    """Each mesh on the way has bounds that are proven, or none."""
+    """Each mesh has proven bounds, or no bounds."""
     wall = WALLS[name]
     problem = beside(read(write_retaining_wall, width=wall.width), wall)
     found = adaptive_bounds(problem, Adaptation(until=0.05, cells=300))

@@ -1,4 +1,4 @@
-"""A page calls proven what the files beside it prove, and nothing that a summary alone claims."""
+"""Test that a page calls only those numbers proven that files beside it prove."""
 
 import math
 from collections.abc import Callable
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.serial
 
 @pytest.fixture(scope="module")
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
-    """Two blocks on each other."""
+    """Return the halves of a proof of two stacked blocks."""
     return blocks(tmp_path_factory.mktemp("honest"), 2)
 
 
@@ -44,7 +44,7 @@ def test_what_the_file_proves_is_on_the_page(honest: Halves, tmp_path: Path) -> 
     assert "lower bound" in page and "upper bound" in page and page.count("proven,") == 1
     assert fingerprint([path]) in page
     assert proof_section(tmp_path, {}) == ""
-    # The verdict rounds the claims 2 and 1.5 outwards; the checker's rounding must not show.
+    # The verdict rounds the claims 2 and 1.5 outwards; the rounding of the checker must not appear.
     both = {"lower": (1.5, 1.5 * (1 - 1e-15)), "upper": (2.0, 2.0 * (1 + 1e-15))}
     halves = {k: Checked(k, claimed, proven, {}, ()) for k, (claimed, proven) in both.items()}
     page = proof_section(tmp_path, {PROOF: halves})
@@ -83,7 +83,7 @@ def test_modest_claims_are_fine(honest: Halves, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("which", ["no file", "half"])
 def test_a_claim_whose_proof_is_missing(honest: Halves, tmp_path: Path, which: str) -> None:
-    """It is not believed, and the page gives the reason."""
+    """The page does not accept the claim, and gives the reason."""
     if which == "half":
         write(tmp_path / "bounds.h5", {"upper": copied(honest)["upper"]})
     reader = reader_of(tmp_path, 1e9, None)
@@ -109,7 +109,7 @@ def test_a_claim_without_its_proof(honest: Halves, tmp_path: Path, which: str) -
 
 
 def test_a_larger_claim_in_the_file_itself(honest: Halves, tmp_path: Path) -> None:
-    """The file and the summary agree, and the stress proves less."""
+    """File and summary agree, but the stress proves less."""
     path, low = write(tmp_path / "bounds.h5", honest), float(honest["lower"]["bound"])
     with h5py.File(path, "a") as file:
         file["lower"].attrs["bound"] = 2 * low
@@ -121,7 +121,7 @@ def test_a_larger_claim_in_the_file_itself(honest: Halves, tmp_path: Path) -> No
 def test_directions_that_an_edited_file_claims(
     honest: Halves, tmp_path: Path, carried: float, side: float
 ) -> None:
-    """A run that goes on proves each direction again."""
+    """A restart proves each direction again."""
     low, high = (float(honest[kind]["bound"]) for kind in ("lower", "upper"))
     folder = ResultFolder(MPI.COMM_SELF, tmp_path)
     angles, ray = (60.0,), np.array([0.5, math.sqrt(0.75)])
@@ -140,12 +140,12 @@ def test_directions_that_an_edited_file_claims(
 
 
 def proof(kind: str, bound: float) -> Checked:
-    """A half that is proven."""
+    """Return a proven half."""
     return Checked(kind, bound, bound, {}, ())
 
 
 def claims_of_envelope(carried: np.ndarray, angles: list[float]) -> dict[str, Any]:
-    """A table of points."""
+    """Return a table of points."""
     directions = [[angle] for angle in angles]
     return {"envelope": {"directions": directions, "carried": carried.tolist()}}
 
@@ -177,7 +177,7 @@ def test_a_point_of_no_direction() -> None:
 
 @pytest.mark.parametrize(("stands", "falls", "fine"), [(1.0, 1.0, True), (0.9, 1.0, False)])
 def test_a_factor_of_safety(stands: float, falls: float, fine: bool) -> None:
-    """With the smaller strengths the loads are carried once, with the larger factor's not."""
+    """Smaller strengths carry the loads once; strengths for the larger factor do not."""
     proofs = {
         "stands.h5": {"lower": proof("lower", stands)},
         "falls.h5": {"upper": proof("upper", falls)},
@@ -191,7 +191,7 @@ def test_a_factor_of_safety(stands: float, falls: float, fine: bool) -> None:
 
 
 def test_the_smallest_load_factor() -> None:
-    """It is the bound of the loads turned round, with the other sign."""
+    """The factor is minus the bound for reversed loads."""
     least = {"carried": -2.0, "none_below": -2.5}
     limit = {"body": {"lower": None, "upper": None, "least": least}}
     halves = {"lower": proof("lower", 2.0), "upper": proof("upper", 2.5)}

@@ -1,4 +1,4 @@
-"""Colours of the page by the Web Content Accessibility Guidelines 2.2, 1.4.3 and 1.4.11."""
+"""Test colours of the page by the Web Content Accessibility Guidelines 2.2, 1.4.3 and 1.4.11."""
 
 import re
 from importlib import resources
@@ -11,7 +11,7 @@ from perfplast_fenicsx.report.curve import COLOURS, DASHES, MARKS
 pytestmark = pytest.mark.serial
 
 TEXT, MARK = 4.5, 3.0
-"""Least contrasts, of text and of what is drawn."""
+"""Smallest contrasts of text and of drawn marks."""
 
 CSS = resources.files("perfplast_fenicsx.report").joinpath("assets/page.css").read_text("utf-8")
 LIGHT, DARK = (
@@ -23,7 +23,7 @@ WHITE = "#ffffff"
 
 
 def luminance(colour: str) -> float:
-    """As the guidelines define it; of "#rrggbb" or "#rgb"."""
+    """Return the luminance by the definition in the guidelines, for "#rrggbb" or "#rgb"."""
     digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
     share = np.array(list(bytes.fromhex(digits))) / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
@@ -36,7 +36,7 @@ def contrast(a: str, b: str) -> float:
 
 
 def used(kind: str, names: dict[str, str]) -> list[tuple[str, str]]:
-    """Rules and the colours that they give to properties of a kind."""
+    """Return rules with the colours that they give to properties of a kind."""
     plain = re.sub(r"var\(--(\w+)\)", lambda found: names[found[1]], CSS)
     found = []
     for rule, body in re.findall(r"([^{}]+)\{([^{}]*)\}", plain):
@@ -46,7 +46,7 @@ def used(kind: str, names: dict[str, str]) -> list[tuple[str, str]]:
 
 
 def ground(rule: str, body: str) -> str:
-    """The background of a rule, or that of the page."""
+    """Return the background of a rule, or of the page."""
     own = re.search(r"background: (#\w{6})", body)
     white = rule.strip().startswith((".curve", "#legend", "#largest"))
     return own[1] if own else WHITE if white else "paper"
@@ -64,7 +64,7 @@ def test_the_measure() -> None:
 
 
 def test_words_and_areas_of_the_curve() -> None:
-    """Its words are filled, as those of the largest value are, and the band between two bounds."""
+    """Labels, also of the largest value, and the band between two bounds are filled."""
     found = dict(used("fill", DARK))
     told = {".curve", ".curve .band", "#largest text"}
     assert set(found) == {f"{rule} on {WHITE}" for rule in told}

@@ -1,4 +1,4 @@
-"""Arrays come back from their text, to the steps of their quantisation."""
+"""Test that packed arrays agree with the originals to the steps of their quantisation."""
 
 import base64
 import zlib

@@ -1,4 +1,4 @@
-"""The words, marks and the curve of the page."""
+"""Test the words, marks and the curve of the page."""
 
 import hashlib
 import os
@@ -146,7 +146,7 @@ def test_forces_of_rounding_are_none() -> None:
 
 
 def test_forces_of_bolts() -> None:
-    """A row for each solved level, a column for each bolt."""
+    """The table has a row for each solved level, and a column for each bolt."""
     told = [report(a, bolts={"<m12>": 10 * a, "pin": -a}) for a in (0.5, 1.0)]
     text = bolt_table([*told, report(2.0, converged=False, bolts={})], "kN")
     assert re.findall(r"<td>([^<]*)</td>", text) == ["0.5", "5", "-0.5", "1", "10", "-1"]
@@ -236,7 +236,7 @@ def test_where_the_proof_is(tmp_path: Path) -> None:
 
 
 def test_pages_start_no_mpi() -> None:
-    """Pages are of one process: what they import imports neither PETSc nor MPI."""
+    """Pages are made in one process: their modules import neither PETSc nor MPI."""
     program = "import sys, perfplast_fenicsx.report.page; print(*sys.modules)"
     found = subprocess.run(
         [sys.executable, "-c", program],

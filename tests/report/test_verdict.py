@@ -1,4 +1,4 @@
-"""The verdict is no stronger than what is proven."""
+"""Test that the verdict is not stronger than the proof."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -55,7 +55,7 @@ def test_limit_loads(body: dict[str, Any], mark: str, words: list[str]) -> None:
         assert word in verdict.sentence
     if body.get("why_not"):
         assert "Lower bound: not computed." in verdict.details
-    # no pair of numbers but the proven one, and what is said of the mesh is no bound
+    # the only pair of numbers is the proven one, and statements on the mesh are no bounds
     assert [text.count("2.5") for text in (verdict.sentence, *verdict.details)] == [0] * (
         1 + len(verdict.details)
     )

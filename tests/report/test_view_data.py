@@ -1,4 +1,4 @@
-"""The results that a page contains, and those that a large page omits."""
+"""Test the results that a page contains, and those that a large page omits."""
 
 import json
 import shutil
@@ -36,7 +36,7 @@ CONTACTS = [Contact("upper_bottom", "lower_top")]
 
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory: pytest.TempPathFactory) -> ResultReader:
-    """Two blocks at three levels."""
+    """Return a reader of two blocks at three levels."""
     comm = MPI.COMM_WORLD
     folder = ResultFolder(comm, comm.bcast(tmp_path_factory.mktemp("run")))
     folder.create()
@@ -79,7 +79,7 @@ def test_the_view_is_that_of_the_results(reader: ResultReader) -> None:
 
 
 def test_loads_and_supports_are_around_the_bodies(reader: ResultReader) -> None:
-    """Arrows push on the top, along −z; ticks stand on the left end, along all three axes."""
+    """Arrows push on the top along −z; ticks on the left end lie along all three axes."""
     data = view_data(reader).data
     assert data is not None
     points = reader.skin.surface.points

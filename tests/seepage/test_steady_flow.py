@@ -1,4 +1,4 @@
-"""Steady flow of water against exact discharges, heads and balances."""
+"""Test steady flow of water against exact discharges, heads and balances."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -44,7 +44,7 @@ def grid(
     seam: float | None = None,
     bent: Callable[[Floats], Floats] = lambda points: points,
 ) -> TaggedMesh:
-    """Return rectangles, each of two triangles whose diagonals alternate.
+    """Return rectangles, each of two triangles with alternating diagonals.
 
     Args:
         x: Coordinates of the columns.
@@ -104,7 +104,7 @@ def water(
 
 
 def at(axis: int, value: float) -> Where:
-    """Return where a coordinate has a value."""
+    """Return where a coordinate has a given value."""
     return lambda x: np.isclose(x[axis], value)
 
 
@@ -118,18 +118,21 @@ def dam(length: float, high: float, low: float, columns: int, rows: int) -> Stea
 
 @pytest.mark.mpi3
 def test_discharge_of_a_rectangular_dam() -> None:
-    """Dupuit's discharge is exact (Charny), whatever the height of the seepage face."""
+    """Dupuit's discharge is exact (Charny) for any height of the seepage face."""
     flow = dam(5.0, 10.0, 2.0, 20, 40)
     exact = 2e-3 * (10.0**2 - 2.0**2) / (2 * 5.0)
     assert flow.discharges["left"] == pytest.approx(exact, rel=2e-3)
     assert flow.imbalance < 1e-10
     assert flow.iterations < 20
     inner = (flow.saturation > 1e-3) & (flow.saturation < 1 - 1e-3)
-    assert inner.mean() < 0.1  # the free surface is as thick as a cell
+    assert inner.mean() < 0.1  # the free surface is one cell thick
 
 
 def test_height_of_the_seepage_face() -> None:
-    """The dam of 24 on 16 with a tail of 4: 12.79 (Aitchison, Proc. R. Soc. A 330 (1972) 573)."""
+    """A dam 24 high and 16 wide with tailwater 4: 12.79 (Aitchison, Proc.
+
+    R. Soc. A 330 (1972) 573).
+    """
     flow = dam(16.0, 24.0, 4.0, 32, 48)
     right = np.isclose(flow.points[:, 0], 16.0)
     height, outflow = flow.points[right, 1], flow.outflow[right]
@@ -142,7 +145,7 @@ def test_height_of_the_seepage_face() -> None:
 
 @pytest.mark.parametrize(("depth", "exact"), [(0.5, 0.5), (0.75, 0.3403)])
 def test_sheet_pile_in_a_layer(depth: float, exact: float) -> None:
-    """Pavlovsky's discharge below a sheet pile, q/kH = K'/2K; half of the layer is meshed."""
+    """Pavlovsky's discharge below a sheet pile is q/kH = K'/2K; the mesh is half of the layer."""
     tip, far, count = 1.0 - depth, 5.0, 32
     even = steps(0, 1, count + 1)
     x = far * steps(0, 1, 2 * count + 1) ** 3
@@ -158,12 +161,12 @@ def test_sheet_pile_in_a_layer(depth: float, exact: float) -> None:
 
 
 def test_drain_under_a_dam() -> None:
-    """Kozeny's flow to a horizontal drain, from a face that is a parabola of equal heads: q = 0.3.
+    """Kozeny's flow to a horizontal drain, from a parabolic face with constant head: q = 0.3.
 
     z = −(φ + iψ)²/2q with k = 1: the face is φ = 1, the base ψ = 0, the drain φ = 0.
     """
     q, end = 0.3, 0.6
-    tip = 1 / (1 + 2 * q * end)  # share of the base that is not drained
+    tip = 1 / (1 + 2 * q * end)  # fraction of the base without a drain
 
     def bent(points: Floats) -> Floats:
         share, y = points.T
@@ -196,7 +199,7 @@ def test_water_at_rest() -> None:
 
 @pytest.mark.parametrize(("drawdown", "depth"), [(3.5, 3.5), (3.0, 3.0), (0.5, 3.0)])
 def test_drawdown_of_water_above_a_level_surface(drawdown: float, depth: float) -> None:
-    """The pores lose what the water above the ground has lost, and not more."""
+    """The pore pressure decreases as the pressure of the water above the ground, and no further."""
     mesh = grid(steps(0, 2, 4), steps(0, 3, 7), {"top": at(1, 3.0), "left": at(0, 0.0)})
     heads = [Head("top", 5.0, drawdown=drawdown)]
     flow = steady_flow(mesh, water(10.0, {"ground": 1.0}, heads))
@@ -204,7 +207,7 @@ def test_drawdown_of_water_above_a_level_surface(drawdown: float, depth: float) 
 
 
 def test_drawdown_beside_a_slope() -> None:
-    """Above the lowered level the head is the height of the slope, elsewhere it is the level."""
+    """Above the lowered level, the head is the height of the slope; elsewhere it is the level."""
 
     def bent(x: Floats) -> Floats:
         return np.column_stack([x[:, 0], x[:, 1] * (1 + x[:, 0] / 2)])
@@ -219,14 +222,14 @@ def test_drawdown_beside_a_slope() -> None:
 
 @pytest.mark.mpi2
 def test_layers_in_series() -> None:
-    """Water that falls through two layers, each of its own body: q = H / (d₁/k₁ + d₂/k₂)."""
+    """Water flows down through two layers, which are separate bodies: q = H / (d₁/k₁ + d₂/k₂)."""
     ends = {"base": at(1, 0.0), "top": at(1, 3.0)}
     mesh = grid(steps(0, 1, 3), steps(0, 3, 7), ends, seam=1.0)
     heads = [Head("base", 2.0, presses=False), Head("top", 4.0)]
     flow = steady_flow(mesh, water(9.81, {"below": 0.5, "above": 4.0}, heads))
     assert flow.discharges["top"] == pytest.approx(2.0 / (1.0 / 0.5 + 2.0 / 4.0), rel=1e-10)
     seam = np.isclose(flow.points[:, 1], 1.0)
-    assert seam.sum() == 3  # vertices of both bodies that coincide are one
+    assert seam.sum() == 3  # coinciding vertices of both bodies are one
     assert flow.heads[seam] == pytest.approx(2.0 + 0.8 * 2.0, rel=1e-10)
 
 
@@ -256,7 +259,7 @@ def test_space_is_as_the_plane() -> None:
 
 @pytest.fixture
 def options() -> Iterator[PETSc.Options]:
-    """PETSc's options, from which the test's own are removed."""
+    """Return PETSc's options, and remove the test's options afterwards."""
     given = PETSc.Options()
     before = set(given.getAll())
     yield given
@@ -269,7 +272,7 @@ def test_options_of_the_user_are_heeded(options: PETSc.Options) -> None:
     full = dam(5.0, 10.0, 2.0, 10, 20)
     name = "perfplast_seepage_snes_rtol"
     options[name] = 1e-2
-    check_options({name: options[name]})  # beside options of solvers that wait for their deletion
+    check_options({name: options[name]})  # with options of solvers that are not yet deleted
     assert dam(5.0, 10.0, 2.0, 10, 20).iterations < full.iterations
     options["perfplast_seepage_snes_max_it"] = 2
     with pytest.raises(InputError, match=r"SNES-VI did not .* in 2 steps"):
@@ -284,7 +287,7 @@ def test_options_of_the_user_are_heeded(options: PETSc.Options) -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_random_ground(seed: int) -> None:
-    """Two anisotropic layers of any conductivities: no water is lost, and none enters from air."""
+    """Two anisotropic layers of random conductivity lose no water, and gain none from air."""
     random = np.random.default_rng(seed)
     rows = int(random.integers(8, 24))
     y = steps(0, 10, rows)
@@ -308,7 +311,7 @@ def test_random_ground(seed: int) -> None:
 
 
 def small(**given: object) -> SteadyFlow:
-    """Return the flow through a square of 4, in which some things are given otherwise."""
+    """Return the flow through a square of side 4, with some changed arguments."""
     names = ("left", "right", "base", "top")
     sides = {name: at(i // 2, 4.0 * (i % 2)) for i, name in enumerate(names)}
     mesh = grid(steps(0, 4, 5), steps(0, 4, 5), sides)
@@ -380,7 +383,7 @@ def test_pressure_on_meshes_that_divide_the_cells() -> None:
 
 @pytest.mark.mpi2
 def test_bounds_with_water_at_rest_are_those_of_its_formula() -> None:
-    """A block of sand and clay, wet up to 2.5, that is pushed from above."""
+    """A block of sand and clay, wet up to 2.5, is pushed from above."""
     sides = {"left": at(0, 0.0), "right": at(0, 2.0), "base": at(1, 0.0), "top": at(1, 3.0)}
     mesh = grid(steps(0, 2, 5), steps(0, 3, 7), sides)
     heads = [Head("left", 2.5), Head("right", 2.5)]

@@ -1,4 +1,4 @@
-"""Check levels: solved ones, distances, a curve, an algorithm that gives up."""
+"""Check levels: certificates, distances, a curve, and an algorithm that gives up."""
 
 import dataclasses
 import math
@@ -23,8 +23,8 @@ TIGHT = NewtonOptions(tolerance=1e-10)
 SERIAL = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="counts solves; slow on many ranks")
 PLATE_LIMIT = 2 / math.sqrt(3) * 450 * 5 / 2000
 TWO_BLOCKS_LIMIT = {2: 328.78, 4: 325.72, 8: 324.58}
-"""Where the curves of these meshes level off, by :func:`limit_search.limit_load`. They are no
-limits of the continuum, which collapses near 75: linear tetrahedra lock."""
+"""Levels at which the curves on these meshes level off, by :func:`limit_search.limit_load`. The
+continuum collapses near 75: linear tetrahedra lock."""
 
 
 def stress_function(problem: Problem, state: State) -> fem.Function:

@@ -1,4 +1,4 @@
-"""ALG2: penalty, relaxation, options."""
+"""Test ALG2: penalty, relaxation, options."""
 
 import math
 
@@ -20,7 +20,7 @@ FIXED = (0.1, 1.0, 10.0)
 @pytest.mark.parametrize("acceleration", ["none", "anderson"])
 @pytest.mark.parametrize("name", ["punch", "plate"])
 def test_adaptive_penalty_is_nearly_the_best(name: str, acceleration: str) -> None:
-    """Never more than twice the iterations of the best fixed r."""
+    """Iterations are at most twice those of the best fixed r."""
     problem, limit = {
         "punch": lambda: (punch_problem(4), PUNCH_LIMIT),
         "plate": lambda: (l_plate_problem(1), PLATE_LIMIT),
@@ -40,7 +40,7 @@ def test_adaptive_penalty_is_nearly_the_best(name: str, acceleration: str) -> No
     for share in (0.3, 0.6, 0.9, 0.98):
         adaptive = iterations("adaptive", share * limit, most)
         assert adaptive <= most
-        # a fixed r that needs as many needs no longer be followed
+        # a fixed r with this number of iterations is not better
         best = min(iterations(r, share * limit, adaptive) for r in FIXED)
         assert adaptive <= 2 * best, (share, adaptive, best)
 

@@ -1,4 +1,4 @@
-"""Bolts that are tightened: the joint diagram, several at once, limit loads, what is refused."""
+"""Test tightened bolts: joint diagram, several bolts, limit loads, refusals."""
 
 import math
 from functools import cache
@@ -42,14 +42,14 @@ YOUNG, STIFFER, YIELD, LENGTH = 2e5, 6e5, 400.0, 3.0
 PRELOAD, AREA = 100.0, 1.0
 BOLT = Bolt("bolt", PRELOAD, (0.0, 0.0, 2.0), (0.5, 2.5))
 SHARE = YOUNG / (YOUNG + STIFFER)
-"""Φ: what the bolt takes of a load while the joint is closed."""
+"""Φ: fraction of a load that the bolt carries while the joint is closed."""
 APART = PRELOAD / (1 - SHARE)
 """The load at which the joint opens."""
 
 
 @cache
 def joint() -> TaggedMesh:
-    """A bolt and a sleeve between the ground and a head; half of it, mirrored in x = 0."""
+    """Return a bolt and a sleeve between the ground and a head; half of it, mirrored in x = 0."""
     return structured_mesh(
         MPI.COMM_WORLD,
         [
@@ -72,7 +72,7 @@ def joint() -> TaggedMesh:
 
 
 def bolted(*initial: Any, **changes: Any) -> Problem:
-    """ζ pulls at the head with the force ζ."""
+    """Return the problem in which ζ is a tensile force at the head."""
     given: dict[str, Any] = {
         "materials": {
             "bolt": VonMises(YOUNG, 0.0, YIELD, 1e-5),
@@ -91,12 +91,12 @@ def bolted(*initial: Any, **changes: Any) -> Problem:
 
 
 def theory(load: float) -> float:
-    """The force of the bolt, by the diagram of a joint."""
+    """Return the force of the bolt from the joint diagram."""
     return PRELOAD + SHARE * load if load < APART else load
 
 
 def test_force_follows_diagram_of_joint() -> None:
-    """Preload + Φ load until the joint opens, the load from then on."""
+    """The force is preload + Φ load until the joint opens, and then the load."""
     loads = [0.5 * APART, 0.95 * APART, 1.05 * APART, 1.5 * APART]
     levels = converged(list(load_path(Newton(bolted(), TIGHT), loads)))
     assert [level.state.zeta for level in levels] == [0.0, *loads]
@@ -124,7 +124,7 @@ def test_algorithms_agree(method: Any) -> None:
 
 
 def test_shortening_is_that_of_springs_in_series() -> None:
-    """Bolt and sleeve give way together: s = P (L/E_b + L/E_s)/A."""
+    """Bolt and sleeve deform together: s = P (L/E_b + L/E_s)/A."""
     problem = bolted()
     Newton(problem, TIGHT).solve(0.0)
     assert problem.shanks.shortening is not None
@@ -134,7 +134,7 @@ def test_shortening_is_that_of_springs_in_series() -> None:
 
 @SERIAL
 def test_constant_loads_and_heat_after_tightening() -> None:
-    """A constant pull is not there when the bolt is tightened; heat is."""
+    """A constant tension does not act while the bolt is tightened; heat does."""
     pulled = bolted(loads=[Traction("top", (0.0, 0.0, APART / 6), constant=True)])
     assert Newton(pulled, TIGHT).solve(0.0).report.bolts["bolt"] == pytest.approx(
         theory(APART / 2), rel=1e-4
@@ -144,7 +144,7 @@ def test_constant_loads_and_heat_after_tightening() -> None:
 
 
 def test_two_bolts_at_once() -> None:
-    """The sleeve as a second bolt, with bodies that balance: both have their preloads."""
+    """The sleeve is a second bolt, balanced by other bodies: both have their preloads."""
     tied = [Tie("under_head", "bolt_top"), Tie("seat", "sleeve_top")]
     soft = {"bolt": Elastic(YOUNG, 0.0), "sleeve": Elastic(STIFFER, 0.0), "head": Elastic(YOUNG, 0)}
     other = Bolt("sleeve", 3.0, (0.0, 0.0, 1.0), name="second")
@@ -155,7 +155,7 @@ def test_two_bolts_at_once() -> None:
 
 
 def test_stages_keep_what_is_tightened() -> None:
-    """At rest the preload, under load the diagram, and the preload again after it."""
+    """The force is the preload, follows the diagram under load, and returns to the preload."""
     problem = bolted(
         loads=[Traction("top", (0.0, 0.0, 1 / 3), name="pull")],
         materials={
@@ -171,7 +171,7 @@ def test_stages_keep_what_is_tightened() -> None:
 
 
 def in_stages(*stages: Stage, **changes: Any) -> list[Level]:
-    """The levels of a bolt that can flow, pulled at by the head."""
+    """Return the levels of a bolt that can yield, under tension at the head."""
     materials = {
         "bolt": Flow(VonMises(YOUNG, 0.0, YIELD)),
         "sleeve": Elastic(STIFFER, 0.0),
@@ -186,7 +186,7 @@ def in_stages(*stages: Stage, **changes: Any) -> list[Level]:
 
 
 def test_stages_tighten_anew() -> None:
-    """Under load, in two levels; what is left without it is the new preload, by the diagram."""
+    """Tighten under load in two levels; without load the new preload remains, by the diagram."""
     load, more = 0.5 * APART, 1.5
     left = more * PRELOAD - SHARE * load
     apart = left / (1 - SHARE)
@@ -207,7 +207,7 @@ def test_stages_tighten_anew() -> None:
 
 @SERIAL
 def test_limit_load_of_a_bolt_that_is_tightened_anew() -> None:
-    """It is that of the mesh without preload, to 1e-4 on both sides."""
+    """The limit load equals that without preload, to 1e-4 on both sides."""
     steel, hard = VonMises(YOUNG, 0.0, YIELD), VonMises(STIFFER, 0.0, 10 * YIELD)
     about = {"bolt": steel, "sleeve": hard, "head": hard}
     full = limit_load(bolted(initial=(), materials=about), 1e-6).lower
@@ -220,7 +220,7 @@ def test_limit_load_of_a_bolt_that_is_tightened_anew() -> None:
 
 @SERIAL
 def test_force_that_a_shank_does_not_reach() -> None:
-    """Told with the stage, and the force that it has."""
+    """The message names the stage, and the force of the shank."""
     level = in_stages(Stage({"pull": 1.0}), Stage({"bolt": 2 * YIELD / PRELOAD}))[-1]
     assert not level.report.converged
     assert "in 'stage 2', at" in level.report.reason
@@ -232,7 +232,7 @@ def test_force_that_a_shank_does_not_reach() -> None:
 
 @SERIAL
 def test_limit_load_is_that_without_preload() -> None:
-    """By the interior point method and along a path, which begins with the preload; runs say so."""
+    """The interior point method and a path from the preload agree; runs say so."""
     steel, hard = VonMises(YOUNG, 0.0, YIELD), VonMises(STIFFER, 0.0, 10 * YIELD)
     about = {"materials": {"bolt": steel, "sleeve": hard, "head": hard}}
     plain = limit_load(bolted(initial=(), **about), 1e-6)
@@ -247,7 +247,7 @@ def test_limit_load_is_that_without_preload() -> None:
 
 @SERIAL
 def test_bolt_that_yields_is_told() -> None:
-    """A preload beyond the yield force is no level, and the bolts are loose again."""
+    """No level has a preload beyond the yield force, and the bolts are loose again."""
     problem = bolted(Bolt("bolt", 2 * YIELD * AREA, (0.0, 0.0, 1.0), (0.5, 2.5)))
     level = Newton(problem, TIGHT).solve(0.0)
     assert not level.report.converged
@@ -291,7 +291,7 @@ def test_bolts_that_are_none_are_refused(given: dict[str, Any], words: list[str]
 
 @SERIAL
 def test_body_force_along_shank_is_its_mean() -> None:
-    """With a weight in the shank the force told is the mean along it."""
+    """With a weight in the shank, the reported force is the mean along the shank."""
     weight = [BodyForce("bolt", (0.0, 0.0, -1.0)), Traction("top", (0.0, 0.0, 1.0))]
     stiff = {"bolt": Elastic(YOUNG, 0.0), "sleeve": Elastic(STIFFER, 0.0)}
     problem = bolted(loads=weight, materials=stiff | {"head": Elastic(1e5 * YOUNG, 0.0)})

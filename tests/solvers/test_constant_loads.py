@@ -1,4 +1,4 @@
-"""Constant loads on a path: ζ = 0 comes first, both limits, what they cannot carry, a search."""
+"""Test constant loads on a path: the level at ζ = 0, both limits, excessive loads, a search."""
 
 from functools import cache
 
@@ -46,7 +46,7 @@ def plate(*loads: Load, moved: float = 0.0, degree: int = 1) -> Problem:
 
 
 def pulled(share: float) -> Traction:
-    """A constant pull, relative to the limit."""
+    """Return the problem with a constant tension, relative to the limit."""
     return Traction("top", (0.0, share * 200.0 * limit().upper, 0.0), constant=True)
 
 
@@ -88,7 +88,7 @@ def test_constant_loads_that_nothing_carries(method: type) -> None:
 
 
 def test_both_limits_beside_a_constant_load() -> None:
-    """Pulled by 0.4 of the limit, the plate carries 0.6 of it more, and −1.4."""
+    """Under 0.4 of the limit, the plate carries 0.6 of the limit in addition, and −1.4."""
     known = limit()
     at_once = limit_load(plate(pulled(0.4)), 1e-3)
     assert at_once.method is LimitMethod.INTERIOR_POINT
@@ -114,7 +114,7 @@ def test_both_limits_beside_a_constant_load() -> None:
 
 
 def test_what_does_no_work_in_the_mechanism_does_not_matter() -> None:
-    """Flow keeps the volume, so that water in the pores does none; nor do supports that move."""
+    """Flow preserves volume, so pore water does no work; moving supports do none either."""
     dry = limit_load(plate(degree=2), 1e-3)
     wet = limit_load(plate(PorePressure("plate", "50 + 3*y"), moved=1e-3, degree=2), 1e-3)
     assert wet.levelled_off, wet.reason
@@ -136,7 +136,7 @@ def test_steps_go_on_from_the_state_at_rest() -> None:
 
 @pytest.mark.parametrize("gap", [0.0, "0.0004*x**2"])
 def test_contact_under_a_constant_load(gap: float | str) -> None:
-    """The punch bears the sum of both pressures, whatever its gap was."""
+    """The punch carries the sum of both pressures, for any initial gap."""
     punch = punch_problem(2, gap)
     dead = punch.create_vector()
     dead.axpy(0.5 * PUNCH_LIMIT, punch.loads.live)

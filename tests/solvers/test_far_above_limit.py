@@ -1,4 +1,4 @@
-"""Loads above the limit are told as such where the last steps are of a few pairs alone."""
+"""Test that loads above the limit are recognised if the last steps change only a few pairs."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from tests.models import STEEL, Read
 
 @pytest.mark.parametrize("rigid", [True, False])
 def test_a_block_sheared_in_its_seat(read: Read, rigid: bool) -> None:
-    """By 300 on two sides, where σ_y/√3 = 260."""
+    """The shear is 300 on two sides, where σ_y/√3 = 260."""
     planes = [
         Plane("block_corner", point=(0.0, 0.0), normal=(1.0, 0.0)),
         Plane("block_corner", point=(0.0, 0.0), normal=(0.0, 1.0)),

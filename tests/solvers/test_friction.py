@@ -1,4 +1,4 @@
-"""Tresca's friction in Newton's methods, with ALG2, which holds and releases nothing, as oracle."""
+"""Test Tresca friction in Newton's methods, against ALG2, which has no active set."""
 
 import math
 from typing import Any
@@ -33,7 +33,7 @@ SOFT = VonMises(young=1e5, poisson=0.3, yield_stress=150.0)
 def pushed(
     counts: tuple[int, int], gdim: int, degree: int, tresca: float, **contact: Any
 ) -> Problem:
-    """A soft block on a hard one, pressed down and aside; ζ is the pressure."""
+    """Return a soft block on a hard block, pressed down and pushed; ζ is the pressure."""
     aside = [0.15, 0.05][: gdim - 1]
     return Problem(
         blocks_apart(MPI.COMM_WORLD, *([count] * gdim for count in counts)),
@@ -59,7 +59,7 @@ GAPPED = {"gap": "0.0003*(x - 0.4)*(x - 0.4) - 0.00002", "interference": True}
     ],
 )
 def test_slip_is_certified(counts: Any, gdim: int, degree: int, contact: dict[str, Any]) -> None:
-    """Some places stick and others slip, bodies yield, and the dual problem agrees."""
+    """Some places stick, others slip, bodies yield, and the dual problem agrees."""
     problem = pushed(counts, gdim, degree, 40.0, **contact)
     level = Newton(problem).solve(120.0)
     assert_solved(level)
@@ -86,7 +86,7 @@ def test_alg2_finds_the_same(gdim: int, degree: int) -> None:
 
 
 def test_alg2_where_supports_hold_nodes_along_the_surface() -> None:
-    """On the planes of symmetry of a punch, and in both directions where these meet."""
+    """On the symmetry planes of a punch, and in both directions where these planes meet."""
     materials = {"base": HARD, "punch": HARD}
     contact = Contact("punch_bottom", "base_top", tresca=20.0)
     loads = [Pressure("top", 1.0)]
@@ -100,7 +100,7 @@ def test_alg2_where_supports_hold_nodes_along_the_surface() -> None:
 
 
 def test_a_sliding_block_is_resisted_alike_in_any_direction(comm: MPI.Intracomm) -> None:
-    """It slides where the force aside is τ̄A; what turns is the direction of the load alone."""
+    """It slides at the lateral force τ̄A; only the direction of the load changes."""
     reached = []
     for degrees in (0.0, 37.0, 45.0):
         angle = math.radians(degrees)
@@ -128,7 +128,7 @@ def test_far_below_the_bound_nothing_slips() -> None:
 
 
 def test_a_rough_obstacle_carries_its_share(comm: MPI.Intracomm) -> None:
-    """A block on a rough plane: the plane's force balances the loads, and slip begins at τ̄A."""
+    """The force of a rough plane balances the loads on a block, and slip begins at τ̄A."""
     problem = Problem(
         blocks_apart(comm, (3, 3), (3, 3)),
         {"lower": STEEL, "upper": STEEL},

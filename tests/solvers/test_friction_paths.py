@@ -1,4 +1,4 @@
-"""Friction beside what moves by a given way, and step by step in stages."""
+"""Test friction with prescribed motions, and step by step in stages."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ SHARP = NewtonOptions(tolerance=1e-12)
 
 
 def pushed(gdim: int, material: Any = STEEL, degree: int = 1, **friction: float) -> Problem:
-    """A block on another one; loads press it down and push it from the left."""
+    """Return a block on another block; loads press it down and push it from the left."""
     down, aside = [0.0] * gdim, [0.0] * gdim
     down[-1], aside[0] = -1.0, 1.0
     counts = ((6, 2), (5, 2)) if gdim == 2 else ((3, 3, 1), (2, 2, 1))
@@ -57,14 +57,14 @@ def solved(problem: Problem, *stages: Stage) -> list[Level]:
 
 
 def moved(before: Level, after: Level) -> Any:
-    """Change of the displacement on this rank."""
+    """Return the change of the displacement on this rank."""
     return after.state.u.x.array - before.state.u.x.array
 
 
 @pytest.mark.long(but=["2-1"])
 @pytest.mark.parametrize(("gdim", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, degree: int) -> None:
-    """A change of the push by −ΔF moves them by −2 times what ΔF/2 did, with Tresca's friction."""
+    """With Tresca friction, −ΔF after loading changes displacements by −2 times those of ΔF/2."""
     problem = pushed(gdim, HARD, degree, tresca=10.0)
     pressed, part, full, back, reversed_ = solved(
         problem,
@@ -76,7 +76,7 @@ def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, de
     )
     assert 0 < part.report.slipping <= full.report.slipping < problem.friction.count
     scale = largest(comm, moved(pressed, full))
-    off = 1e-9 if gdim == 2 else 2e-3  # in space slip does not turn by half a turn everywhere
+    off = 1e-9 if gdim == 2 else 2e-3  # in 3D slip does not reverse exactly everywhere
     assert largest(comm, moved(full, back) + 2 * moved(pressed, part)) < off * scale
     assert largest(comm, moved(full, reversed_) + 2 * moved(pressed, full)) < off * scale
     assert largest(comm, moved(pressed, back)) > 1e-2 * scale
@@ -85,7 +85,7 @@ def test_elastic_bodies_unload_as_masing_says(comm: MPI.Intracomm, gdim: int, de
 @pytest.mark.long(but=["friction0"])
 @pytest.mark.parametrize("friction", [{"tresca": 20.0}, {"coulomb": 0.2}])
 def test_many_small_steps_remember_slip(comm: MPI.Intracomm, friction: dict[str, float]) -> None:
-    """Nothing slips back where the push rests, and the step that is left alone changes nothing."""
+    """Under a constant push no slip reverses, and the last stage changes nothing."""
     problem = pushed(2, Flow(STEEL), **friction)
     levels = solved(
         problem, Stage({"press": 100.0, "push": 0.0}), Stage({"push": 16.0}, 3), Stage({}, 2)
@@ -99,7 +99,7 @@ def test_many_small_steps_remember_slip(comm: MPI.Intracomm, friction: dict[str,
 
 
 def test_a_coulomb_block_is_pressed_then_pushed() -> None:
-    """It stays below μ times the press, and is pushed away above it."""
+    """It sticks below μ times the pressure, and slides above it."""
     problem = pushed(2, HARD, coulomb=0.3)
     press = Stage({"press": 100.0, "push": 0.0})
     last = solved(problem, press, Stage({"push": 27.0}))[-1]
@@ -111,7 +111,7 @@ def test_a_coulomb_block_is_pressed_then_pushed() -> None:
 
 
 def dragged(mesh: TaggedMesh, by: str, distance: float, tresca: float) -> Problem:
-    """Two blocks as one, pressed on a rough floor, of which either is moved along the other."""
+    """Return two tied blocks, pressed on a rough floor; either is moved along the other."""
     move = (distance, 0.0) if by == "floor" else ()
     value = -distance if by == "support" else 0.0
     return Problem(
@@ -127,7 +127,7 @@ def dragged(mesh: TaggedMesh, by: str, distance: float, tresca: float) -> Proble
 @pytest.mark.long(but=["0.05-False"])
 @pytest.mark.parametrize(("zeta", "slides"), [(0.05, False), (1.0, True)])
 def test_floor_and_support_drag_alike(comm: MPI.Intracomm, zeta: float, slides: bool) -> None:
-    """Whichever moves, stress is the same, and at last the floor exerts τ̄A."""
+    """For either motion the stress is the same, and finally the floor exerts τ̄A."""
     found = {}
     mesh = blocks_apart(comm, (3, 3), (3, 3))  # one, as parts may differ
     for by in ("floor", "support"):

@@ -1,4 +1,4 @@
-"""Friction around an axis: areas are those of rings."""
+"""Test friction in axisymmetry: areas are those of rings."""
 
 import math
 from dataclasses import replace
@@ -29,14 +29,14 @@ FACE = math.pi * (OUTER**2 - INNER**2)
 
 
 def rings(comm: MPI.Intracomm) -> TaggedMesh:
-    """Two rings on each other, each as wide as high."""
+    """Return two stacked rings, each as wide as high."""
     section = blocks_apart(comm, (3, 3), (2, 2))
     section.mesh.geometry.x[:, 0] += INNER
     return replace(section, section=KINDS["axisymmetric"])
 
 
 def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
-    """Where ζ times the face is τ̄ times the bore that rubs, 2π INNER high."""
+    """It slides when ζ times the face is τ̄ times the area of the bore, of length 2π INNER."""
     problem = Problem(
         rings(comm),
         {"lower": STEEL, "upper": STEEL},
@@ -59,7 +59,7 @@ def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
 @pytest.mark.mpi2("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_ring_grows_on_another(comm: MPI.Intracomm, degree: int) -> None:
-    """The upper one, pressed from inside and above, slips outwards; all places have the face."""
+    """The upper ring, pressed from inside and above, slips outwards; contact covers the face."""
     problem = Problem(
         rings(comm),
         {"lower": STEEL, "upper": STEEL},

@@ -1,4 +1,4 @@
-"""A block on a slope with Coulomb friction: at rest below its angle, and no level above."""
+"""Test a block on a slope with Coulomb friction: rest below the friction angle, no level above."""
 
 import math
 
@@ -15,7 +15,7 @@ MU = 0.3
 
 
 def on_slope(degrees: float, degree: int) -> Level:
-    """Under its weight, this much above the angle of friction."""
+    """Return the block under its weight, inclined this much above the friction angle."""
     angle = math.atan(MU) + math.radians(degrees)
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, [4, 2], [4, 2], moved_by=0.0),
@@ -32,7 +32,7 @@ def on_slope(degrees: float, degree: int) -> Level:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("degrees", [-0.01, -0.001])
 def test_a_little_less_steep(degrees: float, degree: int) -> None:
-    """At rest where it is, not thrown down the slope and back."""
+    """It rests in place, and is not thrown down the slope and back."""
     level = on_slope(degrees, degree)
     assert_solved(level)
     assert level.report.friction_excess < 1e-12
@@ -42,7 +42,7 @@ def test_a_little_less_steep(degrees: float, degree: int) -> None:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("degrees", [1e-4, 0.001, 0.01])
 def test_a_little_too_steep(degrees: float, degree: int) -> None:
-    """The level has no equilibrium, whatever little is missing of it."""
+    """The level has no equilibrium, even if only a little is missing."""
     report = on_slope(degrees, degree).report
     assert not report.converged
     assert "of Coulomb's friction" in report.reason

@@ -1,4 +1,4 @@
-"""Common behaviour of all algorithms: the loop, the states that they find, refusals."""
+"""Test common behaviour of all algorithms: the loop, the states that they find, refusals."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ from tests.solvers.levels import SERIAL, TIGHT, TWO_BLOCKS_LIMIT, converged, str
 def test_all_four_find_the_same_stress(
     build: Callable[[], Problem], zetas: Sequence[float]
 ) -> None:
-    """Undamped, ALG4 gets there by steps alone: at once to 60 % it goes round in circles."""
+    """Undamped ALG4 converges in several load steps: one step to 60 % cycles."""
     problem = build()
     reference = converged(list(load_path(Newton(problem, TIGHT), zetas)))
     alphas = [level.state.alpha for level in reference]
@@ -63,7 +63,7 @@ def test_all_four_find_the_same_stress(
 @SERIAL
 @pytest.mark.parametrize("share", [0.6, 0.9])
 def test_all_four_find_the_same_stress_on_a_finer_mesh(share: float) -> None:
-    """ALG2 once stopped 1e-6 away here, at pairs that pulled weakly."""
+    """On this mesh, ALG2 once stopped 1e-6 away, at pairs with weak tension."""
     problem = two_blocks_problem(8)
     zeta = share * TWO_BLOCKS_LIMIT[8]
     near, known = converged(list(load_path(Newton(problem, TIGHT), [0.97 * zeta, zeta])))
@@ -103,7 +103,7 @@ def test_a_load_above_the_limit_is_refused_with_evidence(
 
 
 def test_contact_does_not_depend_on_the_size_of_the_displacements() -> None:
-    """An elastic state is proportional to the load, however small that is."""
+    """An elastic state is proportional to the load, even if the load is small."""
     solver = Newton(two_blocks_problem(6), TIGHT)
     large, small = converged([solver.solve(zeta) for zeta in (20.0, 1e-4)])
     assert large.report.plastic_cells == 0
@@ -121,7 +121,7 @@ def test_a_load_that_is_no_number_is_refused(method: type[Newton]) -> None:
 
 
 class Scripted(LevelSolver):
-    """Takes steps that change nothing; which of them fail, finish or end is given."""
+    """Makes steps without changes; given steps fail, finish or end."""
 
     method, prescribes = "scripted", Prescribed.LOAD_FACTOR
 
@@ -195,7 +195,7 @@ def test_a_level_ends_where_steps_have_become_small_at_a_solution() -> None:
 def test_a_level_without_solution_tells_why(
     script: dict[str, Any], steps: int, reason: str
 ) -> None:
-    """With size 2, u is twice the solution: steps that are small there tell nothing."""
+    """With size 2, u is twice the solution: small steps there have no meaning."""
     level = Scripted(plate(), **script).solve(1.0, solved().state)
     assert not level.report.converged
     assert reason in level.report.reason

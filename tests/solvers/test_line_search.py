@@ -1,4 +1,4 @@
-"""Lengths of steps along a convex energy, and of Newton steps of bodies that yield."""
+"""Test step lengths along a convex energy, and Newton steps of bodies that yield."""
 
 import numpy as np
 import pytest
@@ -60,14 +60,14 @@ def test_steps_of_yielding_bodies_are_stretched_and_the_last_one_is_not() -> Non
 
 
 def test_a_step_up_is_not_taken_where_there_are_kinks() -> None:
-    """A linearisation of friction that is wrong about a side throws bodies along such steps."""
+    """A wrong linearisation of friction would push bodies along such steps."""
     assert step_length(lambda b: b + 0.5, exact, None, kinked=True) == pytest.approx(0.0)
     assert step_length(lambda b: b - 2.0, exact, None, kinked=True) == pytest.approx(1.0)
     assert step_length(lambda b: b + 0.5, noisy, None, kinked=True) == pytest.approx(1.0)
 
 
 def test_a_step_on_which_bodies_slide_goes_on_until_a_surface_resists() -> None:
-    """φ' is constant up to where places turn back, which may be far."""
+    """φ' is constant up to the point where slip reverses, which may be far away."""
 
     def sliding(beta: float) -> float:
         return -1.0 if beta < 300.0 else 1.0

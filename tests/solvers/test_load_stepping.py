@@ -1,4 +1,4 @@
-"""Steps of the work that are chosen: growth, halving, extrapolation."""
+"""Test adaptive steps of the work: growth, halving, extrapolation."""
 
 import logging
 from itertools import islice
@@ -77,7 +77,7 @@ def test_a_line_is_not_followed_far() -> None:
 
 
 def test_the_first_level_counts_what_led_to_it() -> None:
-    """The state near first yield, whose work has two digits."""
+    """This is the state near first yield, whose work has two digits."""
     solver = WorkNewton(two_blocks_problem(2), TIGHT)
     near, exact = solver.near_yield(), solver.first_yield()
     assert near.alpha == pytest.approx(exact.alpha, rel=0.06)

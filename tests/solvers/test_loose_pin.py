@@ -1,4 +1,4 @@
-"""A pin that is loose in the hole of a plate, held by nothing but friction and contact."""
+"""Test a loose pin in the hole of a plate, held only by friction and contact."""
 
 import re
 from pathlib import Path
@@ -26,7 +26,7 @@ HOLE, HALF = 1.01, 3.0
 
 
 def write_pin(path: Path, size: float) -> None:
-    """A disk of radius 1 in the hole of a square plate. On one process."""
+    """Write a disk of radius 1 in the hole of a square plate. On one process."""
     with gmsh_session() as gmsh:
         occ, model = gmsh.model.occ, gmsh.model
         pin = occ.addDisk(0, 0, 0, 1.0, 1.0)
@@ -74,9 +74,9 @@ PULLED, PRESSED = Traction("right", (1.0, 0.0)), BodyForce("pin", (1.0, 0.0))
 
 
 def test_surfaces_that_do_not_touch_have_no_friction(mesh: TaggedMesh) -> None:
-    """Forces of contact are rounding, and neither they nor what rubs decide anything.
+    """Contact forces are rounding errors, and neither they nor friction decide anything.
 
-    The plate is then as strong and as stiff as with friction that is next to nothing.
+    The plate then has the strength and stiffness for almost zero friction.
     """
     level = Newton(held(mesh, PULLED, coulomb=0.2)).solve(50.0)
     assert_solved(level)
@@ -97,7 +97,7 @@ def test_up_to_the_limit_and_beyond(mesh: TaggedMesh) -> None:
 
 
 def test_a_pin_that_is_pressed_rolls_and_rubs(mesh: TaggedMesh) -> None:
-    """Linearisations of friction run in circles; the condensed program does not."""
+    """Linearisations of friction cycle; the condensed program does not."""
     level = Newton(held(mesh, PRESSED, coulomb=0.2)).solve(50.0)
     assert_solved(level)
     assert level.report.friction_excess < 1e-9

@@ -1,4 +1,4 @@
-"""ALG1 against exact solutions, other programs' numbers, and itself by other ways."""
+"""Test ALG1 against exact solutions, numbers of other programs, and its own variants."""
 
 import math
 
@@ -89,7 +89,7 @@ def test_punch_converges_below_its_limit_and_refuses_above() -> None:
 @pytest.mark.mpi2("exact")
 @pytest.mark.parametrize("active_set", ["exact", "once"])
 def test_block_held_by_contact_alone(active_set: str) -> None:
-    """Uniform uniaxial stress: exact for P1, contact patch test and semicoercive problem in one."""
+    """Uniform uniaxial stress is exact for P1; contact patch test and semicoercive problem."""
     problem = stack_problem(3)
     compliance = sum(h / e for h, e in zip(STACK_HEIGHTS, STACK_YOUNG, strict=True))
     for level in solve(problem, 100.0, 290.0, active_set=active_set):
@@ -116,7 +116,7 @@ def test_contact_pressure_is_the_applied_one() -> None:
 
 @pytest.mark.parametrize("active_set", ["exact", "once"])
 def test_gap_closes_before_the_lower_block_is_loaded(active_set: str) -> None:
-    """The upper block of the cantilevers bends freely until it touches."""
+    """The upper cantilever bends freely until it touches the lower one."""
     free = Newton(two_blocks_problem(2, gap=1.0)).solve(5.0)
     assert free.report.active_contacts == 0
     touching = solve(two_blocks_problem(2, gap=1e-3), 5.0, 30.0, active_set=active_set)
@@ -153,7 +153,7 @@ def test_stopping_criteria_lead_to_the_same_state(stopping: str) -> None:
 
 
 def test_last_steps_converge_quadratically() -> None:
-    """Σ is strongly semismooth: with ρ = 0 each last increment is about the last one squared."""
+    """Σ is strongly semismooth: with ρ = 0 the last increment is about the previous one squared."""
     [level] = solve(l_plate_problem(2), 1.0, regularisation=0.0, tolerance=1e-12)
     last = np.log([step.increment for step in level.iterations])[-4:]
     orders = np.diff(last)[1:] / np.diff(last)[:-1]
@@ -201,7 +201,7 @@ def test_a_body_pulled_off_is_a_result_with_a_reason() -> None:
 def test_a_linear_system_without_solution_is_a_result(
     monkeypatch: pytest.MonkeyPatch, solver: type[Newton | WorkNewton], good: int
 ) -> None:
-    """Wherever it happens, inside SNES-VI too."""
+    """It may occur anywhere, also inside SNES-VI."""
     method = solver(two_blocks_problem(2), NewtonOptions(active_set="exact"))
     solve_well, count = LinearSolver.solve, 0
 

@@ -1,4 +1,4 @@
-"""Stages that move supports, rigid surfaces and obstacles: cycles by hand, contact that opens."""
+"""Test stages that move supports, rigid surfaces and obstacles: known cycles, contact opening."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ PUNCH = Plane("top", (0.0, 0.0, 2.0), DOWN, move=DOWN, name="punch")
 
 
 def strained(body: VonMises | Hardening, strains: Floats) -> Floats:
-    """Stress of a bar at given strains, one after the other."""
+    """Return the stress of a bar at a sequence of strains."""
     isotropic, kinematic = getattr(body, "isotropic", 0.0), getattr(body, "kinematic", 0.0)
     plastic = accumulated = 0.0
     found = []
@@ -59,14 +59,14 @@ def strained(body: VonMises | Hardening, strains: Floats) -> Floats:
 
 
 def halves(tops: list[float]) -> Floats:
-    """Values half way to each of them, and there."""
+    """Return the values, each preceded by the middle of its step."""
     return np.column_stack([np.convolve([0.0, *tops], [0.5, 0.5], "valid"), tops]).ravel()
 
 
 @pytest.mark.mpi2("body0")
 @pytest.mark.parametrize("body", [STEEL, ISOTROPIC, KINEMATIC])
 def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
-    """±2ε_y by a support; its force is on file by its name."""
+    """A support imposes ±2ε_y; its force is on file by its name."""
     supports = [*ROLLERS, Support("top", "z", -2.0, constant=False, name="press")]
     problem = bar(body, supports=supports, loads=[])
     tops = [2.0, -2.0, 2.0, 0.0]
@@ -81,7 +81,7 @@ def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
 
 
 def test_a_punch_is_withdrawn_and_comes_back() -> None:
-    """Where it is withdrawn contact opens; it closes again where the bar stayed short."""
+    """Contact opens when the punch is withdrawn, and closes again where the bar remained short."""
     contacts = [Contact("lower_top", "upper_bottom")]
     problem = bar(ISOTROPIC, loads=[], ties=[], contacts=contacts, obstacles=[PUNCH])
     strokes = [3.0, 1.0, 2.0, 2.8, 4.0]
@@ -104,7 +104,7 @@ def test_a_punch_is_withdrawn_and_comes_back() -> None:
 
 
 def test_an_overlap_grows_and_shrinks() -> None:
-    """Blocks between planes press each other by the factor, flow, and come apart again."""
+    """Blocks between planes are compressed by the factor, yield, and separate again."""
     fit = Contact("lower_top", "upper_bottom", -1.0, True, constant=False, name="fit")
     supports = [*ROLLERS, Support("top", "z")]
     problem = bar(ISOTROPIC, supports=supports, loads=[], ties=[], contacts=[fit])
@@ -117,7 +117,7 @@ def test_an_overlap_grows_and_shrinks() -> None:
 
 
 def test_by_both_algorithms() -> None:
-    """Perfectly plastic blocks that touch, pushed and released, by ALG1 and ALG2."""
+    """Perfectly plastic blocks in contact, pushed and released, with ALG1 and ALG2."""
     found = []
     for method in (Newton, AugmentedLagrangian):
         contacts = [Contact("lower_top", "upper_bottom")]
@@ -131,7 +131,7 @@ def test_by_both_algorithms() -> None:
 
 
 def test_loads_motions_and_heat_have_factors_of_their_own() -> None:
-    """The blocks know nothing of each other: one is pushed, the other heated between planes."""
+    """The blocks are independent: one is pushed, the other is heated between planes."""
     heat = AT_YIELD / EXPANSION
     problem = bar(
         STEEL,
@@ -157,7 +157,7 @@ def test_loads_motions_and_heat_have_factors_of_their_own() -> None:
 
 
 def test_a_punch_drags_and_drags_back() -> None:
-    """Tresca's friction resists slip either way, and counts it from where the stage began."""
+    """Tresca friction resists slip in either direction, measured from the start of the stage."""
     rough = replace(PUNCH, move=(1.0, 0.0, -1.0), tresca=1.0)
     problem = bar(STEEL, loads=[], supports=[Support("bottom")], obstacles=[rough])
     levels = solved(problem, [Stage({"punch": stroke}) for stroke in (1e-3, 0.9e-3, 1e-3)])
@@ -166,7 +166,7 @@ def test_a_punch_drags_and_drags_back() -> None:
 
 
 def test_a_rigid_end_is_turned_and_turned_back() -> None:
-    """Elastic: the moment follows the angle, and nothing is left."""
+    """The body is elastic: the moment follows the angle, and returns to zero."""
     turned = RigidSurface("top", rotation=(0.0, 0.0, 1.0), constant=False, name="wrench")
     problem = bar(STEEL, loads=[], supports=[Support("bottom")], rigid=[turned])
     levels = solved(problem, [Stage({"wrench": angle}) for angle in (1e-4, -2e-4, 0.0)])
@@ -176,7 +176,7 @@ def test_a_rigid_end_is_turned_and_turned_back() -> None:
 
 
 def test_loads_and_motions_that_grow_together() -> None:
-    """Without stages, ζ multiplies both; no work can then be prescribed."""
+    """Without stages, ζ multiplies both; the work cannot then be prescribed."""
     supports = [
         *ROLLERS,
         Support("upper_bottom", "z"),

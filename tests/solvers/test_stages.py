@@ -1,4 +1,4 @@
-"""Stages: cycles by hand with both hardenings, heating, what is not carried, refusals."""
+"""Test stages: known cycles with both hardenings, heating, excessive loads, refusals."""
 
 from functools import cache
 
@@ -49,7 +49,7 @@ def blocks() -> TaggedMesh:
 
 
 def bar(body: VonMises | Hardening, degree: int = 1, **more: object) -> Problem:
-    """Two blocks glued on each other, together 2 high, pushed at the top."""
+    """Return two glued stacked blocks, together 2 high, pushed at the top."""
     arguments: dict[str, object] = {
         "supports": ROLLERS,
         "loads": [Pressure("top", 1.0, name="push")],
@@ -71,7 +71,7 @@ def solved(problem: Problem, stages: list[Stage]) -> list[Level]:
 
 
 def by_hand(body: Hardening, stresses: Floats) -> Floats:
-    """Strain of a bar at given stresses, one after the other."""
+    """Return the strain of a bar at a sequence of stresses."""
     plastic = accumulated = 0.0
     found = []
     for stress in stresses:
@@ -90,7 +90,7 @@ def by_hand(body: Hardening, stresses: Floats) -> Floats:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("body", [ISOTROPIC, KINEMATIC, Hardening(YOUNG, 0.3, YIELD, 3e3, 7e3)])
 def test_cycles_by_hand(body: Hardening, degree: int) -> None:
-    """Pushed and pulled beyond twice the strain at first yield, and to zero."""
+    """The bar is pushed and pulled beyond twice the strain at first yield, and unloaded."""
     tops = [400.0, -450.0, 500.0, 0.0]
     levels = solved(bar(body, degree), [Stage({"push": top}, 2) for top in tops])
     stresses = np.column_stack([np.convolve([0.0, *tops], [0.5, 0.5], "valid"), tops]).ravel()
@@ -108,7 +108,7 @@ def test_cycles_by_hand(body: Hardening, degree: int) -> None:
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_restrained_bar_is_heated_and_cooled(degree: int) -> None:
-    """Stress −EaT until it yields; cooled to where it was, it is pulled as far beyond."""
+    """The stress is −EaT until yield; cooled to the initial temperature, the bar is in tension."""
     at_yield = YIELD / (YOUNG * EXPANSION)
     stages = [Stage({"lower": 1.5 * at_yield}, 3), Stage({"lower": 0.0}, 3)]
     problem = bar(
@@ -130,7 +130,7 @@ def test_a_restrained_bar_is_heated_and_cooled(degree: int) -> None:
 
 @pytest.mark.parametrize("body", [Elastic(YOUNG, 0.3), Flow(STEEL)])
 def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
-    """All that is left is rounding, which is no measure of itself."""
+    """Only rounding errors remain, which must not be their own scale."""
     problem = bar(STEEL, bodies=body)
     stages = [Stage({"push": 0.7 * YIELD}), Stage({"push": 0.0}, 3), Stage({"push": 1.0})]
     stresses = 0.7 * YIELD * np.array([1, 2 / 3, 1 / 3, 0, 1 / (0.7 * YIELD)])
@@ -144,10 +144,10 @@ def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
     [DruckerPrager(YOUNG, 0.1, 50.0, 30.0, "compression"), MohrCoulomb(YOUNG, 0.1, 50.0, 30.0)],
 )
 def test_ground_in_an_oedometer(ground: DruckerPrager | MohrCoulomb) -> None:
-    """Pressed between smooth walls it flows, and keeps their pressure where it is relieved.
+    """Compressed between smooth walls it yields, and the walls keep their pressure after unloading.
 
-    Under the pressure q it flows once (1 + s)σ_h + (1 − s)q = b, and so far along
-    ((1 + s)/2, (1 + s)/2, s − 1) that ε_h stays zero.
+    Under the pressure q the ground yields when (1 + s)σ_h + (1 − s)q = b. It flows along ((1 +
+    s)/2, (1 + s)/2, s − 1) until ε_h is zero.
     """
     sides = [
         Surface(f"{axis}{side}", ("soil",), lambda x, i=i, side=side: x[i] == side)
@@ -179,7 +179,7 @@ def test_ground_in_an_oedometer(ground: DruckerPrager | MohrCoulomb) -> None:
 
 @pytest.mark.mpi2
 def test_contact_is_relieved_and_pushed_again() -> None:
-    """No pair pushes where nothing is loaded, but they are where the next level begins."""
+    """Without load no pair pushes, but pairs are in contact where the next level begins."""
     contacts = [Contact("lower_top", "upper_bottom")]
     problem = bar(ISOTROPIC, ties=[], contacts=contacts)
     levels = solved(problem, [Stage({"push": top}) for top in (350.0, 0.0, 420.0)])
@@ -226,7 +226,7 @@ def test_algorithms_that_cannot_remember() -> None:
 
 @pytest.mark.parametrize("body", [ISOTROPIC, KINEMATIC])
 def test_strained_to_twice_first_yield_and_back(body: Hardening) -> None:
-    """By a support that moves: ±2ε_y, and no strain in the end."""
+    """A moving support imposes ±2ε_y, and finally zero strain."""
     at_yield = YIELD / YOUNG
     supports = [*ROLLERS, Support("top", "z", -2.0, constant=False)]
     problem = bar(body, supports=supports, loads=[])

@@ -1,4 +1,4 @@
-"""Surfaces that rub, pressed and unloaded to nothing in stages."""
+"""Test surfaces with friction, pressed and completely unloaded in stages."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from tests.models import STEEL
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("friction", [{"coulomb": 0.3}, {"tresca": 5.0}, {}])
 def test_elastic_bodies_are_unloaded(friction: dict[str, Any], degree: int) -> None:
-    """Forces of contact may be rounding, which decides nothing, and bounds no friction."""
+    """Contact forces may be rounding errors, which decide nothing and limit no friction."""
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, [4, 4], [4, 4], moved_by=0.0),
         {"lower": Flow(STEEL), "upper": Flow(STEEL)},
@@ -34,6 +34,6 @@ def test_elastic_bodies_are_unloaded(friction: dict[str, Any], degree: int) -> N
     for level in levels:
         assert_solved(level)
     pressed, _, unloaded = levels
-    if "tresca" in friction:  # holds, though nothing presses
+    if "tresca" in friction:  # holds without pressure
         return
     assert unloaded.report.max_displacement < 1e-12 * pressed.report.max_displacement

@@ -1,4 +1,4 @@
-"""Why a level has no solution: above a limit, below the other one, or by constant loads alone."""
+"""Test why a level has no solution: above or below a limit, or because of constant loads."""
 
 from dataclasses import replace
 

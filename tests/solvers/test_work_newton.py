@@ -1,4 +1,4 @@
-"""ALG3 and ALG4: the program they solve, and the properties of the curve ζ(α)."""
+"""Test ALG3 and ALG4: the program they solve, and the properties of the curve ζ(α)."""
 
 import itertools
 import math
@@ -63,7 +63,7 @@ def test_a_block_held_by_contact_alone(method: type[WorkNewton]) -> None:
 
 @pytest.mark.mpi2
 def test_both_work_methods_solve_the_same_program_with_contact() -> None:
-    """Against dense linear algebra: KKT conditions of ALG3's program, and ALG4's two solves."""
+    """Compare KKT conditions of ALG3, and both solves of ALG4, with dense linear algebra."""
     problem = two_blocks_problem(2, comm=MPI.COMM_SELF)
     [start] = converged([WorkNewton(problem, TIGHT).solve(0.05)])
     iterate = Iterate(problem)
@@ -94,7 +94,7 @@ def test_both_work_methods_solve_the_same_program_with_contact() -> None:
     assert (delta[index] <= room + rounding).all()
     assert border @ delta == pytest.approx(missing, rel=1e-10)
 
-    # ALG4 on this active set, δ there being given
+    # ALG4 on this active set, with given δ
     free &= ~fixed
     given = np.zeros(len(r))
     given[index[step.active]] = room[step.active]
@@ -228,7 +228,7 @@ def test_impossible_work_is_refused(method: type[WorkNewton], alpha: float, word
     ],
 )
 def test_alg4_far_beyond_first_yield(constant: list[Load]) -> None:
-    """Undamped steps from there diverge: they are damped then, and meet ALG3."""
+    """Undamped steps from there diverge; damped steps then agree with ALG3."""
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, [4, 4], [4, 4], moved_by=0.0),
         {"lower": STEEL, "upper": STEEL},

@@ -1,4 +1,4 @@
-"""The dense program of contact and friction fulfils the conditions of both."""
+"""Test that the dense program of contact and friction satisfies the conditions of both."""
 
 import numpy as np
 import pytest

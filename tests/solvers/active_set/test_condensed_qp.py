@@ -1,4 +1,4 @@
-"""The contact QP of a few pairs alone, condensed to a dense one."""
+"""Test the contact QP of a few pairs, condensed to a dense QP."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tests.models import two_blocks_problem
 @pytest.mark.mpi3("None")
 @pytest.mark.parametrize("work", [None, 0.02])
 def test_it_finds_the_active_set_of_the_whole_program(work: float | None) -> None:
-    """All pairs undecided, then those that are right left out."""
+    """At first all pairs are undecided; then the pairs with known states are omitted."""
     problem = two_blocks_problem(2)
     iterate, linear = Iterate(problem), LinearSolver(problem)
     first = iterate.begin(None)

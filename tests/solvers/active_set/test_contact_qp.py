@@ -1,4 +1,4 @@
-"""The contact QP: its conditions of optimality, and pairs that go in circles."""
+"""Test the contact QP: its optimality conditions, and cycling pairs."""
 
 from petsc4py import PETSc
 
@@ -91,7 +91,7 @@ def test_sets_are_tried_until_there_have_been_enough(case: Case) -> None:
 def test_pairs_that_go_in_circles_are_condensed(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """SNES-VI is stopped at the first set, as if it were one of a circle."""
+    """SNES-VI is stopped at the first set, as if this set belonged to a cycle."""
     expected = case.program.solve(case.r, case.room, case.first, RTOL, work=case.work)
     delta, multiplier = expected.delta.copy(), expected.multiplier
     assert case.program.counts() == (1, 1, expected.iterations)

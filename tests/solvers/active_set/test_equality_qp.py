@@ -1,4 +1,4 @@
-"""QPs with held pairs: a correction for other pairs is as good as a solution, and cheaper."""
+"""Test QPs with held pairs: a correction for other pairs replaces a solution, and is cheaper."""
 
 from petsc4py import PETSc
 
@@ -16,7 +16,7 @@ RTOL = 1e-6
 
 
 def loads(problem: Problem) -> PETSc.Vec:
-    """Loads in the jump basis."""
+    """Return loads in the jump basis."""
     border = problem.create_vector()
     problem.basis.T.multTranspose(problem.loads.live, border)
     return border
@@ -26,7 +26,7 @@ def loads(problem: Problem) -> PETSc.Vec:
 @pytest.mark.parametrize("work", [None, 0.02])
 @pytest.mark.parametrize("kind", ["mg", "cholesky"])
 def test_a_correction_is_as_good_as_a_solution(kind: str, work: float | None) -> None:
-    """The pair in one corner is let go."""
+    """The pair in one corner is released."""
     problem = two_blocks_problem(4)
     operator = elastic_operator(problem)
     with (
@@ -118,7 +118,7 @@ def test_held_pairs_have_the_jumps_they_are_given() -> None:
 
 
 def test_no_solution_without_any_held_pair() -> None:
-    """The blocks of the stack stand on each other, and nothing else keeps them."""
+    """Only contact with the lower block holds the upper block of the stack."""
     problem = stack_problem(2)
     program = EqualityProgram(problem, LinearSolver(problem))
     program.set_operator(elastic_operator(problem))

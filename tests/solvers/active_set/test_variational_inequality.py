@@ -1,4 +1,4 @@
-"""SNES-VI solves contact QPs by the sets of the primal–dual active set strategy, and no others."""
+"""Test that SNES-VI uses exactly the sets of the primal–dual active set strategy."""
 
 import gc
 import weakref
@@ -42,7 +42,7 @@ class Case:
         self.model = QuadraticModel(r.copy(), iterate.room(), work, 1e-11)
 
     def search(self, held: PairFlags) -> Solution:
-        """The primal–dual strategy written out, as the reference."""
+        """Compute the sets of the primal–dual strategy directly, as the reference."""
         program, model, comm = self.program, self.model, self.problem.comm
         force = self.problem.create_vector()
         solution = program.minimise(model, held, self.problem.create_vector())
@@ -57,14 +57,14 @@ class Case:
             solution = program.correct(solution, solution.held ^ wrong)
 
     def made(self, **options: str) -> VariationalInequality:
-        """SNES-VI with a user's options."""
+        """Return SNES-VI with a user's options."""
         with ExitStack() as stack:
             for name, value in options.items():
                 stack.enter_context(default(f"perfplast_vi_{name}", value))
             return VariationalInequality(self.problem, self.program)
 
     def wrong_start(self) -> PairFlags:
-        """A set from which several others follow."""
+        """Return a set after which several others follow."""
         return np.ones_like(self.active)
 
 
@@ -75,7 +75,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 @pytest.mark.mpi3("work")
 def test_its_sets_are_those_of_the_primal_dual_strategy(case: Case) -> None:
-    """As many of them, from the right set and from a wrong one, and one SNES for all."""
+    """The number of sets agrees, from the right set and from a wrong one; one SNES serves all."""
     inequality = case.made()
     for start in (case.wrong_start(), case.active):
         expected = case.search(start)
@@ -176,7 +176,7 @@ def test_all_algorithms_take_their_steps_by_it(
 
 
 def test_what_it_belongs_to_can_be_let_go() -> None:
-    """PETSc keeps the SNES's functions, and would keep all of a solver with them."""
+    """PETSc stores the SNES's functions, and would thereby keep a whole solver alive."""
     newton = Newton(two_blocks_problem(2))
     assert newton.solve(60.0).report.snes_vi_iterations > 0
     kept = weakref.ref(newton.program)

@@ -1,4 +1,4 @@
-"""Options that the tests of this folder share."""
+"""Define options for the tests in this folder."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture
 def multigrid() -> Iterator[None]:
-    """Coarse levels for problems that would be factorised."""
+    """Use multigrid for problems that the program would factorise."""
     options = PETSc.Options()
     given = {"perfplast_pc_type": "mg", "perfplast_coarse_pc_gamg_coarse_eq_limit": "60"}
     for key, value in given.items():

@@ -1,4 +1,4 @@
-"""Define problems and linear systems that several tests of this folder solve."""
+"""Define problems and linear systems for several tests in this folder."""
 
 from mpi4py import MPI
 from petsc4py import PETSc

@@ -1,4 +1,4 @@
-"""Aggregates: their motions are orthonormal, and those of whole bodies are among them."""
+"""Test aggregates: their motions are orthonormal, and include rigid motions of whole bodies."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -79,7 +79,7 @@ def test_motions_are_orthonormal(problem: Problem, levels: list[Aggregates]) -> 
 def test_bodies_move_rigidly_and_in_the_given_way(
     problem: Problem, levels: list[Aggregates]
 ) -> None:
-    """Fine unknowns that belong to no aggregate are held, as those at supports."""
+    """Fine unknowns in no aggregate are held, like those at supports."""
     flow = _vortex(problem)
     for level in levels:
         richer, coarse = level.with_motion(flow, COMM)
@@ -109,7 +109,7 @@ def _vortex(problem: Problem) -> npt.NDArray[np.float64]:
 
 
 def _lost(level: Aggregates, motion: npt.NDArray[np.float64]) -> float:
-    """How much of a motion is none of the aggregates', relative to it."""
+    """Return the relative part of a motion that the aggregates cannot represent."""
     Q = level.interpolation(COMM)
     coarse, image = Q.createVecs()
     fine = image.duplicate()

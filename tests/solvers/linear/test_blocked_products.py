@@ -1,4 +1,4 @@
-"""Products with blocks of a symmetric matrix against those of PETSc."""
+"""Test products with blocks of a symmetric matrix against PETSc."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -16,7 +16,7 @@ ROUNDING = {np.float32: 1e-6, np.float64: 1e-14}
 
 
 def symmetric(comm: MPI.Intracomm, size: int, seed: int) -> PETSc.Mat:
-    """A symmetric matrix of 40 rows of blocks with holes in them, spread over the ranks."""
+    """Return a symmetric matrix of 40 block rows with gaps, distributed over the ranks."""
     rng = np.random.default_rng(seed)
     nodes = sparse.random(40, 40, density=0.15, rng=np.random.default_rng(1))
     entries = sparse.kron(nodes, np.ones((size, size))).tocsr()
@@ -36,7 +36,7 @@ def symmetric(comm: MPI.Intracomm, size: int, seed: int) -> PETSc.Mat:
 
 
 def interpolation(comm: MPI.Intracomm, sizes: tuple[int, int], seed: int) -> PETSc.Mat:
-    """From 15 coarse nodes to 40 fine ones, spread over the ranks."""
+    """Return an interpolation from 15 coarse nodes to 40 fine nodes, distributed over the ranks."""
     rng = np.random.default_rng(seed)
     nodes = sparse.random(40, 15, density=0.2, rng=np.random.default_rng(1))
     entries = sparse.kron(nodes, np.ones(sizes)).tocsr()
@@ -58,7 +58,7 @@ def interpolation(comm: MPI.Intracomm, sizes: tuple[int, int], seed: int) -> PET
 def test_products_are_those_of_petsc(size: int, precision: type[np.floating]) -> None:
     comm = MPI.COMM_WORLD
     products = None
-    for seed in (3, 4):  # filled, and filled anew
+    for seed in (3, 4):  # filled, and filled again
         A = symmetric(comm, size, seed)
         products = products or BlockedProducts(A, precision)
         products.fill(A)
@@ -67,7 +67,7 @@ def test_products_are_those_of_petsc(size: int, precision: type[np.floating]) ->
         rows = np.arange(*A.getOwnershipRange())
         x.array[:] = np.sin(1.0 + rows)
         A.mult(x, y)
-        for _ in range(2):  # nothing is left of a product
+        for _ in range(2):  # a product leaves no trace
             products.matrix.mult(x, image)
             image.axpy(-1.0, y)
             assert image.norm() < ROUNDING[precision] * y.norm()
@@ -95,7 +95,7 @@ def test_no_block_has_to_be_of_this_rank_or_of_others() -> None:
 @pytest.mark.parametrize("sizes", [(2, 3), (2, 4), (3, 3), (3, 6), (3, 7), (4, 4), (6, 6), (7, 7)])
 def test_interpolations_are_those_of_petsc(sizes: tuple[int, int]) -> None:
     transfer = None
-    for seed in (3, 4):  # filled, and filled anew
+    for seed in (3, 4):  # filled, and filled again
         P = interpolation(MPI.COMM_WORLD, sizes, seed)
         transfer = transfer or BlockedInterpolation(P)
         transfer.fill(P)
@@ -135,17 +135,17 @@ def test_who_solves_is_told_of_other_entries() -> None:
 @pytest.mark.parametrize("upper", [False, True])
 @pytest.mark.parametrize("both", [(3, 3), (3, 6)])
 def test_entries_where_there_were_none_are_seen(both: tuple[int, int], upper: bool) -> None:
-    """They would else be put into another block."""
+    """Otherwise they would be stored in another block."""
     upper &= both[0] == both[1]
 
     def rows(column: int) -> Rows:
-        """One entry in each of the first two rows of blocks, the second one in a column."""
+        """Return one entry in each of the first two block rows; the second is in a given column."""
         starts = np.repeat([0, 1, 2], [1, both[0], 2 * both[0]])
         columns = np.array([0, both[1] * column], dtype=PETSc.IntType)
         return Rows(starts.astype(PETSc.IntType), columns, np.ones(2))
 
     blocks = BlockRows(MPI.COMM_WORLD, np.float64, both, rows(1), 3 * both[1], upper=upper)
     blocks.fill(rows(1))
-    for column in (2, 3):  # which was empty, and which was not there at all
+    for column in (2, 3):  # an empty place in a block, and a missing block
         with pytest.raises(AssertionError, match="1 entries are outside the first pattern"):
             blocks.fill(rows(column))

@@ -1,4 +1,4 @@
-"""The operator in the jump basis."""
+"""Test the operator in the jump basis."""
 
 import numpy as np
 

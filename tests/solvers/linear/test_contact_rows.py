@@ -1,4 +1,4 @@
-"""Rows of the operator near contact."""
+"""Test the rows of the operator near contact."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ from tests.solvers.linear.systems import corner_problem, elastic_operator, quadr
     ids=["two blocks", "two normals", "quadratic"],
 )
 def test_the_matrix_is_that_of_the_whole_product(make: Callable[[], Problem]) -> None:
-    """Only rows near contact are formed anew; held pairs come and go."""
+    """Only rows near contact are computed again; held pairs change."""
     problem = make()
     operator = elastic_operator(problem)
     index, T = problem.basis.index, problem.basis.T

@@ -1,4 +1,4 @@
-"""Factorisations: solved whatever is asked, kept where told, and doubted."""
+"""Test factorisations: accuracy, reuse, and checks."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from tests.solvers.linear.systems import elastic_operator, loads
 def test_factors_are_those_of_the_matrix_or_of_an_earlier_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """With those of an earlier one CG solves, in no more iterations than new ones are worth."""
+    """With old factors CG needs no more iterations than a new factorisation would cost."""
     problem = two_blocks_problem(2)
     index, b, x = problem.basis.index, loads(problem), problem.create_vector()
     operator, method = elastic_operator(problem), Factorisation(problem.comm)
@@ -24,7 +24,7 @@ def test_factors_are_those_of_the_matrix_or_of_an_earlier_one(
     operator.hold(index[:0])
     method.set_matrix(operator, index[:0])
     method.keep()
-    assert method.worth == 0  # of so small a matrix
+    assert method.worth == 0  # for such a small matrix
     assert method.solve(b, x, 1e-8).failure == "diverged max it"
     monkeypatch.setattr(Factorisation, "worth", 200)
     outcome = method.solve(b, x, 1e-8)
@@ -50,7 +50,7 @@ def test_a_solution_that_leaves_most_is_none(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_after_a_singular_matrix_the_next_one_is_factorised() -> None:
-    """PETSc itself would go on with the factors that MUMPS has not got."""
+    """PETSc would otherwise continue with factors that MUMPS does not have."""
     problem = two_blocks_problem(2)
     index, b, x = problem.basis.index, loads(problem), problem.create_vector()
     operator, method = elastic_operator(problem), Factorisation(problem.comm)

@@ -1,4 +1,4 @@
-"""Krylov methods with the user's preconditioner."""
+"""Test Krylov methods with the user's preconditioner."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Linear elements in quadratic ones: linear motions pass both ways, and few iterations suffice."""
+"""Test linear elements in quadratic ones: linear motions are preserved, iterations are few."""
 
 from mpi4py import MPI
 
@@ -22,7 +22,7 @@ def test_linear_motions_pass_both_ways_but_for_supports() -> None:
     linear.interpolation.mult(coarse, fine)
     owned = problem.V.dofmap.index_map.size_local
     x, fixed = problem.V.tabulate_dof_coordinates()[:owned], problem.fixed[:owned]
-    away = x[:, 0] > 0.6  # cells of half a unit; no support in them
+    away = x[:, 0] > 0.6  # cells of edge 1/2 without a support
     assert problem.comm.allreduce(int(away.sum())) > 0
     np.testing.assert_allclose(fine.array.reshape(-1, 3)[away], (x @ slopes)[away], rtol=1e-12)
     assert not fine.array[fixed.ravel()].any()
@@ -32,7 +32,7 @@ def test_linear_motions_pass_both_ways_but_for_supports() -> None:
 
 
 def test_iterations_do_not_grow_as_quadratic_meshes_are_refined(multigrid: None) -> None:
-    """All contact closed, elastic bodies, relative residual 1e-8."""
+    """All contact is closed, bodies are elastic, and the relative residual is 1e-8."""
     counts = []
     for n in (2, 4, 6):
         problem = _two_blocks(n)

@@ -1,4 +1,4 @@
-"""The policy: which way of solving is chosen, when it is renewed, what takes over."""
+"""Test the policy: selection of a method, renewal, and replacement."""
 
 from collections.abc import Iterator
 
@@ -33,7 +33,7 @@ def test_a_small_problem_is_solved_by_multigrid_too() -> None:
 
 
 def test_a_set_up_serves_corrections_too(multigrid: None) -> None:
-    """Its first solve may be one, which says nothing of what a digit costs."""
+    """The first solve may be a correction, whose cost per digit is not representative."""
     problem = two_blocks_problem(4)
     index = problem.basis.index
     solver = LinearSolver(problem)
@@ -52,7 +52,7 @@ def problem() -> Problem:
 
 @pytest.fixture
 def solver(problem: Problem, multigrid: None) -> LinearSolver:
-    """Multigrid, with all pairs held and one system solved."""
+    """Return a multigrid solver, with all pairs held and one solved system."""
     solver = LinearSolver(problem)
     solver.set_operator(elastic_operator(problem))
     solver.hold(problem.basis.index)
@@ -62,7 +62,7 @@ def solver(problem: Problem, multigrid: None) -> LinearSolver:
 
 
 def failing(monkeypatch: pytest.MonkeyPatch, times: int) -> list[str]:
-    """Let multigrid fail so many times; collects what is asked of the ways of solving."""
+    """Let multigrid fail a number of times, and collect the calls of the methods."""
     asked: list[str] = []
     left = iter(range(times))
     ways = {Multigrid: Multigrid.solve, Factorisation: Factorisation.solve}
@@ -82,7 +82,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, times: int) -> list[str]:
 
 
 def residual(solver: LinearSolver, b: PETSc.Vec, x: PETSc.Vec) -> float:
-    """Relative to b."""
+    """Return the residual relative to b."""
     image = b.duplicate()
     solver._current.matrix.mult(x, image)
     image.axpy(-1.0, b)
@@ -154,7 +154,7 @@ def test_what_is_slow_is_improved_for_the_next_solve(
 
 
 def test_multigrid_that_ends_too_early_gives_way(problem: Problem, multigrid: None) -> None:
-    """By PETSc's own verdict."""
+    """PETSc reports this end."""
     with default("perfplast_ksp_max_it", "2"):
         solver = LinearSolver(problem)
     solver.set_operator(elastic_operator(problem))
@@ -167,7 +167,7 @@ def test_multigrid_that_ends_too_early_gives_way(problem: Problem, multigrid: No
 
 
 def test_a_singular_system_has_a_reason() -> None:
-    """The upper block has come off the lower one, and nothing keeps it."""
+    """The upper block has separated from the lower block, and nothing holds it."""
     problem = stack_problem(2)
     solver = LinearSolver(problem)
     solver.set_operator(elastic_operator(problem))
@@ -207,7 +207,7 @@ def test_factors_are_kept_while_few_unknowns_change(monkeypatch: pytest.MonkeyPa
     solver.set_operator(operator)
     solver.hold(index)
     assert solver.setups == 3
-    monkeypatch.setattr(Factorisation, "worth", 4)  # no room for CG to get there
+    monkeypatch.setattr(Factorisation, "worth", 4)  # so CG has too few iterations
     solver.solve(b, x, 1e-8)
     solver.hold(index[1:])
     before = solver.iterations
@@ -217,7 +217,7 @@ def test_factors_are_kept_while_few_unknowns_change(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_factorisation_has_a_price(solver: LinearSolver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the analysis of the matrix, whose square root of operations per entry is some tens."""
+    """The analysis of the matrix gives a square root of operations per entry of some tens."""
     assert solver._price.fits
     assert 1 < solver._price.iterations < 100
     monkeypatch.setattr(factorisation, "spare_memory", lambda comm: 0.0)
@@ -280,4 +280,4 @@ def test_users_choose(problem: Problem, asked: dict[str, str], name: str) -> Non
     solver.hold(problem.basis.index)
     b, x = loads(problem), problem.create_vector()
     solver.solve(b, x, 1e-8)
-    assert residual(solver, b, x) < 1e-7  # CG's own norm may be another one
+    assert residual(solver, b, x) < 1e-7  # CG may use another norm

@@ -1,4 +1,4 @@
-"""Multigrid: against a factorisation, on finer meshes, where bodies flow."""
+"""Test multigrid against a factorisation, on finer meshes, and with plastic flow."""
 
 from collections.abc import Callable
 
@@ -59,7 +59,7 @@ def test_multigrid_gives_what_a_factorisation_gives(
 
 
 def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
-    """All contact closed, elastic bodies, relative residual 1e-8."""
+    """All contact is closed, bodies are elastic, and the relative residual is 1e-8."""
     counts = []
     for n in (4, 8):
         problem = two_blocks_problem(n)
@@ -78,7 +78,7 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
 def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
     multigrid: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """About a sixth, more or less with the partition."""
+    """The reduction is about a sixth, and depends on the partition."""
     counts, alphas = [], []
     for worth in (np.inf, 1.0):
         monkeypatch.setattr(linear_solver, "WORTH_A_MOTION", worth)
@@ -88,7 +88,7 @@ def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
         alphas.append(levels[-1].report.alpha)
         counts.append(solver.linear.iterations)
     assert alphas[1] == pytest.approx(alphas[0], rel=1e-9)
-    assert counts[1] < counts[0]  # by 5 to 17 %, as the mesh is partitioned
+    assert counts[1] < counts[0]  # by 5 to 17 %, depending on the partition
 
 
 @pytest.mark.mpi3

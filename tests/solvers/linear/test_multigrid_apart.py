@@ -1,4 +1,4 @@
-"""Multigrid sees through contact of bodies that were meshed apart, with friction and without."""
+"""Test multigrid for contact of separately meshed bodies, with and without friction."""
 
 from mpi4py import MPI
 
@@ -11,11 +11,11 @@ from tests.contact.blocks_apart import blocks_apart
 
 BODY = Elastic(young=2e5, poisson=0.3)
 COUNTS = {2: {"matching": (40, 40), "apart": (30, 45)}, 3: {"matching": (9, 9), "apart": (7, 10)}}
-"""Cells along an edge of each of two blocks; of about as many unknowns."""
+"""Cells along an edge of each of two blocks, with similar numbers of unknowns."""
 
 
 def iterations(gdim: int, which: str, tresca: float | None) -> float:
-    """CG iterations a system, on average, of a block pressed on another and pushed."""
+    """Return the mean CG iterations per system, for a block pressed on another and pushed."""
     load = [0.0] * gdim
     load[0], load[-1] = 5.0, -100.0
     sides = ["upper_x0", "upper_y0"][: gdim - 1] if tresca is None else []
@@ -38,9 +38,9 @@ def iterations(gdim: int, which: str, tresca: float | None) -> float:
 @pytest.mark.long(but=["2"])
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_as_few_iterations_as_where_nodes_match(gdim: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At most 1.3 times as many; at most twice as many where surfaces stick or slip in part.
+    """At most 1.3 times as many; at most twice as many with partial stick or slip.
 
-    Set-ups that are kept would cost iterations of their own.
+    Old set-ups would cost additional iterations.
     """
     monkeypatch.setattr(multigrid, "WORTH", {1: 0})
     monkeypatch.setattr(linear_solver, "DIRECT_LIMIT", {2: 0, 3: 0})

@@ -1,4 +1,4 @@
-"""A factorisation that does not fit into memory is refused before it starts."""
+"""Test that a factorisation that exceeds the memory is refused before it starts."""
 
 import pytest
 

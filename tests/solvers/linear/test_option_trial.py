@@ -1,4 +1,4 @@
-"""PETSc options that are unknown or wrong are told before a run, and right ones are not."""
+"""Test that unknown or wrong PETSc options are reported before a run, and valid ones are not."""
 
 import gc
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ BAD: list[tuple[dict[str, str | None], str]] = [
 
 @pytest.fixture(autouse=True, scope="module")
 def nothing_is_collected() -> Iterator[None]:
-    """Collect no solvers of other tests, which would delete their options, while these compare."""
+    """Prevent the deletion of solvers of other tests, and of their options, during comparisons."""
     gc.collect()
     gc.disable()
     yield

@@ -1,4 +1,4 @@
-"""Options: a preset gives way to the user, and solvers do not see each other's."""
+"""Test options: user options replace presets, and solvers do not share options."""
 
 import gc
 
@@ -60,7 +60,7 @@ def test_what_tunes_the_presets_preconditioner_is_not_for_another() -> None:
 
 
 def test_a_preset_is_deleted_with_its_owner() -> None:
-    """The user's options stay, so that PETSc can warn of those that nobody has used."""
+    """User options remain, so PETSc can warn about unused options."""
     options, me = PETSc.Options(), Owner()
     gc.collect()
     before = options.getAll()
@@ -74,7 +74,7 @@ def test_a_preset_is_deleted_with_its_owner() -> None:
 
 
 def test_solvers_leave_no_options() -> None:
-    """Neither a level, nor bounds."""
+    """Neither a level nor bounds leave options."""
     gc.collect()
     before = PETSc.Options().getAll()
     problem = punch_problem(2)

@@ -1,4 +1,4 @@
-"""Coarse spaces: what they hold, and the motion that they are given."""
+"""Test coarse spaces: their content, and additional motions."""
 
 from petsc4py import PETSc
 
@@ -26,7 +26,7 @@ def test_coarse_spaces_hold_what_is_held(multigrid: None) -> None:
     operator.hold(held)
     spaces.project(operator.matrix, held, pc)
     sizes = _row_sizes(finest, index)
-    assert not sizes[::2].any()  # put there, not computed
+    assert not sizes[::2].any()  # assigned, not computed
     assert problem.comm.allreduce(before.sum()) > 0
     np.testing.assert_allclose(sizes[1::2], before[1::2], rtol=1e-14)
     operator.hold(index[:0])
@@ -39,7 +39,7 @@ def test_coarse_spaces_hold_what_is_held(multigrid: None) -> None:
 def test_coarse_spaces_have_the_motion_that_they_are_given(
     multigrid: None, flow: str, large: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A motion of no size adds nothing."""
+    """A zero motion adds nothing."""
     monkeypatch.setattr(smoothed_aggregation, "LARGE", large)
     problem = two_blocks_problem(4)
     operator = elastic_operator(problem)
@@ -52,7 +52,7 @@ def test_coarse_spaces_have_the_motion_that_they_are_given(
     motion.array[held] = 0.0
     spaces = CoarseSpaces(problem, operator.nodal())
     left = []
-    for _ in range(3):  # the third time in the place of the second
+    for _ in range(3):  # the third motion replaces the second
         pc = PETSc.PC().create(problem.comm)
         pc.setType("mg")
         pc.setMGLevels(spaces.levels)
@@ -67,7 +67,7 @@ def test_coarse_spaces_have_the_motion_that_they_are_given(
 
 
 def _energy_beyond(A: PETSc.Mat, P: PETSc.Mat, y: PETSc.Vec) -> float:
-    """Energy of what is best left of y by the columns of P."""
+    """Return the energy of the part of y that the columns of P cannot represent."""
     coarse, image = P.createVecs()
     ksp = PETSc.KSP().create(A.comm)
     ksp.setType("cg")

@@ -1,4 +1,4 @@
-"""Factors of CHOLMOD in the place of MUMPS's: where they are made, and where they cannot be."""
+"""Test CHOLMOD factors instead of MUMPS factors: where they are used, and where not."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -15,13 +15,13 @@ pytestmark = pytest.mark.serial
 
 
 def dense(size: int) -> Floats:
-    """A matrix without zeros that is positive definite."""
+    """Return a full matrix that is positive definite."""
     rows = np.random.default_rng(7).normal(size=(size, size))
     return np.asarray(rows @ rows.T / size + np.eye(size))
 
 
 def solved(sprung: SprungMatrix, matrix: PETSc.Mat, values: Floats) -> float:
-    """By how much a solution misses, with the factors of other values."""
+    """Return the error of a solution, with the factors of other values."""
     places = np.arange(len(values), dtype=np.int32)
     matrix.setValues(places, places, values)
     matrix.assemble()
@@ -38,7 +38,7 @@ def solved(sprung: SprungMatrix, matrix: PETSc.Mat, values: Floats) -> float:
 def test_what_is_not_positive_definite_is_factorised_by_mumps(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Once it has been met, for ever, and without a line of CHOLMOD on the terminal."""
+    """After one such matrix, MUMPS is always used, without a message of CHOLMOD on the terminal."""
     values = dense(700)
     matrix = PETSc.Mat().createAIJ((700, 700), nnz=700, comm=MPI.COMM_SELF)
     indefinite = values.copy()
@@ -58,7 +58,7 @@ def test_what_is_not_positive_definite_is_factorised_by_mumps(
 
 @pytest.mark.parametrize(("per_entry", "asked"), [(100.0, False), (1000.0, True)])
 def test_mumps_stays_where_it_is_quicker_or_asked_for(per_entry: float, asked: bool) -> None:
-    """In the plane, and where users have said which solver they want."""
+    """MUMPS remains in 2D, and if users have selected a solver."""
     ksp = PETSc.KSP().create(MPI.COMM_SELF)
     factors, options = SupernodalFactors(), PETSc.Options()
     option = f"{LIMIT}pc_factor_mat_solver_type"

@@ -1,4 +1,4 @@
-"""SMALBE-M and MPRGP on small random programs, against their optimality conditions."""
+"""Test SMALBE-M and MPRGP on small random programs, against their optimality conditions."""
 
 from mpi4py import MPI
 
@@ -48,7 +48,7 @@ def test_optimality(seed: int, scale: float) -> None:
 
 
 def test_gives_up_where_nothing_is_feasible() -> None:
-    """One unknown that is not to be negative and is to be −1: bounds and balance exclude it."""
+    """One unknown must not be negative and must be −1: bounds and balance exclude each other."""
     P = np.diag([0.0, 1.0])
     program = DualProgram(
         comm=MPI.COMM_SELF,

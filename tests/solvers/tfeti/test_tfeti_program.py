@@ -1,4 +1,4 @@
-"""Total FETI against active sets, and what it says where there is no solution."""
+"""Test Total FETI against active sets, and its messages without a solution."""
 
 import dataclasses
 from collections.abc import Callable
@@ -37,7 +37,7 @@ def tfeti(subdomains: int | None = None, **changes: Any) -> NewtonOptions:
 
 
 def blocks(gdim: int, degree: int, **joint: Any) -> Problem:
-    """Two blocks that were meshed apart, in contact or glued, on rollers."""
+    """Return two blocks with separate meshes, in contact or glued, on rollers."""
     vertical = "xyz"[gdim - 1]
     sides = [f"{body}{axis}0" for axis in "xyz"[: gdim - 1] for body in ("", "upper_")]
     return Problem(
@@ -150,7 +150,7 @@ def test_above_the_limit() -> None:
 def test_a_tangent_that_is_singular() -> None:
     """Without regularisation, a body that flows as a whole has no stiffness to factorise.
 
-    A first step, which is solved to 1e-3, must not pass the limit load of 300 where it is below it.
+    A first step, which is solved to 1e-3, must not exceed the limit load of 300 for loads below it.
     """
     options = tfeti(4, regularisation=0.0)
     level = Newton(stack_problem(1), options).solve(290.0)

@@ -1,4 +1,4 @@
-"""Pieces, their rigid motions and K⁺."""
+"""Test subdomains, their rigid motions and K⁺."""
 
 from petsc4py import PETSc
 
@@ -23,7 +23,7 @@ def test_bisected_into_like_parts() -> None:
 
 
 def test_generalised_inverse() -> None:
-    """K K⁺ K = K, the kernel of K is R, and K is that of the bodies where nodes move alike."""
+    """K K⁺ K = K, the kernel of K is R, and K is that of the bodies for equal motions of nodes."""
     problem = two_blocks_problem(2)
     pieces = make_subdomains(problem, 8)
     fields = QuadratureFields(problem)

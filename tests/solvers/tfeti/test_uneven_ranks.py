@@ -1,4 +1,4 @@
-"""Total FETI where the mesh lies on ranks in another way than usual."""
+"""Test Total FETI for unusual distributions of the mesh over the ranks."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,7 +17,7 @@ COMM = MPI.COMM_WORLD
 
 
 def two_cubes(comm: MPI.Intracomm, n: int, rank_of: Callable[[Floats], Ints]) -> Problem:
-    """Two cubes on each other, the upper one held by contact alone; ζ is the pressure on top."""
+    """Return two stacked cubes; only contact holds the upper cube, and ζ is the pressure on top."""
     middles = {"lower": 0.5, "upper": 1.5}
     mesh = structured_mesh(
         comm,
@@ -46,7 +46,7 @@ def two_cubes(comm: MPI.Intracomm, n: int, rank_of: Callable[[Floats], Ints]) ->
 
 @pytest.mark.mpi3
 def test_ranks_without_cells() -> None:
-    """The last rank has both bodies; three ranks are more than there are subdomains."""
+    """The last rank has both bodies; there are more ranks than subdomains."""
     problem = two_cubes(COMM, 1, lambda x: np.full(len(x), COMM.size - 1, dtype=np.int32))
     topology = problem.V.mesh.topology
     owned = COMM.allgather(topology.index_map(topology.dim).size_local)
@@ -60,13 +60,13 @@ def test_ranks_without_cells() -> None:
 
 
 def upper_apart(ranks: int, middles: Floats) -> Ints:
-    """The lower cube on the first rank, the upper one on another."""
+    """The lower cube is on the first rank, the upper cube on another rank."""
     return (middles[:, 2] > 1).astype(np.int32) % ranks
 
 
 @pytest.mark.mpi3
 def test_products_do_not_depend_on_ranks() -> None:
-    """Eight cubes, each body on a rank; rounding may cost a product."""
+    """There are eight cubes, and each body is on one rank; rounding may change the count by one."""
     options = NewtonOptions(contact_solver="tfeti", subdomains=8)
     counts = []
     for comm in (MPI.COMM_SELF, COMM):
