@@ -89,7 +89,7 @@ class Given:
 
     @property
     def moving(self) -> bool:
-        """Return whether some motion follows the loading."""
+        """Return whether any motion follows the loading."""
         return any(follows(mover) for mover in self.movers)
 
     @property

@@ -102,7 +102,7 @@ class EnvelopeControl(OfBody):
         growing = [load for load in run.problem.given.loads if not load.constant]
         named = self.named.values()
         groups = [[load for load in growing if called(load) in names] for names in named]
-        with of_other_loads():  # each direction has loads of its own
+        with of_other_loads():  # each direction has different loads
             found = envelope(
                 run.problem,
                 groups,

@@ -56,7 +56,7 @@ class StrengthControl(OfBody):
     def find(self, run: Run) -> LimitLoad:
         """Compute both bounds, and then the curve if the user requests it. Collective."""
         told = (run.adapt, run.record.factor, run.record.interior, run.record.estimate)
-        with of_other_loads():  # each factor has strengths of its own
+        with of_other_loads():  # each factor gives different strengths
             safety = factor_of_safety(run.problem, self.limit_tolerance, *told)
         run.record.safety(safety)
         if self.path:

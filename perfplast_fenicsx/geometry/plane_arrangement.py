@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from perfplast_fenicsx.arrays import Floats, Longs
 
 ROUNDING = 1e-9
-"""Points at a smaller distance, relative to the size of all points, are merged."""
+"""Points up to this distance apart, relative to the size of all points, are merged."""
 
 
 @dataclass(frozen=True)

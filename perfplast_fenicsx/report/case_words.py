@@ -135,7 +135,7 @@ class CaseWords:
         Args:
             driven: Whether ζ multiplies motions of supports or obstacles, or overlaps, while no
                 load does work.
-            several: Whether each load has a factor of its own instead of ζ.
+            several: Whether each load has its own factor instead of ζ.
         """
         if self._staged:
             return "ζ is the time: it grows by 1 in each stage."

@@ -374,7 +374,7 @@ def extrapolate(
     if last is None:
         return None
     earlier, here = prescribes.of(before) if before else 0.0, prescribes.of(last)
-    no_line = 1e-12  # loads whose relative difference is smaller count as equal
+    no_line = 1e-12  # loads count as equal up to this relative difference
     if abs(here - earlier) <= no_line * max(abs(here), abs(earlier)):
         return last
     stretch = float(np.clip((value - here) / (here - earlier), -longest, longest))

@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
 STILL = 1e-3
-"""A point lies on a rotation axis if its displacement, relative to all points, is smaller."""
+"""Displacement, relative to all points, up to which a point lies on the rotation axis."""
 
 
 log = logging.getLogger(__name__)

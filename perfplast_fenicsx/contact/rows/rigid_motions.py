@@ -160,7 +160,7 @@ def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
 def null_space(gram: Floats) -> Floats:
     """Return an orthonormal basis of the null space, as columns."""
     values, vectors = np.linalg.eigh(gram)
-    negligible = 1e-10  # relative to the largest eigenvalue, smaller ones count as zero
+    negligible = 1e-10  # limit of eigenvalues that count as zero, relative to the largest
     return vectors[:, values <= negligible * max(values.max(initial=0), 1e-300)]
 
 

@@ -74,7 +74,7 @@ class ResultWriter:
             prescribed: Prescribed quantity of the loading, which is the time of the fields.
             fields: Whether to write fields.
             points: Whether to write fields at the quadrature points too.
-            saved: State of an earlier run that continues; None for a new run.
+            saved: State of the earlier run that this run continues; None for a new run.
 
         Raises:
             InputError: On every rank, if files cannot be written.

@@ -28,7 +28,7 @@ from perfplast_fenicsx.problem.assembled.rigid_rows import farthest
 from perfplast_fenicsx.problem.declared.given import Given
 
 ROUNDING = 1e-9
-"""For a body of unit size, smaller motions are rounding errors."""
+"""Motions below this size are rounding errors, for a body of unit size."""
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,8 @@ class _Body:
             axes = np.eye(gdim)[loose]
             motions = self._kinematics.rigid_modes(at[None])[0]
             parts, strengths, _ = np.linalg.svd(axes @ motions @ leaders.complement())
-            # Directions with a smaller freedom, relative to the largest, do not become leaders.
+            # Directions whose freedom, relative to the largest, is below this do not become
+            # leaders.
             least = 1e-6
             lead = int((strengths > least * strengths[0]).sum())
             directions = parts.T @ axes

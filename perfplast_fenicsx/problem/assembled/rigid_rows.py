@@ -109,7 +109,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     middle = total / count
     size = comm.allreduce(float(np.linalg.norm(x - middle, axis=1).max(initial=0)), MPI.MAX)
 
-    # Distances whose difference, relative to the surface, is smaller count as equal; coordinates
+    # Distances count as equal up to this difference, relative to the surface; coordinates
     # decide then, so that the number of ranks does not.
     alike = 1e-9
 

@@ -43,7 +43,7 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     # facets is constant.
     most_steps = 50
     left_over = 1e-11  # allowed residual force, relative to the force
-    # Directions in which the relative stiffness is smaller cannot take pressure.
+    # Directions with a relative stiffness below this value cannot take pressure.
     unsupported = 1e-9
     for _ in range(most_steps):
         left = force - found

@@ -168,7 +168,7 @@ class LinearSolver:
         """
         self._operator, self._ready = operator, False
         norm = operator.stiffness.norm(PETSc.NormType.FROBENIUS) if self.direct else 0.0
-        # Stiffness matrices count as equal if the relative difference of their norms is smaller.
+        # Stiffness matrices count as equal up to this relative difference of their norms.
         rounding = 1e-9
         self._other = not abs(norm - self._norm) <= rounding * norm
         self._norm = norm
