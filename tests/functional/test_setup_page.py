@@ -1040,6 +1040,8 @@ def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
     """The page announces the loads, takes empty components as 0, and adds loads at the click."""
     page = SetupPage(browser, prop / "setup.html")
     adds, near = "document.getElementById('adds').textContent", "document.getElementById('near')"
+    page.drop(page.case.replace("size = 100\n", "# size = 100\n"))
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
     page.press("beam_x_low", "block_z_low")
     assert page(adds) == "Adds 2 supports, one for each face."
     page.add("support")
@@ -1062,6 +1064,7 @@ def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
     page.wait("document.getElementById('cards').ariaBusy === 'false'")
     case = tomllib.loads(page.case)
     both = ["beam_z_high", "beam_x_high"]
+    assert "# size = 100\n\n[[geometry.face]]" in page.case
     assert case["geometry"]["face"] == [{"name": "loaded_1", "faces": both}]
     assert [one["on"] for one in case["load"]] == ["loaded_1", *both, "loaded_1"]
     assert case["load"][0]["force"] == [0, 0, -2000]

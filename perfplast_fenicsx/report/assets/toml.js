@@ -293,7 +293,9 @@ function withTable(text, path, list, entries) {
   const before = tables.findLast((table) => table.path[0] === path[0])
     ?? tables.filter((table) => table.path.length && rank(table) < ORDER.indexOf(path[0]))
       .reduce((best, table) => (rank(table) >= rank(best) ? table : best), tables[0]);
-  const head = ended(text.slice(0, before.end));
-  const rest = text.slice(before.end);
+  const [comments] = /^(#[^\n]*\n)*(?=\n|$)|/.exec(text.slice(before.end)); // of the table before
+  const end = before.end + comments.length;
+  const head = ended(text.slice(0, end));
+  const rest = text.slice(end);
   return `${head}${head ? "\n" : ""}${block}${rest === "" || rest.startsWith("\n") ? "" : "\n"}${rest}`;
 }
