@@ -18,7 +18,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     divided_strengths,
     kept_strengths,
 )
-from perfplast_fenicsx.materials.elastic import ElasticLaw
+from perfplast_fenicsx.materials.elastic import ElasticLaw, all_elastic
 from perfplast_fenicsx.pictures import drawing_process
 from perfplast_fenicsx.problem.declared.loads import Load, kind_of
 from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
@@ -226,11 +226,16 @@ class _Told:
                 self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
-        """Add lines on the strengths that a factor of safety divides or does not divide."""
+        """Add lines on missing yield, and on strengths that a factor divides or does not divide."""
         case = self.case
+        rubbing = [*case.contacts, *case.obstacles]
+        if case.loading.of_body and all_elastic(case.materials.values()):
+            self.lines.append(
+                "No body can yield: only contacts and obstacles can limit the load, and if they do "
+                "not, the run ends without a limit load (exit status 3)."
+            )
         if not case.loading.divides:
             return
-        rubbing = [*case.contacts, *case.obstacles]
         weaker = divided_strengths(case.materials, rubbing)
         self.lines.append(f"F divides the strengths of: {_few(weaker)}")
         if kept := kept_strengths(case.materials, rubbing):

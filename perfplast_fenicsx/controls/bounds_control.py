@@ -45,8 +45,9 @@ class BoundsControl(OfBody):
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse cases without loads, obstacles that move, and loads without a second bound."""
+        """Refuse cases without loads or limits, moving obstacles, and loads without a 2nd bound."""
         given.require_load()
+        given.require_limit()
         given.refuse_moves()
         if self.direction == "both":
             check_turns(given.loads)

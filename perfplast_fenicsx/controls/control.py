@@ -26,7 +26,11 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.path.limit_judge import Search
 from perfplast_fenicsx.limit_analysis.shakedown.shakedown_load import Direction, ShakedownLoad
-from perfplast_fenicsx.limit_analysis.statements.limit_checks import idle_pores, ignored
+from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
+    check_something_yields,
+    idle_pores,
+    ignored,
+)
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
@@ -117,6 +121,15 @@ class Given:
                 "needs an interference, a temperature, an initial stress or a constant "
                 "displacement; control = 'displacement' or stages need motions that grow."
             )
+
+    def require_limit(self) -> None:
+        """Refuse bodies whose load nothing limits.
+
+        Raises:
+            InputError: If no body can yield, and there are no contacts and no obstacles.
+        """
+        touching = bool(self.contacts or self.obstacles)
+        check_something_yields(self.materials.values(), touching)
 
     def refuse_moves(self) -> None:
         """Refuse obstacles that move.

@@ -71,6 +71,7 @@ class EnvelopeControl(OfBody):
     def check(self, given: Given) -> None:
         """Refuse unknown names, loads that are not in exactly one list, and moving obstacles."""
         given.require_load()
+        given.require_limit()
         given.refuse_moves()
         known = [called(load) for load in given.loads if not load.constant]
         signs = {} if isinstance(self.around, bool) else {"around": self.around}

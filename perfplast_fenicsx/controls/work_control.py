@@ -95,6 +95,8 @@ class WorkControl:
     def check(self, given: Given) -> None:
         """Refuse only constant loads, moving obstacles, and unloading without constant loads."""
         given.require_load()
+        if self.until is not None:
+            given.require_limit()
         given.refuse_moves()
         if not given.stays:
             check_rising(self.values or (), "works")

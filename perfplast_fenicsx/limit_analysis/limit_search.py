@@ -43,6 +43,7 @@ from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_friction_has_limits,
     check_loads,
+    check_something_yields,
     check_tolerance,
 )
 from perfplast_fenicsx.problem.judged.state import Level, State
@@ -434,6 +435,9 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
         return
     check_friction_has_limits(problem)
     if solver is None:
+        given = problem.given
+        rubs = any(one.rubs for one in (*given.contacts, *given.obstacles))
+        check_something_yields(given.materials.values(), rubs)
         check_loads(problem)
         body_cones(problem)
 

@@ -1,6 +1,9 @@
 """Check that a problem has a limit load, and that the chosen method can find this load."""
 
+from collections.abc import Iterable
+
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.materials.elastic import all_elastic
 from perfplast_fenicsx.materials.law import carries_any_load
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.loads import PorePressure
@@ -16,6 +19,24 @@ def check_tolerance(rtol: float) -> None:
     """
     if not 0 < rtol < 1:
         raise InputError(f"limit_tolerance = {rtol} is not between 0 and 1; try 1e-4.")
+
+
+def check_something_yields(materials: Iterable[object], joints: bool) -> None:
+    """Check that some body can yield, or that joints may limit the load.
+
+    Args:
+        materials: Materials of the bodies.
+        joints: Whether there are contacts or obstacles that may limit the load.
+
+    Raises:
+        InputError: If neither is so.
+    """
+    if all_elastic(materials) and not joints:
+        raise InputError(
+            "nothing can yield: all bodies are elastic or rigid, so there is no limit load; give a "
+            "law with a yield stress to the bodies that may collapse, or bound the load of bodies "
+            "that collapse by their contacts (control = 'bounds')."
+        )
 
 
 def check_friction_has_limits(problem: Problem) -> None:
