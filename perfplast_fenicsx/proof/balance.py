@@ -1,22 +1,25 @@
 """Compute the cost of unbalanced forces: the size of a stress that balances them.
 
-A stress σ leaves some forces unbalanced. If τ balances these forces, σ + τ is in equilibrium. The
-sum lies in a cone f(σ) ≤ c if f(σ) + f(τ) ≤ c, since f is convex and homogeneous of degree 1. So
-only the size of τ in each cell is needed, and the module computes an upper bound of this size.
+A stress σ leaves some forces unbalanced. If a stress τ balances these forces, σ + τ is in
+equilibrium. The sum satisfies f(σ + τ) ≤ c if f(σ) + f(τ) ≤ c, because f is convex and homogeneous
+of degree 1. Therefore only the size of τ in each cell is needed, and the module computes an upper
+bound of this size.
 
-1. Supports and contact exert additional forces. They bring each connected piece of cells into
-   equilibrium as a whole (``_reactions``). The contact pressure must exceed these forces.
+1. Additional forces of supports and contact bring each connected piece of cells into equilibrium as
+   a whole (``_reactions``). The contact pressure must exceed the additional contact forces.
 2. The cells of a piece form a tree. Each cell transfers the resultant force F and moment M of all
-   cells beyond it through one facet, by the traction F/A + θ × (x − c) with Iθ = M. Then each cell
-   is in equilibrium on its own.
-   For c = 0, tractions and τ can be made zero at vertices of free surfaces. Then facets with two
-   such vertices transfer no traction, and facets with one such vertex transfer quadratic tractions.
-3. Take tractions that are linear on each facet of a simplex and in equilibrium with a uniform body
-   force. They belong to a stress that is linear in each of the d + 1 parts into which the centre
-   divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in space M. Křížek,
-   doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges of length 1
-   :data:`SIZE` bounds this stress. The map x = By from this simplex to the cell turns the stress
-   τ' into Bτ'Bᵀ. Tractions times areas T of the cell are B⁻¹T/det B on the simplex.
+   cells beyond it through one facet, by the traction F/A + θ × (x − x₀) with Iθ = M, where the
+   facet has the area A, the centre x₀ and the second moments of area I. Then each cell is in
+   equilibrium on its own. For c = 0, tractions and τ can be made zero at vertices of free surfaces.
+   Then facets with two such vertices transfer no traction, and facets with one such vertex transfer
+   quadratic tractions.
+3. If tractions are linear on each facet of a simplex and in equilibrium with a uniform body force,
+   some stress with these tractions is linear in each of the d + 1 parts into which the centre
+   divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in 3D M. Křížek,
+   doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges of length 1,
+   :data:`SIZE` bounds this stress. The map x = By from the regular simplex to the cell turns the
+   stress τ' into Bτ'Bᵀ. Products T of tractions and areas of the cell become B⁻¹T/det B on the
+   regular simplex.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,15 +37,16 @@ from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
 """Bounds of the stress on a regular simplex, by dimension. The first factor multiplies the largest
-traction times area, summed over the facets; the second multiplies the body force. A test computes
-both.
+traction times area, summed over the facets; the second factor multiplies the body force. A test
+computes both factors.
 """
 
 QUADRATIC = (3.7, 1.56)
-"""Bounds for quadratic tractions in the plane (:mod:`ring_balance`). The first factor multiplies
-the largest coefficient of traction times length, summed over the sides; the second multiplies the
-largest body force. They bound the coefficients of the stress, both in triangles with a side on
-which the stress is zero and in triangles without. A test computes both."""
+"""Bounds for quadratic tractions in 2D (:mod:`ring_balance`). The first factor multiplies the
+largest coefficient of traction times length, summed over the sides; the second factor multiplies
+the largest body force. Together they bound the coefficients of the stress, in triangles with and
+without a side on which the stress is zero. A test computes both factors.
+"""
 
 VOLUME = {2: 3**0.5 / 4, 3: 2**0.5 / 12}
 """Volume of the regular simplex with edges of length 1, by dimension."""
@@ -74,11 +78,11 @@ def cost_of(
     """Return the cost of balancing the remainder of a stress.
 
     Args:
-        body: The bodies, with cells in the plane or in space.
+        body: The bodies, in 2D or 3D.
         left: The unbalanced forces.
         shapes: Shapes of the cells.
         kinds: Loads of each kind, and their factors.
-        bare: In the plane, vertices of cells at which τ must be zero, shape (num_cells, 3).
+        bare: In 2D, flags of vertices of cells at which τ must be zero, shape (num_cells, 3).
     """
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
@@ -113,7 +117,7 @@ def cost_of(
 class _Acting:
     """Forces and moments on each cell that τ must balance.
 
-    The stronger of two cells takes the jump of tractions between them.
+    The jump of tractions between two cells acts on the stronger cell.
 
     Attributes:
         volumes: Volumes, bounded from below.
@@ -123,7 +127,7 @@ class _Acting:
         moments: Moments about ``middles``, shape (num_cells, 1 or 3).
         errors: Errors of the forces and of the moments, shape (2, num_cells).
         middles: A point in each cell.
-        extents: Largest distance of a cell's vertices from its middle.
+        extents: Largest distance of each cell's vertices from its point in ``middles``.
         pieces: Index of the piece of each cell.
         jumped: The side on which each inner facet's jump acts.
     """
@@ -161,7 +165,7 @@ class _Acting:
         Args:
             body: The bodies.
             left: The unbalanced forces.
-            bare: Vertices of cells at which τ must be zero.
+            bare: Flags of vertices of cells at which τ must be zero.
         """
         if bare is None:
             return True
@@ -196,9 +200,10 @@ class _Acting:
         Args:
             body: The bodies.
             plates: Rigid surfaces.
-            at: The facet through which each wrench acts, −1 for none, and the index of its plate.
-            wrenches: Forces, and moments about the plates' centres over extents, shape (n, d + 1 or
-                3), and their errors.
+            at: Facet through which each wrench acts (−1 for no facet), and index of the wrench's
+                plate.
+            wrenches: Forces, and moments about the plates' centres over extents, shape (n, 3 or 6),
+                and the errors of both.
         """
         d, some = body.dim, np.flatnonzero(at[0] >= 0)
         facets, of = at[0][some], at[1][some]
@@ -221,12 +226,12 @@ class _Acting:
         )
 
     def through(self, body: Body, plates: Plates, facets: Longs, sizes: Floats) -> Floats:
-        """Return upper bounds of tractions times area by which facets transfer plate forces.
+        """Return upper bounds of the tractions times area with which facets transfer plate forces.
 
         Args:
             body: The bodies.
             plates: Rigid surfaces.
-            facets: The facet for each additional force of plates, never −1.
+            facets: Facet of each additional plate force; −1 is not allowed.
             sizes: Sizes of the forces.
         """
         of, d = plates.plate, body.dim
@@ -298,10 +303,10 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
 def _passed(
     body: Body, shapes: Shapes, acting: _Acting, pushes: Floats, zeros: Longs
 ) -> Floats | None:
-    """Return for each cell the sum of the tractions that its facets transfer.
+    """Return the sum of the tractions that the facets of each cell transfer.
 
     Return None if some cell has no facet that can transfer tractions. A traction that is
-    zero at one end of a facet of length L is quadratic. For a force F and a moment M its
+    zero at one end of a facet of length L is quadratic. For a force F and a moment M, its Bernstein
     coefficients times L are 0, 3F − 12M/L and 12M/L.
 
     Args:
@@ -383,7 +388,8 @@ def _reactions(
     of_facets = pieces[body.outer // (d + 1)]
     about = _middles(body, pieces, count)
     missing, errors = _missing(body, acting, about)
-    # If nothing acts on a piece along an axis, its unbalanced forces along this axis cancel.
+    # If nothing acts on a piece along an axis, the piece's unbalanced forces along this axis
+    # cancel.
     idle = np.zeros((count, 3 * (d - 1)), dtype=bool)
     idle[:, :d] = True
     outside = plates.acts_on(body, left.acts)
@@ -447,11 +453,11 @@ def exerted_of(
         return np.zeros(columns), None
     if not columns:
         return None, HELD
-    # The other rows belong to bodies or directions on which nothing acts. They do not change.
+    # The other rows belong to bodies or directions on which nothing acts. These rows do not change.
     kept = _closed(active, (mid != 0) | (rad > 0))
     mid, rad = (part[kept] * weights for part in (mid, rad))
-    # Contact near slip can exert little force, but supports much. So rows are scaled to similar
-    # size by powers of 2, which causes no rounding error.
+    # Contact near slip can exert only small forces, but supports can exert large forces. Therefore
+    # rows are scaled to similar sizes by powers of 2, which causes no rounding error.
     size = np.linalg.norm(mid, axis=1)
     scale = 2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0)))
     mid, rad = mid * scale[:, None], rad * scale[:, None]
@@ -485,7 +491,7 @@ HELD = "neither supports nor contact pressure can balance the residual forces on
 
 
 def _closed(rows: Flags, touched: Flags) -> Flags:
-    """Return which rows forces couple to the given rows, directly or through other rows."""
+    """Return flags of rows that forces couple to the given rows, directly or through other rows."""
     while True:
         more = touched[:, touched[rows].any(axis=0)].any(axis=1) | rows
         if (more == rows).all():
@@ -494,7 +500,7 @@ def _closed(rows: Flags, touched: Flags) -> Flags:
 
 
 def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
-    """Return weights of forces: the capacity of contacts, and for supports that of their cells.
+    """Return weights of forces: capacities of contacts, and capacities of the cells at supports.
 
     Args:
         body: The bodies.

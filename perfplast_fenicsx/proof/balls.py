@@ -1,12 +1,12 @@
 """Compute with arrays of double-double numbers and bounds of their errors.
 
-A number is the sum of two doubles. The second double is at most a rounding error of the first. The
-radius of a number bounds its error: every result contains the exact result for all numbers within
-the radii. Sums and products of two doubles are exact as pairs of doubles (T. J. Dekker,
-doi:10.1007/BF01397083). Each operation rounds only the second double, by at most U times its size,
-and increases the radius by this amount. Radii are rounded too, and enlarged accordingly. Arrays on
-file have entries between 1e-60 and 1e60 in size, so products do not overflow. Numbers below 1e-75
-become zero with the radius 1e-75, which covers underflow.
+A number is the sum of two doubles. The second double is at most a rounding error of the first
+double. The radius of a number bounds its error: every result contains the exact result for all
+numbers within the radii. Sums and products of two doubles are exact as pairs of doubles (T. J.
+Dekker, doi:10.1007/BF01397083). Each operation rounds only the second double, by at most U times
+its size, and increases the radius by this amount. Radii are rounded too, and enlarged accordingly.
+Arrays on file have entries between 1e-60 and 1e60 in size, so products do not overflow. Numbers
+below 1e-75 become zero with the radius 1e-75, which covers underflow.
 """
 
 from collections.abc import Callable, Iterable
@@ -37,8 +37,8 @@ class Balls:
 
     Attributes:
         mid: First part, any shape.
-        low: Second part, same shape.
-        rad: Radius, same shape.
+        low: Second part, of the same shape.
+        rad: Radius, of the same shape.
     """
 
     mid: Floats
@@ -104,7 +104,7 @@ class Balls:
         return reduce(Balls.__add__, (self[(*every, k)] for k in range(count)))
 
     def where(self, here: Any, other: "Balls | None" = None) -> "Balls":
-        """Return these numbers where a condition holds, and ``other`` or zero elsewhere."""
+        """Return the numbers where a condition holds, and ``other`` (by default zero) elsewhere."""
         if other is None:
             return self.each(lambda part: np.where(here, part, 0.0))
         return Balls(
@@ -157,7 +157,7 @@ def _halves(a: Floats) -> tuple[Floats, Floats]:
 
 
 def inverse_of(of: Balls) -> Balls:
-    """Return 1/x for numbers x; the radius is ∞ where x may be zero.
+    """Return 1/x for numbers x; the radius is ∞ if x may be zero.
 
     For an approximation y of 1/x, the result is y(1 + r + r² + ...) with r = 1 − yx.
     """
@@ -187,7 +187,7 @@ def stacked(parts: Iterable[Balls], axis: int) -> Balls:
 
 
 def crossed(arms: Balls, forces: Balls) -> Balls:
-    """Return arms × forces of shape (..., d): shape (..., 1) in the plane, (..., 3) in space."""
+    """Return arms × forces, of shape (..., 1) in 2D and (..., 3) in 3D."""
     pairs = [(0, 1)] if arms.mid.shape[-1] == 2 else [(1, 2), (2, 0), (0, 1)]
     parts = [arms[..., i] * forces[..., j] - arms[..., j] * forces[..., i] for i, j in pairs]
     return stacked(parts, -1)

@@ -2,10 +2,10 @@
 
 No cell of these bodies can yield.
 
-A block is a set of cells that inner facets connect. It bears any stress, so only its resultant
-force and moment must balance. Forces act on its joints at the vertices of facets, per thickness in
-the plane. Where surfaces adhere, shear tractions act in addition; they are linear between vertices.
-λ is a lower bound on the limit load if
+A block is a set of cells that inner facets connect. Because a block carries any stress, only the
+resultant force and moment on the block must balance. Forces act on its joints at the vertices of
+facets; in 2D, they are forces per thickness. If surfaces adhere, shear tractions act too, which are
+linear between vertices. λ is a lower bound on the limit load if
 
 - the loads at λ, the forces and the tractions balance on each block;
 - the forces and tractions on both sides of a contact are opposite;
@@ -20,10 +20,10 @@ Proof: admissible rigid motions have jumps w in the joints with w_n + μ‖w_t�
 
 The checker decomposes the forces on file into pressures and shear forces that satisfy these
 conditions exactly, on the first side of each contact. A residual force and moment remain on each
-block. The best forces are at their limits, so they have no capacity for forces that balance the
+block. Because the best forces are at their limits, no capacity remains for forces that balance the
 residual. Therefore a file has a second set of forces inside the limits, for loads at another
-factor. A weighted mean of both sets has a capacity in proportion to the second set's weight. The
-bound is the mean of both factors with the same weights.
+factor. The spare capacity of a weighted mean of both sets is proportional to the weight of the
+second set. The bound is the mean of both factors with the same weights.
 """
 
 from collections.abc import Sequence
@@ -41,10 +41,10 @@ from perfplast_fenicsx.proof.remainder import shapes_of, summed
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 UNIT = 2e-12
-"""Twice the largest error of the length of unit vectors on file."""
+"""Twice the largest error of the length of unit vectors in a file."""
 
 Factors = tuple[float, float, float]
-"""Factors of the loads whose factor is sought, of constant loads and of free loads."""
+"""Factors of the sought loads, of permanent loads and of free loads."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class JointForces:
 
     Attributes:
         forces: Forces on the cells at the vertices of outer facets, shape (num_facets, d, d).
-        tractions: Adhesive tractions at the same vertices, linear between them (stress).
+        tractions: Adhesive tractions (stress) at the same vertices, linear between the vertices.
         factors: Factors of the loads that these forces and tractions balance.
     """
 
@@ -67,10 +67,10 @@ class Carried:
     """The loads that forces on joints provably carry.
 
     Attributes:
-        factor: Factor of the loads whose factor is sought; None if nothing is proven.
-        reason: Why nothing is proven, or None.
-        left: Sum of the magnitudes of unbalanced forces, and moments over extents, for the first
-            set.
+        factor: Proven factor of the sought loads; None if nothing is proven.
+        reason: Reason why nothing is proven, or None.
+        left: Sum of the magnitudes of unbalanced forces, and of moments over extents, for the first
+            set of forces.
         loads: The sum of the loads' magnitudes.
     """
 
@@ -113,8 +113,8 @@ def carried_by(
         mixed = joints.inside(parts[0].mixed(parts[1], share))
         room = anchors.room(joints, mixed, size)
         most = np.where(anchors.is_limited, room, np.inf)
-        # Scaled by the capacity of the inner forces: otherwise small numbers are lost beside large
-        # ones.
+        # Scaled by the capacity of the inner forces: otherwise rounding loses small numbers beside
+        # large numbers.
         weights = np.minimum(share * inside, most)
 
         def push(
@@ -132,7 +132,7 @@ def carried_by(
 def _shares(rows: Floats, missing: Floats, room: Floats) -> list[float]:
     """Return the weights of the inner forces that the caller tries in turn.
 
-    With the first weight, the capacity is twice the largest share of it that balance needs.
+    With the first weight, balance needs at most half of each capacity.
 
     Args:
         rows: Forces and moments that each anchor exerts on blocks, shape (num_rows, num_anchors).
@@ -153,9 +153,9 @@ class _Parts:
     """Forces on joints and supports, decomposed along normals, tangents and held directions.
 
     Attributes:
-        pressure: Pressure force at each spot, not negative, shape (num_spots,).
+        pressure: Non-negative pressure force at each spot, shape (num_spots,).
         shear: Coefficients of the shear force along the tangents, shape (num_spots, d − 1).
-        adhesion: Coefficients of the adhesive traction along the tangents, same shape.
+        adhesion: Coefficients of the adhesive traction along the tangents, of the same shape.
         held: Coefficients of the forces along the directions that supports hold.
     """
 
@@ -167,7 +167,7 @@ class _Parts:
     def mixed(self, other: "_Parts", share: float) -> "_Parts":
         """Return the weighted mean with another set; ``share`` is the weight of the other set.
 
-        The mean satisfies the conditions, apart from rounding, since the admissible sets are
+        The mean satisfies the conditions, apart from rounding, because the admissible sets are
         convex.
         """
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
@@ -253,11 +253,11 @@ class _Blocks:
 
 
 class _Spots(NamedTuple):
-    """Vertices of facets in contact, and the vertices opposite them; shapes (num_spots,).
+    """Vertices of facets in contact, and the opposite vertices; all arrays of shape (num_spots,).
 
     Attributes:
         facets: Facet on the first side.
-        corners: Index of the vertex in this facet.
+        corners: Index of the vertex in its facet.
         second: Opposite facet, −1 for an obstacle.
         opposite: Index of the opposite vertex in its facet.
         adhesion: Largest adhesive traction.
@@ -275,13 +275,13 @@ class _Spots(NamedTuple):
 
 
 class _Joints:
-    """Points where forces can act: spots of joints, and directions that supports hold.
+    """Points where forces can act: spots of joints, and supports with their held directions.
 
     Forces at a spot act along a normal and tangents of the first side, without rounding. The
     opposite forces act on the second side.
 
     Attributes:
-        reason: Why the conditions cannot be checked, or None.
+        reason: Reason why the conditions cannot be checked, or None.
     """
 
     def __init__(self, body: Body, blocks: _Blocks) -> None:
@@ -407,7 +407,7 @@ class _Joints:
         return total.mid, upwards(total.rad + np.abs(total.low))
 
     def _on_both(self, forces: Balls, places: tuple[Balls, Balls]) -> list[Balls]:
-        """Return the contributions to both sides of forces that act at spots."""
+        """Return the contributions of forces at spots to the blocks on both sides."""
         spots, blocks = self._spots, self._blocks
         two = np.flatnonzero(spots.second >= 0)
         return [
@@ -481,8 +481,8 @@ class _Anchors:
         kind: 0 for forces on joints, 1 for adhesive tractions, 2 for supports; shape (n,).
         spot: Index of the spot, or of the held direction.
         along: Unit forces on the first side, shape (n, d).
-        block: Block on which each force acts, and block on which the opposite force acts (−1 for
-            none); shape (n, 2).
+        block: Block on which each force acts, and block on which the opposite force acts (−1 for no
+            block); shape (n, 2).
         places: Points of action on both blocks.
         scale: Capacity of the spot, by which the unit forces are multiplied.
     """
@@ -501,14 +501,14 @@ class _Anchors:
 
     @property
     def is_limited(self) -> Flags:
-        """Return which forces have a largest size."""
+        """Return flags of forces whose size is limited."""
         return np.asarray(self.kind < 2)
 
     def room(self, joints: _Joints, parts: _Parts, size: float) -> Floats:
-        """Return the largest forces that spots can carry.
+        """Return the largest forces that anchors can exert.
 
-        For supports, it returns the largest size among these forces. So small numbers are not lost
-        beside it.
+        Forces of supports have no limit. For them, the function returns the largest force at spots,
+        or ``size`` if this force is zero, so that rounding loses no small numbers.
         """
         found = np.zeros(self.count)
         for kind, room in enumerate(joints.rooms(parts)):

@@ -40,18 +40,20 @@ class Body:
         vertices: Coordinates, shape (num_vertices, d).
         cells: Vertices of the cells, shape (num_cells, d + 1).
         cone: Index of the cone that bounds the stress of each cell, shape (num_cells,); −1 for
-            elastic and rigid cells, which bear any stress. If all entries are −1, only contacts and
-            obstacles limit the load (:mod:`blocks`).
-        cone_bound: c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape (num_cones,).
-        cone_slope: q, shape (num_cones, m), with m = 3 in the plane and 6 in space.
-        cone_matrix: M, shape (num_cones, m, m).
-        cone_sine: s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, for which q = 0
-            and M = 0; NaN for other cones; shape (num_cones,).
-        cone_tension: Tensile strength f of each additional condition σ₁ ≤ f; NaN without this
-            condition; same shape.
-        cone_curvature: k of each parabola R² ≤ k (c − σ₁) of in-plane stresses (:mod:`parabola`),
-            for which q = 0 and M = 0; NaN for other cones; same shape.
-        cell_strength: Positive factor of c at the vertices of each cell, linear between them, shape
+            elastic and rigid cells, which carry any stress. If all entries are −1, only contacts
+            and obstacles limit the load (:mod:`blocks`).
+        cone_bound: Bound c ≥ 0 of each cone ‖Mσ‖ ≤ c − q·σ (:class:`cones.Cones`), shape
+            (num_cones,).
+        cone_slope: Slope q of each cone, shape (num_cones, m), with m = 3 in 2D, 4 in axisymmetry
+            and 6 in 3D.
+        cone_matrix: Matrix M of each cone, shape (num_cones, m, m).
+        cone_sine: Sine s of each bound (1 + s)σ₁ − (1 − s)σ₃ ≤ c of principal stresses, for which q
+            = 0 and M = 0; NaN for other cones; shape (num_cones,).
+        cone_tension: Tensile strength f of each additional condition σ₁ ≤ f; NaN for cones without
+            this condition; shape (num_cones,).
+        cone_curvature: Factor k of each parabola R² ≤ k (c − σ₁) of in-plane stresses
+            (:mod:`parabola`), for which q = 0 and M = 0; NaN for other cones; shape (num_cones,).
+        cell_strength: Positive factor of c at the vertices of each cell, linear in the cell, shape
             (num_cells, d + 1); 1 for a uniform strength.
         sought: The loads whose factor λ is bounded, at λ = 1.
         constant: Permanent loads, which λ does not multiply.
@@ -59,20 +61,21 @@ class Body:
         facets: Vertices of the outer facets, shape (num_facets, d).
         surface: Tag of each facet's surface; 0 if the facet is on no surface.
         revolved: Whether the cells are sections of rings around x = 0; False by default.
-        held: Which components of the velocity are zero on each facet, shape (num_facets, d).
-        guided: Unit vector of an additional direction in which the velocity is zero; 0 without this
-            direction; same shape.
+        held: Flags of the velocity components that are zero on each facet, shape (num_facets, d).
+        guided: Unit vector of an additional direction in which the velocity of each facet is zero;
+            0 for facets without such a direction; shape (num_facets, d).
         rigid: Tags of surfaces that are glued to a rigid plate, which the loads move.
-        rigid_held: Which components of each plate's velocity are zero, shape (num_rigid, d). A
-            plate with a held component does not rotate.
+        rigid_held: Flags of the components of each plate's velocity that are zero, shape
+            (num_rigid, d). A plate with a held component does not rotate.
         contacts: Tags of the two surfaces of each contact, which cannot penetrate each other, shape
             (num_contacts, 2).
         contact_adhesion: Shear stress c at which each contact slips without pressure.
-        contact_friction: μ ≥ 0 of each contact: the shear limit grows by μ times the pressure.
+        contact_friction: Coefficient of friction μ ≥ 0 of each contact: μ times the pressure is
+            added to the shear limit.
         obstacles: Tags of surfaces that cannot penetrate a half space.
         obstacle_normals: Unit vectors into the obstacles, shape (num_obstacles, d).
-        obstacle_adhesion: Same as for contacts.
-        obstacle_friction: Same as for contacts.
+        obstacle_adhesion: Adhesion of each obstacle, as for contacts.
+        obstacle_friction: Coefficient of friction of each obstacle, as for contacts.
     """
 
     vertices: Floats
@@ -209,11 +212,11 @@ class Body:
 
     @property
     def plastic(self) -> Flags:
-        """Return which cells can yield."""
+        """Return flags of the cells that can yield."""
         return self.cone >= 0
 
     def varies_by(self, number: int) -> str:
-        """Return the range of a cone's strength factors in words; empty if all are 1."""
+        """Return the range of a cone's strength factors in words; an empty text if all are 1."""
         here = self.cell_strength[self.cone == number]
         return f" times {here.min():.6g} to {here.max():.6g}" if (here != 1).any() else ""
 
@@ -230,7 +233,7 @@ class Body:
 
     @cached_property
     def yield_radius(self) -> Floats:
-        """Return a stress that each cell bears, as scale of residuals; ∞ for elastic cells."""
+        """Return a stress that each cell carries, as scale of residuals; ∞ for elastic cells."""
         weakest = self.cell_strength.min(axis=1)
         return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
 
@@ -242,7 +245,7 @@ class Body:
 
     @property
     def varies(self) -> bool:
-        """Return whether the strength of any cell differs from that of its cone."""
+        """Return whether the strength of any cell differs from the strength of its cone."""
         return bool((self.cell_strength != 1).any())
 
     @cached_property
@@ -269,8 +272,8 @@ class Body:
         """Return the two sides of each inner facet, and the one side of each outer facet.
 
         Returns:
-            The index of a side is cell · (d + 1) + index of the facet in the cell. Shapes
-            (num_inner, 2) and (num_outer,).
+            Indices of sides, shapes (num_inner, 2) and (num_outer,). The index of a side is cell ·
+            (d + 1) + index of the facet in the cell.
 
         Raises:
             ProofError: If more than two cells share a facet.
@@ -307,7 +310,7 @@ class Body:
 
     @property
     def on_axis(self) -> Flags:
-        """Return which of ``facets`` are on the axis of revolution."""
+        """Return flags of the facets that are on the axis of revolution."""
         return np.asarray(self.is_revolved & ~self.vertices[self.facets][..., 0].any(axis=1))
 
     @cached_property
@@ -326,7 +329,7 @@ class Body:
 
     @cached_property
     def _found(self) -> tuple[Longs, bool]:
-        """Return the sides of the facets on file, and whether they are all outer facets."""
+        """Return the sides of facets on file, and whether these are exactly the outer facets."""
         outer = self.sides[1]
         mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
         return in_order_of(outer, mine, self.facets)

@@ -15,7 +15,7 @@ AT_ONCE = 300_000
 """Number of pairs that are processed together, limited by memory."""
 
 MOST_PAIRS = 1000
-"""Allowed number of pairs for each box; cells of two meshes in space have about 300."""
+"""Allowed number of pairs for each box; cells of two meshes in 3D have about 300 pairs."""
 
 FEW_PAIRS = 20_000_000
 """Number of pairs that is always allowed."""
@@ -33,7 +33,7 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     Args:
         ones: Least and largest coordinates of boxes, shape (2, n, d); every box has a positive
             size.
-        others: The boxes of the other set.
+        others: The boxes of the second set, in the same form.
 
     Raises:
         ProofError: If the number of intersecting boxes is too large for the number of boxes.

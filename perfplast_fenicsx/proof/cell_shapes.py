@@ -12,10 +12,10 @@ Longs = npt.NDArray[np.int64]
 
 
 def with_kind(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return the arrays, with defaults for missing ones: cells are not sections of rings.
+    """Return the arrays, with default values for missing arrays.
 
-    By default no cone has a tensile strength or a curvature, and strengths are uniform in each
-    cell.
+    By default, cells are not sections of rings, no cone has a tensile strength or a curvature, and
+    strengths are uniform in each cell.
     """
     none = np.full(np.shape(arrays.get("cone_sine", ())), np.nan)
     ones = np.ones(np.shape(arrays.get("cells", ())))
@@ -36,7 +36,8 @@ def check_cells(places: Floats, volumes: Floats, gradients: Callable[[], Floats]
         ProofError: If the shape of a cell is lost, or if its numbers are too small or too large.
     """
     d, size = places.shape[2], np.ptp(places, axis=1).max(axis=1)
-    # Distance from the origin relative to the size of the cell; farther away its shape is lost.
+    # Largest distance from the origin, relative to the size of the cell, at which the coordinates
+    # define the cell's shape.
     farthest = 1e12
     if not (np.abs(places).max(axis=(1, 2)) <= farthest * size).all():
         raise ProofError(
@@ -55,8 +56,9 @@ def check_sections(
 
     Args:
         places: Coordinates of the cells' vertices.
-        pores: Pore pressures of each kind of loads, checked separately since their sum may vanish.
-        held: Components of the velocity that are zero on rigid surfaces, shape (num_rigid, 2).
+        pores: Pore pressures of each kind of loads, checked separately because their sum may
+            vanish.
+        held: Flags of velocity components that are zero on rigid surfaces, shape (num_rigid, 2).
         loose: Whether a cone has c = 0.
 
     Raises:

@@ -6,8 +6,8 @@ group is called a half. It contains all data of its proof, including the bodies 
 
 The checker detects overlapping cells by a region just inside each outer facet. Inner facets have
 their cells on opposite sides, so the number of cells around a point changes only across an outer
-facet. So where cells overlap, the region inside some outer facet shares a volume with a cell other
-than its own.
+facet. Therefore, if cells overlap, the region just inside some outer facet shares a volume with a
+cell other than the facet's own cell.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.verdict import ROUNDED, Checked, faults_of, roundin
 
 
 def overlapping(body: Body) -> int:
-    """Return how many outer facets have another cell just inside them, or only some of many."""
+    """Return the number of outer facets with another cell just inside, of one batch at most."""
     slices, cells = _slices(body), body.vertices[body.cells]
     own = body.outer // (body.dim + 1)
     found = np.zeros(len(slices), dtype=bool)
@@ -102,7 +102,7 @@ class Pair:
 
     Attributes:
         carried: The factor at which the bodies provably carry the loads.
-        not_carried: The factor at which they provably do not.
+        not_carried: The factor at which the bodies provably do not carry the loads.
         faults: Reasons why the two factors are not proven for the same bodies.
     """
 
@@ -142,7 +142,7 @@ def numbers_digest(path: str | Path) -> str:
 
 
 def _of_file(path: str | Path, of: Callable[[dict[str, dict[str, npt.NDArray]]], Told]) -> Told:
-    """Return the result of a function of a file's arrays and numbers, which are sorted by half."""
+    """Return the result of a function of a file's arrays and numbers by half."""
     try:
         with stored_file(path) as file:
             halves = {kind: stored_arrays(file, kind) for kind in JUDGES if kind in file}
@@ -196,8 +196,8 @@ def check_pair(
 ) -> Pair:
     """Check the two files of a factor of safety, and check that both describe the same bodies.
 
-    In each file, strengths are divided by the factor of this file. The undivided strengths must be
-    equal.
+    The strengths in each file are divided by the factor in this file. The undivided strengths in
+    both files must be equal.
 
     Args:
         below: The file with the stress.
@@ -267,7 +267,7 @@ def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
 
 
 def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
-    """Check a velocity: ``velocity`` (num_nodes, d), ``nodes`` of the cells, ``bound``, the bodies.
+    """Check a velocity: ``velocity`` (num_nodes, d), ``nodes`` of cells, ``bound``, and the bodies.
 
     Raises:
         ProofError: If the arrays do not fit together.
@@ -307,11 +307,11 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
 
 @dataclass(frozen=True)
 class _Found:
-    """The load factor that a stress, or forces on joints, prove.
+    """The load factor that a stress or forces on joints prove.
 
     Attributes:
         factor: The load factor; None if it is not proven.
-        reasons: Why it is not proven.
+        reasons: Reasons why the factor is not proven.
         rows: Violated conditions, in words.
         measured: The residual of each condition.
         forces: Sum of the magnitudes of unbalanced forces.
@@ -454,9 +454,10 @@ def _with(half: Checked, faults: list[str]) -> Checked:
 
 
 def _body(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> tuple[Body, int]:
-    """Return the bodies of a half, and how many outer facets have another cell inside them.
+    """Return the bodies of a half, and the number of outer facets with another cell just inside.
 
-    If the half before has equal bodies, the function returns that half's body and number.
+    If the half that was checked before has equal bodies, the function returns the bodies and the
+    number of that half.
     """
     body = Body.of(arrays, None if before is None else before.body)
     if before is not None and body is before.body:

@@ -9,16 +9,16 @@ from perfplast_fenicsx.proof.rings import normals_of
 
 
 class Strengths(NamedTuple):
-    """Strength of the cone of each cell; shapes (num_cells,).
+    """Strengths of the cells' cones; all arrays have the shape (num_cells,).
 
     Attributes:
         family: Index of the shape. Cones of one shape have equal MᵀM and direction of q after
             scaling M to size 1. Cones of principal stresses have one shape if the ratio of c to the
             tensile strength is equal, and parabolas if the ratio of k to f is equal.
-        slope: |q| after this scaling, or the sine.
+        slope: |q| after this scaling, or the sine of bounds of principal stresses.
         bound: c after this scaling.
-        axial: Whether M q = 0, or the cone bounds principal stresses. Then a smaller slope with an
-            apex that is not higher gives a smaller cone.
+        axial: Whether M q = 0, or the cone bounds principal stresses. In both cases a smaller slope
+            with an apex that is not higher gives a smaller cone.
     """
 
     family: Longs
@@ -34,15 +34,15 @@ class Strengths(NamedTuple):
 
 
 def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
-    """Return which cones of the first cells may lie partly outside those of the second cells.
+    """Return flags of first cells whose cones may lie partly outside the second cells' cones.
 
-    For slopes α < α' on one axis, the cone of α lies within the cone of α' if its apex is not
-    higher, c/α ≤ c'/α'. The condition holds at the apex, and below the apex the other cone opens
-    faster.
+    For slopes α < α' and the same axis, the cone with slope α lies within the cone with slope α' if
+    its apex is not higher, c/α ≤ c'/α'. Its apex then lies within the other cone, and below the
+    apex the other cone opens faster.
 
     Args:
         lower: Strengths of n cells.
-        upper: Strengths of n cells whose cones should contain those of ``lower``.
+        upper: Strengths of n cells whose cones should contain the cones of ``lower``.
     """
     rounding = 1e-12  # relative tolerance of scaled bounds
     digits = 1e-11  # tolerance for slopes of cones of size 1

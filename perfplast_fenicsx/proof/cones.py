@@ -1,21 +1,22 @@
 """Define bounds of the stress of each material, ‖Mσ‖ ≤ c − q·σ, and their dissipation.
 
-A second form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). Strain rates
-are then admissible if tr ε ≥ s Σ|ε_i|, and dissipate (c/2s) tr ε. For s = 0 they must have tr ε =
-0, and dissipate (c/2) Σ|ε_i|. With the additional condition σ₁ ≤ f, rates must have tr ε ≥ s Σ|ε_i|
-for any s ≥ 0, and dissipate (f − h) tr ε + h Σ|ε_i| with h = (c/2 − sf)/(1 − s). A third form is a
-parabola of in-plane principal stresses (:mod:`parabola`), whose tensile strength is c.
+A second form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). In this form,
+strain rates are admissible if tr ε ≥ s Σ|ε_i|, and their dissipation is (c/2s) tr ε. For s = 0,
+admissible rates have tr ε = 0, and their dissipation is (c/2) Σ|ε_i|. With the additional condition
+σ₁ ≤ f, rates are admissible if tr ε ≥ s Σ|ε_i| for any s ≥ 0, and their dissipation is (f − h) tr ε
++ h Σ|ε_i| with h = (c/2 − sf)/(1 − s). A third form is a parabola of in-plane principal stresses
+(:mod:`parabola`), whose tensile strength is c.
 
-Stresses are vectors of the components (σ_xx, σ_yy, √2σ_xy) in the plane, (σ_rr, σ_zz, σ_θθ, √2σ_rz)
-in axisymmetry, and (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy) in space. Strain rates have the same
-form, so σ:ε is the scalar product of the vectors. By duality the supremum of σ:ε is the least cz
-with ε = Mᵀy + qz and ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq, the least z is
+Stresses are vectors of the components (σ_xx, σ_yy, √2σ_xy) in 2D, (σ_rr, σ_zz, σ_θθ, √2σ_rz) in
+axisymmetry, and (σ_xx, σ_yy, σ_zz, √2σ_yz, √2σ_xz, √2σ_xy) in 3D. Strain rates have the same form,
+so σ:ε is the scalar product of the two vectors. By duality the supremum of σ:ε is the least cz with
+ε = Mᵀy + qz and ‖y‖ ≤ z. With y = η − rz for η = M⁺ᵀε and r = M⁺ᵀq, the least z is
 
 - if M has a null vector ν with q·ν > 0: z = ε·ν/(q·ν), where ‖η − rz‖ ≤ z must hold;
 - otherwise, for ‖r‖ < 1: z = (√((η·r)² + (1 − ‖r‖²)‖η‖²) − η·r)/(1 − ‖r‖²), where ε·ν must be zero
   if M has a null vector ν.
 
-The first z is linear in ε, the second is convex.
+The first expression for z is linear in ε, and the second is convex in ε.
 """
 
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 RANK = 1e-6
-"""Least ratio of a matrix's nonzero singular values to the largest one."""
+"""Least ratio of a matrix's nonzero singular values to its largest singular value."""
 
 ROUNDED = 1e-13
 """Ratio of singular values, or of q·ν to ‖q‖, below which the smaller number counts as zero."""
@@ -64,14 +65,15 @@ class Cones:
     """The cones of all materials, by their index.
 
     Attributes:
-        bound: c ≥ 0 (stress); 0 for a cone with its apex at zero stress; shape (num_cones,).
-        slope: q, shape (num_cones, m).
-        matrix: M, of rank m or m − 1, rows of zeros allowed; shape (num_cones, m, m).
-        sine: s of cones that bound principal stresses, whose M and q are zero; NaN for other cones;
-            shape (num_cones,).
-        tension: Tensile strength f of these cones; NaN without a tensile strength, and for other
-            cones.
-        curvature: k of parabolas, whose M and q are zero; NaN for other cones.
+        bound: Bound c ≥ 0 (stress); 0 for a cone with its apex at zero stress; shape (num_cones,).
+        slope: Slope q, shape (num_cones, m).
+        matrix: Matrix M of rank m or m − 1, may have rows of zeros; shape (num_cones, m, m).
+        sine: Sine s of cones that bound principal stresses, whose M and q are zero; NaN for other
+            cones; shape (num_cones,).
+        tension: Tensile strength f of cones that bound principal stresses; NaN without a tensile
+            strength, and for other cones; shape (num_cones,).
+        curvature: Factor k of parabolas, whose M and q are zero; NaN for other cones; shape
+            (num_cones,).
     """
 
     bound: Floats
@@ -83,22 +85,22 @@ class Cones:
 
     @property
     def is_curved(self) -> Flags:
-        """Return which cones are parabolas."""
+        """Return flags of cones that are parabolas."""
         return ~np.isnan(self.curvature)
 
     @property
     def is_pointwise(self) -> Flags:
-        """Return which cones compute their dissipation by :meth:`principal_power`."""
+        """Return flags of cones whose dissipation :meth:`principal_power` computes."""
         return self.is_principal | self.is_curved
 
     @property
     def is_cut(self) -> Flags:
-        """Return which cones have a tensile strength."""
+        """Return flags of cones with a tensile strength."""
         return ~np.isnan(self.tension)
 
     @property
     def is_principal(self) -> Flags:
-        """Return which cones bound principal stresses."""
+        """Return flags of cones that bound principal stresses."""
         return ~np.isnan(self.sine)
 
     def check(self, m: int) -> None:
@@ -157,13 +159,13 @@ class Cones:
 
     @cached_property
     def has_null(self) -> Flags:
-        """Return whether the matrix has a null vector, along which it bounds no stress."""
+        """Return flags of cones with a null vector of M, along which M bounds no stress."""
         values = np.linalg.svd(self.matrix, compute_uv=False)
         return np.asarray(values[:, -1] <= ROUNDED * values[:, 0])
 
     @cached_property
     def _null(self) -> Floats:
-        """Return the unit null vectors ν, zero for matrices without a null vector."""
+        """Return the unit null vector ν of each M, or zero if M has no null vector."""
         found = np.linalg.svd(self.matrix)[2][:, -1]
         return np.asarray(np.where(self.has_null[:, None], found, 0.0))
 
@@ -174,13 +176,13 @@ class Cones:
 
     @cached_property
     def grows(self) -> Flags:
-        """Return which cones narrow along the null vector of M: these materials dilate."""
+        """Return flags of cones that narrow along the null vector of M: their materials dilate."""
         falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
         return falls | (self.sine > 0) | self.is_cut | self.is_curved
 
     @property
     def is_linear(self) -> Flags:
-        """Return which cones have a dissipation that is linear in admissible rates."""
+        """Return flags of cones whose dissipation is linear in admissible rates."""
         return self.grows & ~self.is_cut & ~self.is_curved
 
     @cached_property
@@ -196,10 +198,10 @@ class Cones:
 
     @cached_property
     def radius(self) -> Floats:
-        """Return a stress that each material bears: c over the largest singular value.
+        """Return a stress that each material carries: c over the largest singular value of M.
 
-        For principal stresses, all stresses of size c/√(2(1 + s²)) are admissible, unless one
-        exceeds f.
+        For bounds of principal stresses, all stresses of size c/√(2(1 + s²)) are admissible unless
+        a principal stress exceeds f.
         """
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         sines = np.where(self.is_principal, self.sine, 0.0)
@@ -226,7 +228,7 @@ class Cones:
 
     @cached_property
     def relief(self) -> Floats:
-        """Return the least decrease of :meth:`excess` by a pressure of 1, 0 if it may increase."""
+        """Return the least decrease of :meth:`excess` by a pressure of 1; 0 if it may increase."""
         normals = {3: 2, 4: 3, 6: 3}[self.slope.shape[1]]
         along = self.slope[:, :normals].sum(axis=1)
         across = np.linalg.norm(self.matrix[:, :, :normals].sum(axis=2), axis=1)
@@ -243,10 +245,10 @@ class Cones:
         return np.asarray(sizes + np.einsum("ci,cvi->cv", self.slope[at], stress))
 
     def own_radius(self, at: Longs, stress: Floats) -> Floats:
-        """Return the radius of each cell; for c = 0 from its stress, with −q·σ instead of c.
+        """Return the radius of each cell's cone; for c = 0, with −q·σ instead of c.
 
-        For c = 0 the radius is the least over the cell's points at which the stress is not zero; ∞
-        without such points.
+        For c = 0, the radius is the least over the cell's points with a nonzero stress; ∞ if the
+        stress is zero at all points.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -262,10 +264,10 @@ class Cones:
         return found
 
     def ratios(self, at: Longs, stress: Floats) -> Floats:
-        """Return (‖Mσ‖ + q·σ)/c, or the equivalent for principal stresses.
+        """Return (‖Mσ‖ + q·σ)/c, or the equivalent ratio for principal stresses.
 
-        A stress divided by its ratio lies in the cone. For c = 0 the ratio is ‖Mσ‖/(−q·σ), or 0
-        where the stress is zero; it is at most 1 in the cone.
+        A stress divided by its ratio lies in the cone. For c = 0, the ratio is ‖Mσ‖/(−q·σ), or 0
+        for zero stress; the ratio is at most 1 in the cone.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -312,7 +314,7 @@ class Cones:
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """Return the dissipation of the other cells with principal stresses, and of parabolas.
+        """Return the dissipation for other bounds of principal stresses, and for parabolas.
 
         The dissipation is convex in admissible rates.
         """
@@ -340,8 +342,8 @@ class Cones:
     def steepness(self) -> Floats:
         """Return the largest Lipschitz constant of the dissipation per volume.
 
-        Here the dissipation is extended to any rate, admissible or not; this extension is convex
-        and homogeneous of degree 1.
+        For this constant, the dissipation is extended to all rates, admissible or not; the
+        extension is convex and homogeneous of degree 1.
         """
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         square = 1 - np.einsum("ni,ni->n", self._tilt, self._tilt)
@@ -368,9 +370,10 @@ class Cones:
         return np.asarray(found * (1 + self.digits))
 
     def short(self, at: Longs, rates: Floats) -> Floats:
-        """Return ‖y‖ − z of dilating cells, at most zero for an admissible rate.
+        """Return ‖y‖ − z of dilating cells, which is at most zero for admissible rates.
 
-        For principal stresses it is s Σ|ε_i| − tr ε, and for parabolas δ(ε₁ − ε₃) − tr ε.
+        For bounds of principal stresses, the function returns s Σ|ε_i| − tr ε, and for parabolas
+        δ(ε₁ − ε₃) − tr ε.
 
         Args:
             at: Cone of each cell, shape (num_cells,).
@@ -389,7 +392,7 @@ class Cones:
         return np.asarray(found)
 
     def keeps_volume(self, normals: int) -> Flags:
-        """Return which cones admit a rate if and only if its trace is zero.
+        """Return flags of cones that admit a rate if and only if its trace is zero.
 
         Args:
             normals: Number of normal components, which come first in a vector.
@@ -402,11 +405,11 @@ class Cones:
 
     @property
     def takes_any(self) -> Flags:
-        """Return which cones admit every rate."""
+        """Return flags of cones that admit every rate."""
         return ~self.has_null & ~self.grows & ~self.is_principal
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """Return a and b, linear in the rates, with the dissipation ‖a‖ + b of the other cones.
+        """Return a and b, linear in the rates, for the dissipation ‖a‖ + b of the other cones.
 
         Returns:
             a has the shape (num_cells, points, m), and b the shape (num_cells, points).

@@ -1,16 +1,17 @@
 """Compute an upper bound of a mechanism's dissipation in cells, and check its strain rates.
 
 Rates are multiplied by the volume of their cell, which avoids a division by the volume. In dilating
-cells a rate is admissible if z ≥ ‖y‖ (:mod:`cones`). The admissible rates form a convex cone. So
-the condition holds everywhere in a cell if it holds at the vertices, or in axisymmetry for the
-Bernstein coefficients. It must hold with a margin above rounding. In cells that preserve their
-volume, the dissipation is that of the rate without its trace, since another velocity undoes the
-trace (:mod:`volume_change`).
+cells a rate is admissible if z ≥ ‖y‖ (:mod:`cones`). The admissible rates form a convex cone.
+Therefore the condition holds everywhere in a cell if it holds at the vertices, or in axisymmetry
+for the Bernstein coefficients. The checker requires a margin above rounding. In cells that preserve
+their volume, the module computes the dissipation from the rate without its trace, because another
+velocity undoes the trace (:mod:`volume_change`).
 
-ε(v) is linear in a cell. The integral of a convex D is at most that of its linear interpolation on
-any subdivision of the cell. If D is linear, its mean is the mean over the vertices. A strength that
-is linear in the cell multiplies this interpolation, and the product is integrated exactly. For
-bodies of revolution the velocity is v = ru (:mod:`rings`), and works are divided by 2π.
+ε(v) is linear in a cell. The integral of a convex D is at most the integral of its linear
+interpolation on any subdivision of the cell. If D is linear, its mean is the mean over the
+vertices. A strength that is linear in the cell multiplies this interpolation, and the product is
+integrated exactly. For bodies of revolution the velocity is v = ru (:mod:`rings`), and works are
+divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -45,7 +46,8 @@ class Rates:
         values: Vectors, shape (num_cells, d + 1 or 6, m); in axisymmetry coefficients of r²ε.
         errors: Error of each cell, shape (num_cells,).
         change: div v times the volume at vertices, shape (num_cells, d + 1).
-        reach: Integral of a unit rate over its cell, divided by the volume: 1, in axisymmetry ∫1/r.
+        reach: Integral of a unit rate over its cell, divided by the volume: 1, or in axisymmetry
+            ∫1/r.
         of_gradient: Largest rate for ‖∇w‖ = 1 in a cell, without ``reach``.
     """
 
@@ -87,10 +89,10 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
     """Return coefficients of r²ε, and their largest change for ‖∇w‖ = 1.
 
     The norm of r²ε is at most r‖∇w‖ + √2 |w|, and w = 0 at vertices. In a cell of size h at a
-    distance of at least r₀ from the axis |w| ≤ h‖∇w‖ ≤ (h/r₀) r‖∇w‖. In a cell that touches the
-    axis |w| ≤ κr‖∇w‖, where κ bounds the distances of the other vertices from those on the axis,
-    divided by their radii. A line towards such a vertex, or beside it to the edge on the axis, has
-    this length.
+    distance of at least r₀ from the axis, |w| ≤ h‖∇w‖ ≤ (h/r₀) r‖∇w‖. In a cell that touches the
+    axis, |w| ≤ κr‖∇w‖. Here κ bounds the distances of the other vertices from the vertices on the
+    axis, divided by the radii of the other vertices. From each point of the cell, a line of length
+    at most κr leads to a vertex or edge on the axis.
     """
     radii, volumes = radii_of(body), body.volumes
     sizes = own.mid + own.low
@@ -115,7 +117,7 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
 
 
 def _worst(body: Body) -> Floats:
-    """Return 1 + h^d/V of each cell with the largest extent h, to scale rounding errors."""
+    """Return 1 + h^d/V of each cell with its largest extent h, to scale rounding errors."""
     x = body.vertices[body.cells]
     size = np.ptp(x, axis=1).max(axis=1)
     return np.asarray(1 + size**body.dim / body.volumes)

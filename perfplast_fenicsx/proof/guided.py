@@ -1,8 +1,8 @@
 """Handle facets that are held along one direction, in addition to held components.
 
-An example are planes of symmetry. The velocity has no component along this direction, and the
-traction may have any, as for held components. So the work of this traction is zero, whatever the
-direction is. The direction is the normal of a flat surface.
+Planes of symmetry are an example. Along the direction, the velocity has no component, and the
+traction may have any component, as for held components. Therefore this traction component does no
+work. The direction is the normal of a flat surface.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,8 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
     Args:
         vectors: Vectors, shape (num_facets, n, d).
         held: Held components, shape (num_facets, d).
-        guided: Unit vectors of additional held directions, 0 without one, same shape.
+        guided: Unit vectors of additional held directions, 0 without such a direction, of the same
+            shape.
     """
     free = vectors * ~held[:, None]
     along = np.where(held, 0.0, guided)
@@ -41,7 +42,7 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
 
 
 def differ(one: Floats, other: Floats) -> Flags:
-    """Return whether directions differ by more than rounding and their sign, shape (n,)."""
+    """Return flags of directions that differ by more than rounding and their sign, shape (n,)."""
     rounding = 1e-9
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
     return np.asarray(np.minimum(*apart) > rounding)

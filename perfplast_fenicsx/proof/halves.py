@@ -1,9 +1,9 @@
 """Check whether both halves of a proof have the same bodies, even if their meshes differ.
 
-The comparison is local and does not use sums. Outer facets of one half coincide with those of the
-other (:mod:`shared_facets`) and have the same surface, supports and tractions. Cells with a common
-volume (:mod:`shared_cells`) have the same body forces and pore pressures, and no cone of the upper
-half is weaker there.
+The comparison is local and does not use sums. Outer facets of one half must coincide with outer
+facets of the other half (:mod:`shared_facets`) and have the same surface, supports and tractions.
+Cells with a common volume (:mod:`shared_cells`) must have the same body forces and pore pressures,
+and the cone of the upper half must not be weaker.
 """
 
 from collections.abc import Iterator
@@ -18,18 +18,19 @@ from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
 SAME = 1e-9
-"""Loads count as equal if their relative difference is smaller."""
+"""Relative difference below which loads count as equal."""
 
 NOTHING = 1e-14
-"""Loads count as zero if they are smaller than this share of the largest load of their kind on
-their surface."""
+"""Loads count as zero if they are smaller than this share of the largest load of the same kind on
+the same surface.
+"""
 
 
 def differences(lower: Body, upper: Body) -> list[str]:
     """Return the differences between the bodies of two halves, in words.
 
-    The upper half may have stronger bodies and more friction: an upper bound of stronger bodies is
-    also one of weaker bodies.
+    The upper half may have stronger bodies and more friction: an upper bound for stronger bodies is
+    also an upper bound for weaker bodies.
 
     Args:
         lower: The bodies of the lower half.
@@ -66,7 +67,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
 
 
 def _told(what: str, places: Floats) -> list[str]:
-    """Return a difference and its first place in words; an empty list if there are no places."""
+    """Return a difference and its first place in words; an empty list without places."""
     if not len(places):
         return []
     first = ", ".join(f"{x:.6g}" for x in places[np.lexsort(places.T[::-1])[0]])
@@ -81,7 +82,7 @@ def _kinds(lower: Body, upper: Body) -> Iterator[tuple[Loads, Loads]]:
 
 
 def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
-    """Return whether vectors at some points differ by more than rounding.
+    """Return whether vectors at given points differ by more than rounding.
 
     Args:
         one: Vectors, shape (n, points, components).
@@ -111,7 +112,7 @@ def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
 
 
 def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
-    """Return the values of linear functions on simplices, at points on or near them.
+    """Return the values of linear functions on simplices, at points on or near the simplices.
 
     Args:
         places: Points, shape (n, points, d).
@@ -124,7 +125,7 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
 
 
 def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
-    """Return centres of shared cells that are weaker in the upper half or have other loads."""
+    """Return centres of weaker cells in the upper half, and of cells with different loads."""
     strong = strengths_of(lower, upper)
     kinds = list(_kinds(lower, upper))
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
@@ -161,8 +162,8 @@ def _weaker_somewhere(
 ) -> Flags:
     """Return whether variable strengths may be smaller in the upper half where cells overlap.
 
-    Both strengths are linear in their cells, so the vertices of the overlap suffice. The end points
-    that :func:`overlap_ends` returns contain these vertices.
+    Both strengths are linear in their cells, so a comparison at the vertices of the overlap
+    suffices. The end points from :func:`overlap_ends` include these vertices.
     """
     found = np.zeros(len(pairs[0]), dtype=bool)
     at_once = 20_000  # number of pairs processed together, limited by memory
@@ -245,7 +246,7 @@ def _obstacles(body: Body) -> Floats:
 
 
 def _same_contacts(lower: Body, upper: Body) -> bool:
-    """Return whether both halves have the same contacts, with no less friction in the upper one."""
+    """Return whether both halves have equal contacts, with no less friction in the upper half."""
     for rows in (_contacts, _obstacles):
         one, other = rows(lower), rows(upper)
         tags = 2 if rows is _contacts else 1

@@ -1,9 +1,9 @@
 """Compute jumps of a velocity in contact, and move free points out of penetrations.
 
-A jump w has Bernstein coefficients on a facet. If all of them satisfy w·n + μ‖w_t‖ ≤ 0, then w
-satisfies it everywhere: Bernstein polynomials are non-negative and sum to 1, and the condition
-describes a convex cone. Also, ∫c‖w_t‖ is at most c times the area times the mean norm of the
-coefficients.
+A jump w has Bernstein coefficients on a facet. If all coefficients satisfy w·n + μ‖w_t‖ ≤ 0, w
+satisfies this condition everywhere: Bernstein polynomials are non-negative and sum to 1, and the
+condition describes a convex cone. Also, ∫c‖w_t‖ is at most c times the area times the mean norm of
+the tangential coefficients.
 """
 
 from itertools import combinations
@@ -24,11 +24,11 @@ DIGITS = 1e-28
 
 
 class Jumps:
-    """Coefficients of jumps in contact, one per row.
+    """Coefficients of jumps in contact, with one coefficient per row.
 
     Attributes:
         first: Index of the point on the first surface, shape (n,).
-        second: Index of the opposite point, −1 for obstacles.
+        second: Index of the opposite point; −1 for obstacles.
         facet: The facet of each coefficient.
         reason: Reason why contact cannot be checked, or None.
     """
@@ -112,14 +112,14 @@ class Jumps:
         return float(powers.sum() * (1 + 8 * len(some) * U))
 
     def alone(self, free: Flags) -> Flags:
-        """Return which jumps cannot be opened by moving a free point."""
+        """Return flags of jumps that moving a free point cannot open."""
         sides = (self._freedom(side, free) for side in (self.first, self.second))
         return np.asarray(np.maximum(*sides) < FREE)
 
     def rows(self, some: Longs) -> tuple[Floats, Longs]:
-        """Return vectors r such that r·w ≤ −1 means separation, and the index of each one's jump.
+        """Return vectors r for which r·w ≤ −1 means separation, and the index of each r's jump.
 
-        In space, an enclosing eight-sided pyramid replaces the friction cone.
+        In 3D, an enclosing eight-sided pyramid replaces the friction cone.
         """
         n, mu = self._units[some], self._friction[some]
         if not (mu > 0).any():

@@ -29,11 +29,11 @@ def least_radii(body: Body, stress: Floats) -> Floats:
 
 
 def least_of(radii: Floats) -> float:
-    """Return the least finite radius, or the smallest positive number if none is finite."""
+    """Return the least finite radius, or the smallest positive number if no radius is finite."""
     least = float(radii.min())
     return least if 0 < least < BARE else TINY
 
 
 def finite(radii: Floats, weakest: float) -> Floats:
-    """Return the radii, with ``weakest`` in place of those that are not finite."""
+    """Return the radii, with ``weakest`` in place of infinite radii."""
     return np.where(np.isinf(radii), weakest, np.where(radii == BARE, TINY, radii))

@@ -44,9 +44,9 @@ class Loads:
 
     Attributes:
         body_force: Force per volume, shape (num_cells, d).
-        traction: Force per area at the vertices of facets, linear between them, shape (num_facets,
+        traction: Force per area at the vertices of facets, linear on each facet, shape (num_facets,
             d, d).
-        pore_pressure: Pore pressure u at the vertices of cells, linear between them, shape
+        pore_pressure: Pore pressure u at the vertices of cells, linear in each cell, shape
             (num_cells, d + 1). The cones bound effective stresses σ′; the stress in equilibrium is
             σ′ − uI.
         rigid_force: Force on each rigid surface, shape (num_rigid, d).
@@ -73,7 +73,7 @@ class Loads:
         return stress - self.pore_pressure[..., None, None] * np.eye(stress.shape[-1])
 
     def same(self, other: "Loads") -> bool:
-        """Return whether the other loads are exactly equal to these."""
+        """Return whether other loads are exactly equal to these loads."""
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in NAMES)
 
     def pore_work(self, volumes: Floats, growth: Floats) -> float:
@@ -81,7 +81,7 @@ class Loads:
 
         Args:
             volumes: Volumes of the cells.
-            growth: div v at the cells' vertices, linear between them, shape (num_cells, d + 1).
+            growth: div v at the cells' vertices, linear in each cell, shape (num_cells, d + 1).
         """
         n = growth.shape[1]
         sums = self.pore_pressure.sum(axis=1) * growth.sum(axis=1)
@@ -96,7 +96,7 @@ class Loads:
         return in_cells, areas * np.linalg.norm(self.traction, axis=2).mean(axis=1)
 
     def stress(self, places: Floats) -> float:
-        """Return a stress scale of these loads: their largest traction, pore or column pressure.
+        """Return a stress scale of the loads: their largest traction, pore or column pressure.
 
         Args:
             places: Coordinates of the cells' vertices, shape (num_cells, d + 1, d).

@@ -1,19 +1,18 @@
 """Check whether a stress proves a lower bound.
 
-The stress is linear in each cell, and is given at the cells' vertices.
-
-λ is a lower bound on the limit load of the bodies under the following conditions (static theorem,
-W. Prager, P. G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, where
-b is the force per volume of all loads at λ. Tractions are equal on both sides of inner facets, and
-equal to the loads on outer facets. Contact has a pressure q ≥ 0 and no shear; with friction, it has
-a shear traction ‖τ‖ ≤ c + μq. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell
-(:mod:`cones`). The condition then holds in the whole cell, since these stresses form a convex set.
-With a pore pressure u, the cones bound effective stresses σ′, and σ = σ′ − uI. Where c varies it is
-linear in the cell, so vertices suffice. Another stress balances the residual of equilibrium, and
-its size reduces the bound (:mod:`balance`). For cones with c = 0 the stress must lie inside the
-cone by this size at each vertex. At vertices of free surfaces both stresses are zero. For bodies of
-revolution the same conditions apply to S = rσ, which is quadratic (:mod:`rings`,
-:mod:`ring_balance`), and works are divided by 2π.
+The stress is linear in each cell, and the file contains it at the cells' vertices. λ is a lower
+bound on the limit load of the bodies under the following conditions (static theorem, W. Prager, P.
+G. Hodge, Theory of Perfectly Plastic Solids, 1951). In each cell div σ + b = 0, where b is the
+force per volume of all loads at λ. Tractions are equal on both sides of inner facets, and equal to
+the loads on outer facets. Contact has a pressure q ≥ 0 and no shear; with friction, it has a shear
+traction ‖τ‖ ≤ c + μq. At each vertex ‖Mσ‖ ≤ c − q·σ with the cone of the cell (:mod:`cones`). The
+condition then holds in the whole cell, because these stresses form a convex set. With a pore
+pressure u, the cones bound effective stresses σ′, and σ = σ′ − uI. If c varies, it is linear in the
+cell, so a check at the vertices suffices. Another stress balances the residual of equilibrium, and
+its size reduces the bound (:mod:`balance`). For cones with c = 0, the distance of the stress at
+each vertex from the boundary of the cone must be at least this size. At vertices of free surfaces,
+both stresses are zero. For bodies of revolution, the same conditions apply to S = rσ, which is
+quadratic (:mod:`rings`, :mod:`ring_balance`), and works are divided by 2π.
 """
 
 from collections.abc import Sequence
@@ -49,16 +48,16 @@ class Left:
 
     Attributes:
         measured: Relative residuals by name. ``equilibrium``, ``inner_tractions``,
-            ``outer_tractions``, ``tension`` and ``unequal_pressures`` are stresses. They are
-            relative to the least finite yield radius of the cells that a row touches (a cell and
-            its neighbours; both sides of a facet, also in contact), or to the least radius of all
-            cells if the touched cells are elastic. ``asymmetry`` is relative to the least radius of
-            all cells. ``left_of_load`` is the sum of all unbalanced forces relative to the sum of
-            the loads at λ. ``left_of_piece`` is the same ratio for each piece, and
-            ``left_of_strength`` is relative to the least γV^((d − 1)/d) of a cell with yield radius
-            γ and volume V. ``yield_ratio`` is the largest (‖Mσ‖ + q·σ)/c: the stress divided by it
-            lies in the cone, since the cone contains 0. With rigid surfaces there is also
-            ``rigid_forces``, force and moment over the area. With friction there are also
+            ``outer_tractions``, ``tension`` and ``unequal_pressures`` are stresses relative to the
+            least finite yield radius of the cells that a row touches (a cell and its neighbours;
+            both sides of a facet, also in contact), or to the least radius of all cells if the
+            touched cells are elastic. ``asymmetry`` is relative to the least radius of all cells.
+            ``left_of_load`` is the sum of all unbalanced forces relative to the sum of the loads at
+            λ. ``left_of_piece`` is the same ratio for each piece, and ``left_of_strength`` is
+            relative to the least γV^((d − 1)/d) of a cell with yield radius γ and volume V.
+            ``yield_ratio`` is the largest (‖Mσ‖ + q·σ)/c; the stress divided by this ratio lies in
+            the cone, because the cone contains 0. With rigid surfaces there is also
+            ``rigid_forces``, the force and moment over the area. With friction there are also
             ``unequal_shears``, ``shear`` (beyond μq without adhesion) and ``shear_ratio``, the
             largest (‖τ‖ − μq)/c with adhesion. For bodies of revolution there is also ``axis``, the
             largest S on the axis.
@@ -74,7 +73,7 @@ class Left:
 
 
 def measure_stress(body: Body, stress: Floats, kinds: Sequence[Loads]) -> Left:
-    """Return the residuals of a stress, and the reason if they cannot be computed.
+    """Return the residuals of a stress, and the reason if contact cannot be checked.
 
     Args:
         body: The bodies.
@@ -144,10 +143,11 @@ class Overstress:
     """Factor by which an equilibrated stress near a given stress may exceed the strength.
 
     Attributes:
-        factor: The largest (f(σ) + f(τ))/c of cones with c > 0. After division by it, σ + τ lies in
-            these cones. ∞ if no τ is known.
+        factor: The largest (f(σ) + f(τ))/c of cones with c > 0. After division by this factor, σ +
+            τ lies in these cones. ∞ if no τ is known.
         has_room: Whether σ + τ lies in the cones with c = 0; True if there are no such cones.
-        lacks: Value of c (a stress) for which σ + τ lies in these cones; ∞ if no τ is known.
+        lacks: Value that c (a stress) of these cones needs for σ + τ to lie inside; ∞ if no τ is
+            known.
         pressure: Pressure on all surfaces that has the same effect as c = ``lacks``.
         reason: Reason why no τ is known, or None.
     """
@@ -170,10 +170,10 @@ class Overstress:
 
 
 def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]) -> Overstress:
-    """Return by how much an equilibrated stress near a given stress may exceed the strength.
+    """Return the factor by which an equilibrated stress near a stress may exceed the strength.
 
     A stress τ balances the residual of σ. At each vertex f(σ + τ) is at most f(σ) + f(τ). At
-    vertices of free surfaces with c = 0 both are zero.
+    vertices of free surfaces with c = 0, both stresses are zero.
 
     Args:
         body: The bodies.
@@ -219,10 +219,11 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
 
 
 def bare_vertices(body: Body, kinds: Sequence[tuple[float, Loads]]) -> Flags:
-    """Return vertices of cells where only zero stress is admissible, shape (num_cells, d + 1).
+    """Return flags of cell vertices at which only zero stress is admissible, (num_cells, d + 1).
 
-    On a free surface one principal stress is zero. In the plane with c = 0, the other principal
-    stress is zero too. So the stress is zero at such a vertex in all cells with c = 0 around it.
+    On a free surface, one principal stress is zero. In 2D with c = 0, the other principal stress is
+    zero too. Therefore the stress at a vertex of a free surface is zero in all cells with c = 0
+    around this vertex.
 
     Args:
         body: The bodies.
@@ -248,14 +249,14 @@ def _room(used: Floats, size: Floats, bare: Flags) -> Floats:
 
     −f(σ) is at least the linear function with the values −``used`` at vertices and 0 at bare
     vertices. In a cell with bare vertices, τ is quadratic in each of three parts. The Bernstein
-    coefficients of τ are at most its size, and zero where the linear function is zero. So τ is at
-    most twice its size times this function divided by the function's least positive value at
+    coefficients of τ are at most its size, and zero where the linear function is zero. Therefore τ
+    is at most twice its size times this function divided by the function's least positive value at
     vertices and at the centre.
 
     Args:
         used: f(σ) at vertices, shape (num_cells, values).
         size: f(τ) in each cell, shape (num_cells, 1).
-        bare: Vertices at which both are zero, shape (num_cells, values).
+        bare: Flags of vertices at which σ and τ are zero, shape (num_cells, values).
     """
     some = bare.any(axis=1)
     room = -used - size
@@ -290,7 +291,7 @@ def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _places(body: Body, sides: Longs) -> Longs:
-    """Return indices in the cells of the stresses on sides, in equal order for both cells."""
+    """Return indices in the cells of the stresses on sides, in the same order for both cells."""
     d = body.dim
     if body.is_revolved:
         return facet_coefficients(body, sides)

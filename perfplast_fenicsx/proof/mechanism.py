@@ -1,16 +1,17 @@
 """Correct the velocity on file so that it is exactly admissible.
 
 The velocity is quadratic in each cell, with Bernstein coefficients at vertices and edges. It is
-continuous, since neighbouring cells share these coefficients. The coefficients are corrected as
+continuous, because neighbouring cells share these coefficients. The coefficients are corrected as
 exact numbers (:class:`balls.Balls`), and all results use the corrected coefficients:
 
-- They are zero along the directions that supports hold.
+- Coefficients are zero along the directions that supports hold.
 - Elastic cells that share a point, and the rigid surfaces that share points with them, move as one
   rigid body.
-- In contact, a coefficient w of the jump must separate the surfaces by −w·n ≥ μ‖w_t‖. Then they
-  separate everywhere, because Bernstein polynomials are non-negative and this set is a convex cone.
-  Where surfaces separate too little, points move along the normals. Points of deformable cells move
-  one by one, and rigid bodies by motions that separate them from all bodies in contact with them.
+- In contact, a coefficient w of the jump must separate the surfaces by −w·n ≥ μ‖w_t‖. Then the
+  surfaces separate everywhere, because Bernstein polynomials are non-negative and this set is a
+  convex cone. If surfaces separate too little, points move along the normals. Points of deformable
+  cells move one by one, and rigid bodies by motions that separate them from all bodies in contact
+  with them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,7 +39,7 @@ RESTING = 1e-5
 as rigid."""
 
 ROUNDS = 12
-"""Number of passes over the contacts: a body that moves away from one contact may close another."""
+"""Number of passes over the contacts: a body that moves away from one may close another."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,6 @@ class Mechanism:
         turns: Rotations of the rigid surfaces, shape (num_rigid, 1 or 3).
         centres: Centres of the rigid surfaces, shape (num_rigid, d).
         slip: Dissipation of slip, bounded from above.
-        parts: Whether any contact separates without dissipation.
         rigid: Whether each cell moves exactly as a rigid body.
         reason: Reason why the velocity is not admissible, or None.
     """
@@ -116,9 +116,10 @@ def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs]
 
 
 def resting_in(body: Body, v: Floats) -> list[Longs]:
-    """Return sets of plastic cells with one cone that move almost as rigid bodies.
+    """Return sets of plastic cells with a common cone that move almost as rigid bodies.
 
-    Rounding can cause more dissipation in very strong cells than all other cells dissipate.
+    Rounding can cause more dissipation in very strong cells than the dissipation of all other
+    cells.
 
     Args:
         body: The bodies.
@@ -185,7 +186,7 @@ def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
 def _across(values: Balls, held: Flags, numbers: Longs, directions: Floats) -> Balls:
     """Return vectors without their components along given directions.
 
-    A vector becomes zero if it has at least as many directions as space has axes.
+    A vector becomes zero if it has at least d directions.
 
     Args:
         values: Vectors, shape (n, d).
@@ -227,7 +228,7 @@ class _Units:
     """Sets of points that move as rigid bodies.
 
     Attributes:
-        of_place: Index of the unit of each point, −1 without a unit.
+        of_place: Index of the unit of each point; −1 for points without a unit.
     """
 
     def __init__(
@@ -281,7 +282,7 @@ class _Units:
         self._motions = motions
 
     def _allowed(self, mine: Longs, held: Flags, unit: int) -> tuple[Flags, Floats]:
-        """Return the components of a motion that are free, and the centre of its rotation."""
+        """Return flags of the free components of a motion, and the centre of its rotation."""
         body, d = self._body, self._body.dim
         x = body.vertices[mine]
         fixed = held.any(axis=1)
@@ -313,7 +314,7 @@ class _Units:
         return np.asarray(found * free)
 
     def moved(self, at: Balls) -> Balls:
-        """Return the coefficients, with those of rigid bodies replaced by rigid motions."""
+        """Return the coefficients, with rigid motions at the points of rigid bodies."""
         n, some = len(self._body.vertices), self.of_place >= 0
         if not some.any():
             return at
@@ -415,7 +416,7 @@ class _Units:
         return np.asarray((scale * motion / size).reshape(self._free.shape) * self._free)
 
     def _middles(self) -> Floats:
-        """Return the coordinates of the points; points of edges are their middles."""
+        """Return the coordinates of the points; the point of an edge is its middle."""
         x = self._body.vertices
         return np.concatenate([x, x[self._places.ends].mean(axis=1)])
 
@@ -429,11 +430,12 @@ def _hinges(x: Floats, held: Flags, first: Floats) -> Iterator[Floats]:
     """Yield points about which a body may rotate although supports hold it.
 
     A rotation does not move a point along a held axis if the point's arm is parallel to this axis.
-    So a centre is possible where all such points have the same coordinate as the centre.
+    Therefore a centre c is possible if all points held along an axis i have the coordinates c_j for
+    j ≠ i.
 
     Args:
         x: Vertices that supports hold, shape (n, d).
-        held: The axes along which they are held, same shape.
+        held: Flags of the axes along which supports hold the vertices, of the same shape.
         first: The first point to return.
     """
     every = []

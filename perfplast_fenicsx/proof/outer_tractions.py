@@ -19,7 +19,8 @@ class Outer:
     """Residuals on outer facets.
 
     Attributes:
-        ratios: Residual of each condition, relative to the weakest cell of a row, or to the limit.
+        ratios: Residual of each condition, relative to the weakest cell of its row, or to its
+            limit.
         lost: Unbalanced forces of each facet, shape (num_facets,).
         of_plates: Unbalanced forces on each rigid surface, shape (num_rigid,).
         reacts: Magnitudes of the forces that contact and rigid surfaces exert on each facet.
@@ -45,7 +46,7 @@ def tractions_on(
 def outer_tractions(
     body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid], strengths: Floats
 ) -> Outer:
-    """Return the residuals on outer facets, and the reason if they cannot be computed.
+    """Return the residuals on outer facets, and the reason if contact cannot be checked.
 
     Args:
         body: The bodies.
@@ -97,7 +98,8 @@ def outer_tractions(
     rest = rest * ~glued[:, None, None]
     share = np.where(free, into, 0.0)
     square = np.einsum("fi,fi->f", share, share)
-    # If supports leave less than this part of a contact's normal free, its force is unknown.
+    # If supports leave less than this part of a contact's normal free, the contact force is
+    # unknown.
     undetermined = 1e-12
     told = square > undetermined
     pressure = np.zeros(rest.shape[:2])

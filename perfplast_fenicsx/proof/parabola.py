@@ -1,9 +1,9 @@
-"""Bound in-plane stresses by a parabola: R² ≤ k (f − σ₁), the criterion of Hoek and Brown.
+"""Bound in-plane stresses by a parabola R² ≤ k (f − σ₁), the criterion of Hoek and Brown.
 
 R = (σ₁ − σ₃)/2 is the radius of Mohr's circle. The gauge of this set of stresses is the positive
-root g of kfg² − kσ₁g − R² = 0. For v = tr ε > 0 and γ = ε₁ − ε₃ the supremum of σ:ε is fv + (k/4)(γ
-− v)₊²/v. It tends to infinity as v tends to 0, so the checker requires v ≥ δγ. Rates with v ≥ δγ
-form a convex cone, on which the supremum has a Lipschitz constant.
+root g of kfg² − kσ₁g − R² = 0. For v = tr ε > 0 and γ = ε₁ − ε₃, the supremum of σ:ε is fv +
+(k/4)(γ − v)₊²/v. The supremum tends to infinity as v tends to 0, so the checker requires v ≥ δγ.
+Rates with v ≥ δγ form a convex cone, on which the supremum is Lipschitz continuous.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ def check_parabolas(curvature: Floats, tension: Floats, m: int) -> None:
     """Refuse parabolas that do not contain zero stress, or that are not for plane strain.
 
     Args:
-        curvature: k, shape (n,).
-        tension: f, same shape.
+        curvature: Factor k, shape (n,).
+        tension: Tensile strength f, of the same shape.
         m: Number of components of a stress.
 
     Raises:
@@ -38,7 +38,7 @@ def check_parabolas(curvature: Floats, tension: Floats, m: int) -> None:
 
 
 def gauges(curvature: Floats, tension: Floats, stress: Floats) -> Floats:
-    """Return the gauge of stresses, at most 1 in the set, shape (...) from vectors (..., 3)."""
+    """Return the gauge of stresses (at most 1 in the set), shape (...) from vectors (..., 3)."""
     mean, radius = _circle(stress)
     along = curvature * (mean + radius)
     root = np.sqrt(along**2 + 4 * curvature * tension * radius**2)
@@ -53,7 +53,7 @@ def most_gauge(curvature: Floats, tension: Floats) -> Floats:
 
 
 def powers(curvature: Floats, tension: Floats, rates: Floats) -> Floats:
-    """Return the dissipation of rates, after raising v to δγ where it is smaller."""
+    """Return the dissipation of rates, after increasing smaller v to δγ."""
     growth, shear = sizes(rates)
     growth = np.maximum(growth, GENTLEST * shear)
     over = np.maximum(shear - growth, 0.0)
@@ -64,8 +64,8 @@ def powers(curvature: Floats, tension: Floats, rates: Floats) -> Floats:
 def steepest(curvature: Floats, tension: Floats) -> Floats:
     """Return the Lipschitz constant of :func:`powers`.
 
-    The derivatives with respect to v and γ are at most f + k/4δ² and k/2δ + fδ, and |dv|, |dγ| ≤ √2
-    |dε|.
+    The derivatives with respect to v and γ are at most f + k/4δ² and k/2δ + fδ in size, and |dv|
+    and |dγ| are at most √2 |dε|.
     """
     by_growth = tension + curvature / (4 * GENTLEST**2)
     by_shear = curvature / (2 * GENTLEST) + tension * GENTLEST

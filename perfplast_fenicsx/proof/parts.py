@@ -14,7 +14,7 @@ CHILDREN = {
     ),
 }
 """Parts of a simplex with halved edges, by dimension. A vertex of a part is the middle of an edge,
-and is written as the ends of this edge. The order is that of J. Bey, Tetrahedral grid refinement,
+and is written as the ends of this edge. The order follows J. Bey, Tetrahedral grid refinement,
 Computing 55 (1995), 355."""
 
 
@@ -35,9 +35,9 @@ def halved(dim: int, times: int) -> tuple[Floats, Floats]:
     """Return the points and weights of the vertex rule on the parts.
 
     Returns:
-        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume, same shape.
-        A share is the mean of a point's hat function times a barycentric coordinate. The weight of
-        a point is the sum of its shares.
+        Barycentric coordinates, shape (num_points, dim + 1), and shares of the volume, of the same
+        shape. A share is the mean of a point's hat function times a barycentric coordinate. The
+        weight of a point is the sum of its shares.
     """
     parts = parts_of(dim, times)
     points, inverse = np.unique(parts.reshape(-1, dim + 1), axis=0, return_inverse=True)
@@ -54,8 +54,8 @@ def mean_shares(values: Floats) -> Floats:
         values: Values of the functions at the vertices k, shape (..., dim + 1, n).
 
     Returns:
-        ∫ λ_k f divided by the volume, same shape as the values. It equals f_k plus the sum of all
-        values, divided by (dim + 1)(dim + 2).
+        ∫ λ_k f divided by the volume, of the same shape as the values. Each entry is the sum of f_k
+        and of all values, divided by (dim + 1)(dim + 2).
     """
     n = values.shape[-2]
     return np.asarray((values + values.sum(axis=-2, keepdims=True)) / (n * (n + 1)))

@@ -1,4 +1,4 @@
-"""Find pieces of cells connected by facets, build trees of them, and check their equilibrium."""
+"""Find pieces of cells that facets connect, build trees of cells, and check pieces' equilibrium."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 
 
 def pieces_of(body: Body) -> Longs:
-    """Return an index for each cell, equal for connected cells, shape (num_cells,)."""
+    """Return an index for each cell, equal in connected cells, shape (num_cells,)."""
     one, other = (body.sides[0] // (body.dim + 1)).T
     return joined(len(body.cells), one, other)
 
 
 def joined(count: int, one: Longs, other: Longs) -> Longs:
-    """Return an index for each of ``count`` items, equal for items that pairs connect.
+    """Return an index for each of ``count`` items; items that pairs connect have the same index.
 
     Args:
         count: Number of items.
@@ -34,14 +34,15 @@ def largest_share(
 ) -> float:
     """Return the largest unbalanced force of a piece relative to its loads.
 
-    A piece without loads may be free of stress, and then its residual is harmless. A small share of
-    all loads counts as rounding in any piece, unless it exceeds the strength of the piece's cells.
+    In a piece without loads, the stress may be zero, and the residual is then harmless. In any
+    piece, an unbalanced force that is a small share of all loads counts as rounding, unless it
+    exceeds the strength of the piece's cells.
 
     Args:
         body: The bodies.
         left: Magnitudes of unbalanced forces on cells, inner facets and outer facets.
         applied: Magnitudes of the loads on cells, and of loads and contact forces on outer facets.
-        strengths: Forces that the cells bear.
+        strengths: Forces that the cells carry.
     """
     pieces, wide = pieces_of(body), body.dim + 1
     inner, outer = pieces[body.sides[0][:, 0] // wide], pieces[body.outer // wide]
@@ -60,11 +61,11 @@ def largest_share(
 
 
 def bare_ends(body: Body, bare: Flags | None) -> Longs:
-    """Return for each side the number of its vertices with zero traction, shape (num_sides,).
+    """Return the number of each side's vertices with zero traction, shape (num_sides,).
 
     Args:
         body: The bodies.
-        bare: Vertices of cells at which the stress is zero; None if there are no such vertices.
+        bare: Flags of vertices of cells at which the stress is zero; None without such vertices.
     """
     wide = body.dim + 1
     if bare is None:
@@ -78,7 +79,7 @@ def bare_ends(body: Body, bare: Flags | None) -> Longs:
 
 
 def across_of(body: Body) -> Longs:
-    """Return the opposite side of each side, −1 for outer facets."""
+    """Return the opposite side of each side; −1 for outer facets."""
     sides = body.sides[0]
     found = np.full(len(body.cells) * (body.dim + 1), -1)
     found[sides[:, 0]], found[sides[:, 1]] = sides[:, 1], sides[:, 0]

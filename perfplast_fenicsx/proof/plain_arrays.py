@@ -95,11 +95,11 @@ def bound_of(values: Any, with_constant: bool) -> float:
 
     Args:
         values: The value in the file.
-        with_constant: Whether there are constant loads. Without constant loads the bodies bear zero
-            load, so a negative bound is not valid.
+        with_constant: Whether there are permanent loads. Without permanent loads, the bodies carry
+            the loads at factor zero, so a negative bound is not valid.
 
     Raises:
-        ProofError: If the value is not one finite real number, or is negative without constant
+        ProofError: If the value is not one finite real number, or is negative without permanent
             loads.
     """
     bound = number_of("bound", values)
@@ -116,8 +116,8 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
         kind: Name of the group.
 
     Raises:
-        ProofError: If this is not a group of arrays, or an array declares more numbers than it
-            stores.
+        ProofError: If the name does not belong to a group of arrays, or if an array declares more
+            numbers than it stores.
     """
     group = file[kind]
     if not isinstance(group, h5py.Group):
@@ -144,7 +144,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
 
 
 def equal(one: npt.NDArray, other: npt.NDArray) -> bool:
-    """Return whether two arrays are exactly equal, where NaN equals NaN."""
+    """Return whether two arrays are exactly equal; NaN equals NaN."""
     return np.array_equal(one, other, equal_nan=other.dtype.kind == "f")
 
 
@@ -164,7 +164,7 @@ def digest_of(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> str:
     """Return the SHA-256 of a proof's numbers, independent of types and order in the file.
 
     The hashed bytes consist of two parts for each half and name, in alphabetical order. The first
-    part is the line "half/name shape". The second part is the numbers as doubles, lowest byte
+    part is the line "half/name shape". The second part contains the numbers as doubles, lowest byte
     first.
 
     Args:

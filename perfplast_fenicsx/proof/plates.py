@@ -1,10 +1,10 @@
-"""Balance a stress on rigid plates: compute the residual of the loads on their surfaces.
+"""Compute the residual of a stress on rigid plates, and the facets that transfer this residual.
 
-The tractions of a plate on its surface are arbitrary, but their resultant must equal that of the
-plate's loads. So the plate transfers the missing part of the resultant through one facet, as a cell
-does (:mod:`balance`). A plate that is held along an axis exerts any additional force along this
-axis, and any moment. A plate that is glued to several pieces transfers any force and moment from
-one piece to another.
+The tractions of a plate on its surface are arbitrary, but their resultant must equal the resultant
+of the plate's loads. Therefore the plate transfers the missing part of the resultant through one
+facet, as a cell does (:mod:`balance`). A plate that is held along an axis exerts any additional
+force along this axis, and any moment. A plate that is glued to several pieces transfers any force
+and moment from one piece to another.
 """
 
 from collections.abc import Sequence
@@ -28,17 +28,16 @@ class Plates:
     Attributes:
         centres: Points about which moments are taken, shape (num_rigid, d).
         extents: Largest distances of the surfaces from these points.
-        missing: Forces, and moments over extents, that are missing between the tractions'
-            resultants and those of the loads, shape (num_rigid, d + 1 or 3); zero along held
-            components.
+        missing: Differences between the resultants of the tractions and of the loads, as forces and
+            moments over extents, shape (num_rigid, 3 or 6); zero along held components.
         errors: Errors of ``missing``.
         through: The facet through which each plate transfers the missing resultant.
         first: Facet on which an additional force of any size can act, shape (n,).
-        second: Facet on which the opposite force acts, −1 if there is none.
+        second: Facet on which the opposite force acts; −1 if no facet carries it.
         plate: Index of each force's plate.
         component: Index of the component of force or moment.
-        acts: Whether anything except the piece itself acts on each plate along each axis (loads, a
-            support, or another piece), shape (num_rigid, d).
+        acts: Whether loads, a support or another piece act on each plate along each axis, shape
+            (num_rigid, d).
     """
 
     centres: Floats
@@ -55,7 +54,7 @@ class Plates:
     def acts_on(self, body: Body, acts: Flags) -> Flags:
         """Return whether anything outside a piece acts on its facets along each axis.
 
-        Forces between a plate and a piece are internal to both together.
+        Forces between a plate and a piece are internal forces of the plate and the piece together.
 
         Args:
             body: The bodies.
@@ -71,7 +70,7 @@ class Plates:
         return found
 
     def wrenches(self) -> Floats:
-        """Return the additional unit forces and moments, shape (n, d + 1 or 3)."""
+        """Return the additional unit forces and moments, shape (n, 3 or 6)."""
         return np.asarray(np.eye(self.missing.shape[1])[self.component])
 
 
@@ -128,7 +127,7 @@ def plates_of(
 
 
 def _of_tractions(body: Body, rest: Balls, x: Floats, centre: Floats) -> Balls:
-    """Return forces and moments opposite to those of facet tractions, (n, d + 1 or 3)."""
+    """Return the negative forces and moments of facet tractions, (n, 3 or 6)."""
     d = body.dim
     if body.is_revolved:
         force = -rest.sum(axis=1) * Balls.part(3)
@@ -141,7 +140,7 @@ def _of_tractions(body: Body, rest: Balls, x: Floats, centre: Floats) -> Balls:
 
 
 def _of_loads(body: Body, loads: Loads, number: int, centre: Floats, factor: float) -> Balls:
-    """Return the force and moment of the loads on a plate, shape (1, d + 1 or 3)."""
+    """Return the force and moment of the loads on a plate, shape (1, 3 or 6)."""
     force = Balls.exact(loads.rigid_force[number, None])
     about = Balls.exact(loads.rigid_moment[number, None])
     about = about - crossed(Balls.exact(centre[None]), force)
@@ -154,7 +153,7 @@ def _columns(values: Balls) -> list[Balls]:
 
 
 def _through(body: Body, facets: Longs, pieces: Longs) -> tuple[int, list[int]]:
-    """Return the largest facet of a surface, and the largest facet on each other piece."""
+    """Return a surface's largest facet, and its largest facet on each other piece."""
     of = pieces[body.outer[facets] // (body.dim + 1)]
     order = np.lexsort([facets, -body.areas[facets]])
     _, first = np.unique(of[order], return_index=True)

@@ -1,9 +1,10 @@
 """Bound principal stresses: (1 + s)σ₁ − (1 − s)σ₃ ≤ c, with or without a tensile strength σ₁ ≤ f.
 
-In plane strain the out-of-plane stress is free; some value of it between the in-plane stresses is
-always admissible. The out-of-plane strain rate is zero. Without a tensile strength, the supremum of
-σ:ε is attained at the apex, where all three stresses are c/2s. With f it is attained at vertices
-with σ₁ = f, where σ₂ and σ₃ are each either f or r = ((1 + s)f − c)/(1 − s).
+In plane strain, the out-of-plane stress is free; some out-of-plane stress between the in-plane
+principal stresses is always admissible. The out-of-plane strain rate is zero. Without a tensile
+strength, the supremum of σ:ε is attained at the apex, where all three stresses are c/2s. With a
+tensile strength f, it is attained at vertices with σ₁ = f, at which σ₂ and σ₃ are each either f or
+r = ((1 + s)f − c)/(1 − s).
 """
 
 import numpy as np
@@ -24,7 +25,7 @@ def check_principal(
         bound: c, shape (n,).
         sine: s, same shape.
         tension: f, same shape, NaN without a tensile strength.
-        sines: Least nonzero value of s, and largest value of s, that are supported.
+        sines: Least nonzero s and largest s that the checker supports.
 
     Raises:
         ProofError: If a bound is refused.

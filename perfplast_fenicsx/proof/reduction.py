@@ -1,9 +1,9 @@
 """Handle strengths that a factor of safety divides, and strengths that remain undivided.
 
-In a half with the number ``strength_factor``, strengths are divided by it: cohesions, slopes of
-friction and yield stresses, except those marked by ``cell_kept``, ``contact_kept`` and
-``obstacle_kept``. All other modules use the divided strengths on file. This module computes the
-undivided strengths, which a reader can compare with the data of the bodies.
+In a half with the number ``strength_factor``, strengths (cohesions, slopes of friction and yield
+stresses) are divided by this number, except strengths with the flags ``cell_kept``,
+``contact_kept`` and ``obstacle_kept``. All other modules use the divided strengths on file. This
+module computes the undivided strengths, which a reader can compare with the data of the bodies.
 """
 
 from collections.abc import Mapping
@@ -69,7 +69,8 @@ def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Bo
 
     The function multiplies cohesions, tangents of friction angles, tensile strengths and
     coefficients of friction by the factor. For cones without a known friction angle, such as cones
-    with a slope in space, it preserves only the apex and sets the slope to the size of the matrix.
+    with a slope in 3D, the function preserves only the apex and sets the slope to the size of the
+    matrix.
 
     Args:
         body: The bodies with divided strengths.
@@ -111,7 +112,7 @@ def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Bo
 
 
 def _sines_of(body: Body) -> Floats:
-    """Return the sine of each cone's friction angle, NaN if the angle is not known.
+    """Return the sine of each cone's friction angle; NaN if the angle is not known.
 
     The angle is known for cones of principal stresses, and for plane cones whose axis is the mean
     stress: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
@@ -133,7 +134,7 @@ def _sines_of(body: Body) -> Floats:
 
 
 def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
-    """Return the sum of loads on rigid surfaces, and the largest load over its area, in size.
+    """Return sentences on the factor that divides strengths, and on the undivided strengths.
 
     Args:
         body: The bodies with divided strengths.

@@ -1,13 +1,13 @@
 """Compute the unbalanced forces of a stress, with bounds of the rounding errors.
 
 The forces on a cell are forces per volume times the volume, and tractions at the vertices of its
-facets times their areas. The geometry of the cell is exact, with the coordinates on file. Supports
-and contact exert forces on outer facets. The module chooses these forces so that the residual is
-small:
+facets times their areas. The geometry of the cell is computed exactly from the coordinates on file.
+Supports and contact exert forces on outer facets. The module chooses these forces so that the
+residual is small:
 
 - A support exerts the traction of the stress along its held directions.
-- Contact exerts q ≥ 0 times the normal of the pair's first facet. With friction it also exerts a
-  shear traction of at most c + μq. The opposite tractions act on the other side.
+- Contact exerts q ≥ 0 times the normal of the pair's first facet. With friction, contact also
+exerts a shear traction of at most c + μq. The opposite tractions act on the other side.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
 
 UNIT = 4e-12
-"""Four times the largest error of the length of unit vectors on file."""
+"""Four times the largest error of the length of unit vectors in a file."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Anchors:
     Attributes:
         facets: The facet of each traction, shape (n,).
         corners: Index in the facet of the vertex with nonzero traction.
-        opposite: Facet on which the opposite traction acts, or −1.
+        opposite: Facet on which the opposite traction acts, or −1 if no facet carries it.
         opposite_corners: Index in the opposite facet of the vertex with nonzero traction.
         along: Directions of the tractions, vectors of length about 1, shape (n, d).
-        most: Largest traction times area at the vertex, ∞ if it is not limited.
+        most: Largest traction times area at the vertex; ∞ if the traction is not limited.
     """
 
     facets: Longs
@@ -49,18 +49,18 @@ class Anchors:
 
 @dataclass(frozen=True)
 class Remainder:
-    """Unbalanced forces, and information on where forces act.
+    """Unbalanced forces, and the facets and cells on which forces act.
 
     Attributes:
         cells: Unbalanced forces per volume times the volume, shape (num_cells, d).
         inner: Jumps of tractions times area at the vertices of inner facets, sorted by vertex
-            number. They act on the first of the two cells; shape (num_inner, d, d).
+            number. The jumps act on the first of the two cells; shape (num_inner, d, d).
         outer: Tractions times area on outer facets that nothing balances, shape (num_facets, d, d).
         acts: Whether any force acts on each facet along each axis, shape (num_facets, d).
         pulls: Whether any body force acts on each cell along each axis, shape (num_cells, d).
         anchors: Additional forces that can act.
-        plates: Tractions times area minus those of the loads, shape (num_facets, d, d). On each
-            rigid surface their resultant must equal that of the plate's loads.
+        plates: Tractions times area minus load tractions times area, shape (num_facets, d, d). On
+            each rigid surface, their resultant must equal the resultant of the plate's loads.
     """
 
     cells: Balls
@@ -78,7 +78,7 @@ class Shapes:
 
     Attributes:
         areas: Outward area vectors of the facets opposite each vertex, shape (num_cells, d + 1, d).
-        volumes: Volumes; for a cell whose shape is lost, the ball contains zero.
+        volumes: Volumes; for a cell whose shape is lost to rounding, the ball contains zero.
     """
 
     areas: Balls
@@ -142,12 +142,12 @@ def remainder_of(
     """Return the remainder of a stress: its unbalanced forces.
 
     Args:
-        body: The bodies, of cells in the plane or in space.
+        body: The bodies, in 2D or 3D.
         stress: Stress (effective with a pore pressure) at the vertices of each cell.
         kinds: Loads of each kind, and their factors.
         shapes: Shapes of the cells.
-        bare: Vertices of cells at which supports and contact may exert nothing, shape (num_cells, d
-            + 1).
+        bare: Flags of vertices of cells at which supports and contact must not exert forces, shape
+            (num_cells, d + 1).
     """
     d = body.dim
     areas = shapes.areas
@@ -198,10 +198,10 @@ def _alike(body: Body, sides: Longs) -> Longs:
 
 
 class Outer:
-    """Outer facets with n values on each: at vertices, or coefficients of quadratics.
+    """Outer facets with n values on each facet: at vertices, or coefficients of quadratics.
 
     Attributes:
-        rest: Tractions times area minus those of the loads, shape (num_facets, n, d).
+        rest: Tractions times area minus load tractions times area, shape (num_facets, n, d).
         left: Tractions that nothing balances.
         acting: Tractions that act on the facets.
     """
@@ -220,11 +220,12 @@ class Outer:
         Args:
             body: The bodies.
             at: Tractions times area from the stress, shape (num_facets, n, d).
-            traction: Tractions of the loads, same shape.
+            traction: Tractions of the loads, of the same shape.
             areas: Area vectors of the sides of cells.
             radii: In axisymmetry the coefficients of r, by which tractions are multiplied, shape
                 (num_facets, n).
-            bare: Values at which supports and contact may exert nothing, same shape.
+            bare: Flags of values at which supports and contact must not exert forces, shape
+                (num_facets, n).
         """
         d = body.dim
         self._body, self._free = body, ~body.held
@@ -293,7 +294,7 @@ class Outer:
         ]
 
     def _told(self, facets: Longs) -> Flags:
-        """Return on which facets the supports leave part of the contact direction free."""
+        """Return flags of facets on which supports leave part of the contact direction free."""
         share = self._into.mid[facets] * self._free[facets]
         squares = np.einsum("fi,fi->f", share, share)
         undetermined = 1e-12
@@ -332,7 +333,7 @@ class Outer:
             limit[self._bare[facets]] = 0.0
             shear *= np.minimum(1.0, limit / np.where(sizes > 0, sizes, 1.0))[..., None]
             sizes = np.minimum(sizes, limit)
-            # additional pressure compensates the normal component of a rounded shear traction
+            # Additional pressure compensates the normal component of a rounded shear traction.
             pressure = pressure + rounding * sizes / least[:, None]
             self._shear[facets] = shear
             room = np.maximum(limit - sizes, 0.0) / (1 + mu)
@@ -345,7 +346,7 @@ class Outer:
                 self._shear[pair[0]] = -np.take_along_axis(shear, places[..., None], axis=1)
 
     def _shears(self, facets: Longs, pair: tuple[Longs, Longs] | None) -> Floats:
-        """Return the tangential tractions of the stress, taken from a side without supports."""
+        """Return the tangential tractions of the stress from a side without supports."""
         found = self._across(facets)
         if pair is not None:
             there = -np.take_along_axis(self._across(pair[0]), pair[1][..., None], axis=1)
@@ -376,7 +377,8 @@ class Outer:
         ]
         least = self._sizes.mid - 2 * self._sizes.rad
         presses = np.maximum(self._pressure, 0.0) * least[:, None]
-        # Each force gets a share of the pressure, so that all together neither pull nor slip.
+        # Each force gets a share of the pressure, so all forces together cause neither tension nor
+        # slip.
         room = np.minimum(self._room, presses / 2) / (d + 1)
         presses_there = np.asarray((room > 0).any(axis=1))
         some = np.flatnonzero(self._touches & ~self._second & presses_there)

@@ -1,10 +1,10 @@
 """Handle surfaces glued to a rigid plate: resultants of their tractions, and their motions.
 
-Only the resultant force and moment of a plate's tractions are known; they equal those of its loads.
-A surface that is held along some axes does not rotate, and only the force along the other axes
-matters. The velocity of the plate is a + ω × (x − c) with the centre c of the surface. The plate of
-a body of revolution moves along the axis. Then stresses are S = rσ, velocities are v = ru, and
-resultants are divided by 2π.
+Only the resultant force and moment of a plate's tractions are known: they equal the force and
+moment of the plate's loads. A surface that is held along some axes does not rotate, and only the
+force along the other axes matters. The velocity of the plate is a + ω × (x − c) with the centre c
+of the surface. The plate of a body of revolution moves along the axis. For such bodies, stresses
+are S = rσ, velocities are v = ru, and resultants are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ class Rigid:
     Attributes:
         number: Index of the surface in the file.
         facets: Indices of its facets.
-        free: Which components of the resultant force and moment are checked, shape (3 or 6,).
+        free: Flags of the checked components of the resultant force and moment, shape (3 or 6,).
         middle: Centre c.
         extent: The largest distance from the centre.
         area: Area of the surface; for a body of revolution divided by 2π.
-        turn: Divisor of the forces in the file: 2π for bodies of revolution, else 1.
+        turn: Divisor of the forces in the file: 2π for bodies of revolution, otherwise 1.
     """
 
     number: int
@@ -41,7 +41,7 @@ class Rigid:
     turn: float
 
     def wanted(self, loads: Loads) -> Floats:
-        """Return the loads' force, and moment about c over the extent; zero for a held surface."""
+        """Return the loads' force and moment about c over the extent; zero if not free."""
         force, moment = loads.rigid_force[self.number], loads.rigid_moment[self.number]
         about = moment - moments(self.middle[None], force[None])[0]
         found: Floats = np.append(force, about / self.extent) * self.free / self.turn
@@ -108,7 +108,7 @@ def rigid_of(body: Body) -> list[Rigid]:
 def check_loaded(body: Body) -> None:
     """Refuse sought loads (whose factor is bounded) that act only on supports.
 
-    Tractions on a rigid surface act by their resultant along free components.
+    On a rigid surface, only the free components of the tractions' resultant act.
 
     Args:
         body: The bodies.
@@ -131,14 +131,14 @@ def check_loaded(body: Body) -> None:
 
 
 def sums_of(rigid: list[Rigid], loads: Loads) -> tuple[float, float]:
-    """Return the sum of loads on rigid surfaces, and the largest load over its area, in size."""
+    """Return the sum of the sizes of loads on rigid surfaces, and the largest load per area."""
     sizes = [float(np.abs(surface.wanted(loads)).sum()) for surface in rigid]
     stresses = [size / surface.area for size, surface in zip(sizes, rigid, strict=True)]
     return sum(sizes), max(stresses, default=0.0)
 
 
 def moments(arms: Floats, forces: Floats) -> Floats:
-    """Return arms × forces, both of shape (n, d): shape (n, 1) in the plane, (n, 3) in space."""
+    """Return arms × forces for arrays (n, d), of shape (n, 1) in 2D and (n, 3) in 3D."""
     if arms.shape[1] == 2:
         return (arms[:, :1] * forces[:, 1:] - arms[:, 1:] * forces[:, :1])[:, :1]
     return np.asarray(np.cross(arms, forces), dtype=np.float64)

@@ -1,7 +1,7 @@
 """Compute the cost of unbalanced forces in axisymmetry (:mod:`rings`, :mod:`balance`).
 
 The stress S = rσ is quadratic in each section of a ring. Its hoop component follows from radial
-equilibrium. Only axial forces and jumps of tractions remain unbalanced.
+equilibrium, so only axial forces and jumps of tractions remain unbalanced.
 
 1. Supports and contact exert additional axial forces, which bring each piece into equilibrium.
 2. Each cell transfers the axial forces of all cells beyond it, by tractions that are zero on the
@@ -10,10 +10,10 @@ equilibrium. Only axial forces and jumps of tractions remain unbalanced.
 4. Take tractions that are quadratic on each side of a triangle and in equilibrium with body forces
    that are linear in it. They belong to a stress that is quadratic in each of the three parts into
    which the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta,
-   doi:10.1007/BF01379659). On the regular triangle ``balance.QUADRATIC`` bounds the coefficients of
-   this stress. The stress is zero at vertices on the axis where the tractions are zero. On a side
-   on the axis it can be made zero too. Then S/r is at most 2C/r' with the largest coefficient C and
-   the least positive radius r' among the vertices and the centre.
+   doi:10.1007/BF01379659). On the regular triangle, ``balance.QUADRATIC`` bounds the coefficients
+   of this stress. The stress is zero at vertices on the axis, at which the tractions are zero, and
+   can be made zero on a side on the axis. Then S/r is at most 2C/r' with the largest coefficient C
+   and the least positive radius r' among the vertices and the centre.
 """
 
 from collections.abc import Sequence
@@ -245,7 +245,7 @@ def _summed(of: Longs, values: Floats, count: int) -> Floats:
 
 
 def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the size in each cell of a stress that balances the forces."""
+    """Return for each cell the size of a stress that balances the forces."""
     count = len(body.cells)
     more = _summed(body.outer // 3, pushes, count)
     sides = acting.on_sides + more + 1.5 * _passed(body, acting, more)
@@ -268,7 +268,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
 
 
 def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
-    """Return for each cell the sum of the tractions that its sides transfer."""
+    """Return the sum of the tractions that the sides of each cell transfer."""
     count, across = len(body.cells), across_of(body)
     levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     forces, errors = acting.forces.copy(), acting.errors + pushes

@@ -5,10 +5,11 @@ the vertices and at the edges 01, 02, 12; Bernstein polynomials are non-negative
 works are divided by 2π.
 
 - S is quadratic. With the force b per volume, σ_θ = ∂_r S_rr + ∂_z S_rz + r b_r is linear. Axial
-  equilibrium is ∂_r S_rz + ∂_z S_zz + r b_z = 0, which needs checks at vertices only. ‖MS‖ + q·S ≤
-  cr holds everywhere if it holds for the coefficients. On the axis S is zero.
+  equilibrium is ∂_r S_rz + ∂_z S_zz + r b_z = 0, which needs checks at vertices only. The condition
+  ‖MS‖ + q·S ≤ cr holds everywhere if it holds for the coefficients. On the axis S is zero.
 - v is quadratic and zero on the axis, and r²ε is quadratic too. The dissipation D(ε) is convex and
-  homogeneous of degree 1. So ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r with the coefficients q_i of r²ε.
+homogeneous of degree 1, and therefore ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r with the coefficients q_i of r²ε
+and the Bernstein polynomials B_i.
 """
 
 from functools import lru_cache
@@ -63,7 +64,7 @@ def coefficients_of_radius(radii: Floats) -> Floats:
 
 
 def applied(body: Body, loads: Loads) -> Floats:
-    """Return the loads' tractions at facet vertices; for rings coefficients of r times them."""
+    """Return load tractions at facet vertices; for rings, coefficients of r times tractions."""
     if not body.is_revolved:
         return loads.traction
     return times_radius(body.vertices[body.facets][..., 0], loads.traction)
@@ -98,7 +99,7 @@ def whole_stress(body: Body, stress: Floats, force: Floats) -> tuple[Floats, Flo
 
 @lru_cache
 def _means() -> Floats:
-    """Return the means of Bernstein polynomials times linear ones, shape (6, 3)."""
+    """Return the means of quadratic times linear Bernstein polynomials, shape (6, 3)."""
     of_edges = [[2 if a in ends else 1 for a in range(3)] for ends in ENDS]
     return np.concatenate([1 + 2 * np.eye(3), of_edges]) / 30
 
@@ -106,11 +107,11 @@ def _means() -> Floats:
 def over_radius(radii: Floats, areas: Floats) -> Floats:
     """Return upper bounds of ∫ B_i/r over triangles.
 
-    The bound is 0 for coefficients of r²ε that are zero on the axis. As 1/r is convex, it is at
-    most the linear interpolation of its values at vertices. In a triangle with one vertex on the
-    axis this holds along the opposite edge, divided by the distance from the vertex. In a triangle
-    with two such vertices, r²ε is r times a linear function, whose norm is at most the linear
-    interpolation of its values at vertices.
+    The bound is 0 for coefficients of r²ε that are zero on the axis. Because 1/r is convex, it is
+    at most the linear interpolation of its values at vertices. In a triangle with one vertex on the
+    axis, 1/r has this bound on the opposite edge, and elsewhere the bound is divided by the
+    relative distance from the vertex. In a triangle with two vertices on the axis, r²ε is r times a
+    linear function, whose norm is at most the linear interpolation of its values at vertices.
 
     Args:
         radii: Radii at the vertices, shape (n, 3).
@@ -137,7 +138,7 @@ def over_radius(radii: Floats, areas: Floats) -> Floats:
 
 
 def on_axis(body: Body, values: Floats) -> float:
-    """Return the largest value at vertices and edges with r = 0, where values must be zero.
+    """Return the largest value at vertices and edges on the axis, at which values must be zero.
 
     Args:
         body: The bodies.
@@ -148,7 +149,7 @@ def on_axis(body: Body, values: Floats) -> float:
 
 
 def facet_coefficients(body: Body, sides: Longs) -> Longs:
-    """Return indices of the coefficients of sides: ends sorted by vertex number, then the edge."""
+    """Return coefficient indices of sides: the ends, sorted by vertex number, then the edge."""
     cells, places = sides // 3, body.corners[sides % 3]
     numbers = np.take_along_axis(body.cells[cells], places, axis=1)
     places = np.take_along_axis(places, np.argsort(numbers, axis=1), axis=1)

@@ -1,8 +1,8 @@
 """Handle contacts and obstacles with adhesion c (a stress) and coefficient of friction μ.
 
-Contact tractions with a pressure p ≥ 0 have an admissible shear ‖τ‖ ≤ c + μp. These tractions form
-a convex set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. If slip w_t is associated, the surfaces
-separate by w_n ≥ μ‖w_t‖, and the dissipation is c‖w_t‖.
+Contact tractions with a pressure p ≥ 0 and a shear ‖τ‖ ≤ c + μp are admissible. They form a convex
+set, the sum of a disc ‖τ‖ ≤ c and a cone ‖τ‖ ≤ μp. With associated slip w_t, the surfaces separate
+by w_n ≥ μ‖w_t‖, and the dissipation is c‖w_t‖.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ OF = {
     "obstacle_adhesion": "obstacles",
     "obstacle_friction": "obstacles",
 }
-"""Arrays with one number for each entry of another array; a file without them has zeros."""
+"""Arrays with one number for each entry of another array; zeros if a file does not have them."""
 
 
 def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
@@ -32,7 +32,7 @@ def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
 
 
 def fault_of(values: Floats) -> str | None:
-    """Return what is wrong with values of adhesion or friction, in words, or None."""
+    """Return the fault in values of adhesion or friction in words, or None."""
     fine = (values >= 0) & np.isfinite(values)
     return None if fine.all() else "is negative or not finite"
 
@@ -45,9 +45,9 @@ def loose(adhesion: Floats, friction: Floats) -> bool:
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
     """Return shear tractions beyond μp, relative to the adhesion.
 
-    Admissible tractions have values of at most 1. A stress divided by the largest value is
-    admissible, because the admissible set contains 0. Without adhesion the value is 0, and
-    :func:`unheld` decides.
+    The values of admissible tractions are at most 1. A stress divided by the largest value is
+    admissible, because the admissible set contains 0. Without adhesion, the value is 0, and
+    :func:`unheld` decides whether the traction is admissible.
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).
@@ -63,6 +63,6 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
 
 
 def unheld(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """Return shear tractions beyond μp where there is no adhesion; shapes as for :func:`excess`."""
+    """Return shear tractions beyond μp, or 0 with adhesion; shapes as for :func:`excess`."""
     beyond = np.maximum(shear - friction[:, None] * pressure, 0.0)
     return np.where(adhesion[:, None] > 0, 0.0, beyond)

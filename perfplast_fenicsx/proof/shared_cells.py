@@ -1,8 +1,9 @@
 """Find cells of two halves that share a volume: no plane separates them.
 
-Two simplices are separate if their projections on some axis are separate. The axes are the normals
-of their facets, and in space also the normals of one edge of each (separating axis theorem). If the
-projections overlap by less than a small share of both, the simplices only touch.
+Two simplices are separate if their projections on some axis are separate. Possible axes are the
+normals of the facets, and in 3D also the common normals of an edge of one simplex and an edge of
+the other (separating axis theorem). If the projections overlap by less than a small share of each
+projection, the simplices only touch.
 """
 
 from collections.abc import Callable
@@ -25,8 +26,8 @@ def shared_cells(
     Args:
         one: The cells of a half.
         other: The cells of the other half.
-        differ: Function that returns which of many pairs differ. Only for these pairs the checker
-            decides whether they share a volume.
+        differ: Function that returns flags of pairs that differ. The checker decides only for these
+            pairs whether they share a volume.
     """
     if np.array_equal(one.vertices, other.vertices) and np.array_equal(one.cells, other.cells):
         every: Longs = np.arange(len(one.cells))
@@ -50,7 +51,7 @@ def boxes_of(places: Floats) -> Floats:
 
 
 def have_common_volume(ones: Floats, others: Floats) -> Flags:
-    """Return which pairs of simplices share a volume.
+    """Return flags of pairs of simplices that share a volume.
 
     Args:
         ones: Vertices of the first simplex of each pair, shape (num_pairs, d + 1, d).
@@ -73,11 +74,11 @@ def have_common_volume(ones: Floats, others: Floats) -> Flags:
 def overlap_ends(ones: Floats, others: Floats) -> tuple[Floats, Flags]:
     """Return points whose convex hull is the overlap of two simplices.
 
-    The points are the ends of the part of each edge of one simplex that lies in the other simplex.
-    Every vertex of the overlap is such an end.
+    For each edge of one simplex, the points are the ends of its part within the other simplex.
+    Every vertex of the overlap is one of these ends.
 
     Args:
-        ones: Vertices of simplices, shape (num_pairs, d + 1, d).
+        ones: Vertices of the first simplex of each pair, shape (num_pairs, d + 1, d).
         others: Vertices of the second simplex of each pair, same shape.
 
     Returns:
@@ -118,7 +119,7 @@ def _facing(simplices: Floats) -> Floats:
 
 
 def _apart(ones: Floats, others: Floats, axes: Floats) -> Flags:
-    """Return which pairs have separate projections on an axis that is not zero."""
+    """Return flags of pairs with separate projections on an axis that is not zero."""
     with np.errstate(all="ignore"):
         axes = axes / np.linalg.norm(axes, axis=2, keepdims=True)
     first, second = (np.einsum("pvi,pai->pav", x, axes) for x in (ones, others))

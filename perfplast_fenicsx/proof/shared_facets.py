@@ -1,8 +1,8 @@
 """Find coinciding outer facets of two halves, and the covered part of each facet.
 
 Two sets of cells fill the same region if they have the same outer facets with the same outward
-side: the difference of their regions would have no boundary, but every bounded region has one. The
-facets of both sets may be divided differently.
+sides: the difference of their regions would have no boundary, but every bounded region has a
+boundary. The facets of both sets may be divided differently.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class SharedFacets:
     Attributes:
         first: Indices of the facets of one half, shape (num_pairs,).
         second: Indices of the facets of the other half.
-        alone: Centres of the facets of both halves that are not covered, shape (n, d).
+        alone: Centres of uncovered facets of both halves, shape (n, d).
     """
 
     first: Longs
@@ -94,7 +94,8 @@ def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Flo
         np.concatenate([normals[:, :, None], np.tile(np.eye(3), (len(normals), 1, 1))], axis=2)
     )[0][:, :, 1:]
     flat = [_turned((x - large[:, :1]) @ frames) for x in (large, small)]
-    # Green's theorem: the part of each boundary inside the other triangle; common parts count once
+    # Green's theorem for the part of each boundary inside the other triangle; common parts count
+    # once.
     once = _swept(flat[0], flat[1], slack, with_common=True)
     return once + _swept(flat[1], flat[0], slack, with_common=False)
 
@@ -110,10 +111,10 @@ def _swept(triangles: Floats, inside: Floats, slack: Floats, with_common: bool) 
     """Return the area swept about the origin by the parts of edges that lie in other triangles.
 
     Args:
-        triangles: Vertices of the triangles with these edges, shape (num_pairs, 3, 2).
+        triangles: Vertices of the triangles with the edges, shape (num_pairs, 3, 2).
         inside: Vertices of the other triangles.
         slack: Distance that counts as zero.
-        with_common: Whether parts count that lie along edges of the other triangles.
+        with_common: Whether the area includes parts that lie along edges of the other triangles.
     """
     ends = np.roll(triangles, -1, axis=1)
     sides = np.roll(inside, -1, axis=1) - inside

@@ -2,7 +2,7 @@
 
 A file can refer to data in other files (links, virtual and external arrays), can declare more
 numbers than it stores, and can have groups that contain each other. A path can lead to a pipe to
-which nobody writes.
+which no program writes.
 """
 
 import errno
@@ -18,13 +18,13 @@ MOST_OBJECTS = 100_000
 """Largest number of groups and arrays in a file."""
 
 MOST_TEXTS = 1000
-"""Largest number of texts in an array, since all of them may refer to the same long text."""
+"""Largest number of texts in an array; all texts may refer to the same long text."""
 
 SMALL = 1 << 27
-"""Size of a compressed array in bytes that is always allowed, however few bytes are stored."""
+"""Size of a compressed array in bytes that is allowed for any number of stored bytes."""
 
 MOST_COMPRESSED = 100
-"""Largest ratio of the size of a larger compressed array to its stored size."""
+"""Largest ratio of size to stored size for larger compressed arrays."""
 
 
 @contextmanager
@@ -116,7 +116,7 @@ def _check_array(name: str, data: h5py.Dataset) -> None:
     """Check that the file stores the numbers of an array.
 
     Raises:
-        ValueError: If it does not store them.
+        ValueError: If the file does not store all numbers.
     """
     if data.is_virtual or data.external:
         raise ValueError(f"{name} is not in the file itself.")

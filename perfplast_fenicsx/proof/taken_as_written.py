@@ -1,4 +1,4 @@
-"""Describe the data of a proof that the checker cannot check, and that the reader must check."""
+"""Describe data of a proof that the reader must check, because the checker cannot check them."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
 
 def cuts_of(body: Body) -> Floats:
-    """Return the middle of each pair of outer facets with the same vertices, shape (num_pairs, d).
+    """Return the middle of each pair of outer facets with equal vertices, shape (num_pairs, d).
 
-    The function counts only pairs that are neither in contact nor on obstacles. There nothing
-    prevents the bodies from separating or penetrating each other. A stress that the cut bodies bear
-    is also a stress of the uncut bodies, but this does not hold for velocities.
+    The function includes only pairs that are neither in contact nor on obstacles. At these pairs,
+    nothing prevents the bodies from separating or penetrating each other. An admissible stress in
+    the cut bodies is also admissible in the uncut bodies, but an admissible velocity may not be.
     """
     d = body.dim
     touch = [*body.contacts.ravel(), *body.obstacles]
@@ -33,11 +33,11 @@ MOST_WORDS = 6
 """Largest number of materials, surfaces and so on that are named individually."""
 
 MANY = 24
-"""Number of cones above which the cones of one kind are described together."""
+"""Number of cones of one kind above which a common sentence describes these cones."""
 
 
 def taken_as_written(body: Body) -> str:
-    """Return in one sentence the bodies, strengths, supports, contact and loads of a half."""
+    """Return one sentence on the bodies, strengths, supports, contact and loads of a half."""
     d = body.dim
     shape = "triangles" if d == 2 else "tetrahedra"
     shape += ", sections of rings around x = 0," if body.is_revolved else ""
@@ -66,7 +66,7 @@ def _listed(words: list[str]) -> str:
 
 
 def _cuts(body: Body) -> list[str]:
-    """Return words on coinciding facets that nothing joins; an empty list without such facets."""
+    """Return words on unconnected coinciding facets; an empty list without such facets."""
     places = cuts_of(body)
     if not len(places):
         return []
@@ -98,7 +98,7 @@ def _strengths(body: Body) -> str:
 
 
 def _of_one_axis(body: Body, used: Longs) -> Longs:
-    """Return the cones among ``used`` that have a slope along the mean stress in the plane."""
+    """Return the cones among ``used`` with a slope along the in-plane mean stress."""
     M, q = body.cone_matrix[used], body.cone_slope[used]
     if q.shape[1] != 3:
         return used[:0]
@@ -113,7 +113,7 @@ def _of_one_axis(body: Body, used: Longs) -> Longs:
 
 
 def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
-    """Return the range of many cones in words, such as one cone for each cell.
+    """Return the range of many cones in words, for example of one cone for each cell.
 
     Args:
         body: The bodies.
@@ -135,7 +135,7 @@ def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
 
 
 def _cone(body: Body, number: np.int64) -> str:
-    """Return a cone in words: radius and slope if its axis is the mean stress, else all numbers."""
+    """Return a cone in words: radius and slope if its axis is the mean stress, or all numbers."""
     if body.cones.is_principal[number]:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"

@@ -15,15 +15,15 @@ AT_ONCE = 2_000_000
 class Touching:
     """Pairs of facets on two surfaces that differ only by a shift along the normal n.
 
-    For bodies of revolution the shift preserves radii.
+    For bodies of revolution, the shift preserves radii.
 
     Attributes:
         first: Indices of facets on the first surface, shape (num_pairs,).
         second: Indices of the opposite facets.
         order: Index in the opposite facet of the vertex opposite each vertex of the first facet,
             shape (num_pairs, d).
-        apart: Number of facets of the first surface that face other facets without matching them,
-            or a smaller positive number; 0 if there are none.
+        apart: Number of facets of the first surface that face facets without matching them, or a
+            smaller positive number; 0 if all facets that face others match them.
     """
 
     first: Longs
@@ -56,14 +56,15 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
     first, second = a[whole], b[whole]
     left = np.setdiff1d(firsts, first), np.setdiff1d(seconds, second)
     apart = _overlapping(body, *left)
-    # A facet hidden by another facet of its own surface faces that other facet's partner.
+    # If a facet hides another facet of its surface, the hidden facet faces the hiding facet's
+    # partner.
     apart = apart or _overlapping(body, left[0], second, in_front=True)
     apart = apart or _overlapping(body, left[1], first, in_front=True)
     return Touching(first, second, order[whole], apart)
 
 
 def _close(body: Body, facets: Longs) -> Floats:
-    """Return for each facet the distance below which it touches another facet."""
+    """Return the distance below which each facet touches another facet."""
     x = body.vertices[body.facets[facets]]
     sizes = np.ptp(x, axis=1).max(axis=1)
     if body.is_revolved:  # the radius scales the difference of two rings
@@ -73,7 +74,7 @@ def _close(body: Body, facets: Longs) -> Floats:
 
 
 def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
-    """Return pairs of facets that may lie on one line along their normal, including all that do.
+    """Return all pairs of facets on one line along their normals, and some other pairs.
 
     The function projects the normal and the foot of each line on one direction and sorts the
     results.
@@ -98,7 +99,7 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
     of_first, of_second = seen(firsts, 1.0), seen(seconds, -1.0)
     order = np.argsort(of_second)
     same_normal = 1e-8  # normals whose components differ by less are equal
-    # an error of a normal moves a foot by at most this error times 2 extents
+    # An error of a normal moves a foot by at most this error times 2 extents.
     reach = along.sum() * (5 * body.dim * same_normal + close / size)
     start = np.searchsorted(of_second[order], of_first - reach)
     number = np.searchsorted(of_second[order], of_first + reach, side="right") - start
@@ -120,7 +121,7 @@ def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs
 
 
 def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
-    """Return the pairs on common lines in which each facet is the nearest one to the other."""
+    """Return the pairs on common lines in which each facet is the other's nearest facet."""
     centres = body.vertices[body.facets].mean(axis=1)
     height = np.sum((centres[b] - centres[a]) * body.normals[a], axis=1)
     nearest = np.ones(len(a), dtype=bool)
@@ -131,24 +132,24 @@ def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
 
 
 def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
-    """Return how many facets of ``a`` overlap the box of an opposing facet of ``b``.
+    """Return the number of facets of ``a`` that overlap the box of an opposing facet of ``b``.
 
-    The overlap is that of projections along the normal. The function stops at the first batch of
-    ``a`` with an overlap: one overlap suffices for a refusal, and all pairs of many thousand facets
-    would take long.
+    Facets overlap if their projections along the normal overlap. The function stops at the first
+    batch of ``a`` with an overlap: one overlap suffices for a refusal, and a check of all pairs of
+    many thousand facets would take long.
 
     Args:
         body: The bodies.
         a: Indices of facets.
         b: Indices of other facets.
-        in_front: Whether only facets that lie in front of each other count.
+        in_front: Whether to include only facets that lie in front of each other.
     """
     if not (len(a) and len(b)):
         return 0
     x = body.vertices[body.facets]
     centres = x.mean(axis=1)
     radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
-    # Facets face each other if the cosine of their normals is below this.
+    # Facets face each other if the cosine of the angle between their normals is below this value.
     facing = 0.1
     for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
         n = body.normals[some]

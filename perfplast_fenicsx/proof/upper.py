@@ -1,14 +1,14 @@
 """Check whether a velocity, continuous and quadratic in each cell, proves an upper bound.
 
 (∫D(ε(v)) − L₀(v))/L(v) is an upper bound on the limit load if v = 0 at supports, ε(v) = 0 in
-elastic bodies, and v causes no penetration. L₀(v) is the work of permanent loads, and L(v) that of
-the sought loads. D is the supremum of σ:ε over the cone of each cell (:mod:`cones`); ε is
-admissible where D is finite (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic
+elastic bodies, and v causes no penetration. L₀(v) is the work of permanent loads, and L(v) is the
+work of the sought loads. D is the supremum of σ:ε over the cone of each cell (:mod:`cones`); ε is
+admissible if D is finite (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic
 Solids, 1951). The checker corrects the velocity on file until these conditions hold
 (:mod:`mechanism`), except for volume changes, which another velocity undoes (:mod:`volume_change`).
-That velocity dissipates power (:mod:`dissipation`), and loads do work on it. Both increase the
-bound, and no residual is neglected. For bodies of revolution the velocity is v = ru (:mod:`rings`),
-and works are divided by 2π.
+The other velocity dissipates power (:mod:`dissipation`), and loads do work on it. Both terms
+increase the bound, and no residual is neglected. For bodies of revolution, the velocity is v = ru
+(:mod:`rings`), and works are divided by 2π.
 """
 
 from dataclasses import dataclass
@@ -33,13 +33,13 @@ from perfplast_fenicsx.proof.volume_change import Undone, undone
 def usual_speed(body: Body, loads: Loads, work: float) -> float:
     """Return the mean velocity at which loads do their work; 0 without tractions and body forces.
 
-    It depends only on the sought loads, so a single fast cell cannot hide the work of the free
-    loads.
+    The mean velocity depends only on the sought loads, so a single fast cell cannot hide the work
+    of the free loads.
 
     Args:
         body: The bodies.
         loads: The sought loads, whose factor is bounded.
-        work: Their work.
+        work: Work of the sought loads.
     """
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
@@ -58,8 +58,8 @@ def most_work(
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
         at_facets: Velocity at the nodes of each facet, shape (num_facets, nodes_per_facet, d).
         rates: Rates of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
-        usual: Least velocity that counts. The velocity of bodies at rest consists of rounding
-            errors, and without this limit the reported factor would depend on them.
+        usual: Lower limit of the velocity. The velocity of bodies at rest consists of rounding
+            errors, and without this limit the reported factor would depend on these errors.
     """
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
@@ -103,12 +103,11 @@ def check_nodes(body: Body, nodes: Longs, count: int) -> None:
 
 @dataclass(frozen=True)
 class Flow:
-    """The bound that a velocity proves, and its ingredients.
+    """The bound that a velocity proves, and the parts of the bound.
 
     Attributes:
         measured: ``work_of_others``: work of the free loads relative to their largest possible
-            work, in which each load has the largest velocity or strain rate of its own facet or
-            cell.
+            work, for which each load has the largest velocity or strain rate of its facet or cell.
         bound: The upper bound; None if nothing is proven.
         reasons: Reasons why nothing is proven.
         cost: Part of the bound that is due to undone volume changes and rounding.
@@ -139,7 +138,7 @@ def measure_velocity(body: Body, v: Floats) -> Flow:
     found = _measured(body, v, shapes, mechanism_of(body, v, shapes, resting))
     if not resting:
         return found
-    # Without cells at rest, deformable bodies move out of each other point by point.
+    # Without cells at rest, points of deformable bodies move out of penetrations one by one.
     other = _measured(body, v, shapes, mechanism_of(body, v, shapes))
     known = [np.inf if of.bound is None else of.bound for of in (found, other)]
     return found if known[0] < known[1] else other
@@ -154,7 +153,7 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     more = left.gradients * rates.of_gradient
     some, alert = body.plastic, np.zeros(len(body.cells))
     alert[some] = body.cones.alertness[body.cone[some]]
-    # In axisymmetry rates are those of r²ε, and gradients of v are r times larger.
+    # In axisymmetry, rates are r²ε, and gradients of v are larger by a factor r.
     radius = body.vertices[body.cells][..., 0].max(axis=1) if body.is_revolved else 1.0
     short = of_cells.short + alert * more * radius
     reasons = [why for why in (mechanism.reason, left.reason) if why is not None]
@@ -200,7 +199,7 @@ def _loads(body: Body) -> tuple[Loads, Loads, Loads]:
 
 
 def _kinds(body: Body) -> tuple[Flags, Flags]:
-    """Return which cells preserve their volume, and which cells admit any rate."""
+    """Return flags of cells that preserve their volume, and of cells that admit any rate."""
     of_cones = (body.cones.keeps_volume(normals_of(body)), body.cones.takes_any)
     keeps, takes = (np.append(of, False)[body.cone] for of in of_cones)
     return keeps, takes
@@ -307,7 +306,7 @@ def strain_rates(body: Body, v: Floats) -> Floats:
 
 
 def _facet_nodes(body: Body) -> Longs:
-    """Return the indices in its cell of each facet's vertices and edge middles."""
+    """Return the indices of each facet's vertices and edge middles in the facet's cell."""
     d = body.dim
     number = np.zeros((d + 1, d + 1), dtype=np.int64)
     for node, (a, b) in enumerate(combinations(range(d + 1), 2), start=d + 1):

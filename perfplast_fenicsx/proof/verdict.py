@@ -31,9 +31,10 @@ LIMITS: Mapping[str, float] = {
 }
 """Residuals above which a condition is named as the reason why a bound is not proven. Small
 residuals alone prove no bound: they reduce a lower bound and increase an upper bound. Symmetry and
-zeros on the axis must be exact, since a program can write symmetric tensors and zeros.
+zeros on the axis must be exact, because a program can write symmetric tensors and zeros.
 ``work_of_others`` limits the range of the free loads' factors for which a bound holds; the checker
-prints this range."""
+prints this range.
+"""
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
 """Conditions that hold after the stress is divided by the measured ratio."""
@@ -50,11 +51,10 @@ class Checked:
         measured: The residual of each condition.
         faults: Violated conditions in words; empty if the claim holds.
         words: Sentences on the data of the proof and on the residuals.
-        reached: The bound that the numbers prove, whatever the claim is; None if they prove
-            nothing.
+        reached: The bound that the numbers prove, independent of the claim; None if they prove no
+            bound.
         over: Factor by which stresses may exceed the strength, for stresses that cannot be scaled.
-            A stress that stays below the strength by this factor is a proof; ∞ if no factor is
-            known.
+            A stress below the strength divided by this factor is a proof; ∞ if no factor is known.
     """
 
     kind: str
@@ -80,8 +80,8 @@ def rounding_of(bound: float, power: float) -> float:
     Args:
         bound: Dissipation minus the work of permanent loads, relative to the work of the sought
             loads.
-        power: Whole dissipation over the work of the sought loads; rounding errors of the sums
-            scale with it.
+        power: Total dissipation over the work of the sought loads; rounding errors of the sums
+            scale with this ratio.
     """
     sums = 1e-12  # rounding of sums over all cells
     return ROUNDED * abs(bound) + sums * power

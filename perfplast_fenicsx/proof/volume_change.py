@@ -1,23 +1,25 @@
 """Compute the cost of volume changes: the size of a velocity that undoes them.
 
-A velocity v is admissible except for volume changes in cells that must preserve their volume. If w
-undoes these changes, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), because D is convex
-and homogeneous of degree 1. So only the size of ∇w in each cell is needed, and the module computes
-an upper bound of this size.
+A velocity v is admissible except for volume changes in cells that must preserve their volume. If a
+velocity w undoes these changes, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), because D
+is convex and homogeneous of degree 1. Therefore only the size of ∇w in each cell is needed, and the
+module computes an upper bound of this size.
 
 1. Volume leaves each cell through one facet to the next cell of a tree, and finally through an
    outlet. Outlets are free surfaces, cells whose volume may change, and contacts that separate. On
-   the facets of this path w is a bump b(x)a, which is zero at the facets' edges and has ∫b = A for
-   the area A. For the area vector A n, a = n/A, so the flux is 1. In both cells div w is constant.
-2. The remaining div v in a cell is linear with zero mean. For it, w is zero on all facets.
+   the facets of this path, w is a bump b(x)a, which is zero at the facets' edges and has ∫b = A for
+   the area A. With the area vector A n and a = n/A, the flux is 1. In both cells beside the facet,
+   div w is constant.
+2. The remaining div v in a cell is linear with zero mean. The part of w that undoes it is zero on
+all facets.
 3. Such velocities w are continuous, and of degree d in each of the d + 1 parts into which the
-   centre divides a cell (of degree 2 in the plane, D. N. Arnold, J. Qin, 1992; of degree 3 in
-   space, S. Zhang, doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges of length
-   1 :data:`SIZE` bounds their gradients. The map x = By onto the cell gives w = Bw'/det B. Fluxes
-   are unchanged, and ∇w = B∇w'B⁻¹/det B. A bump vector a of the cell becomes det B B⁻¹a on the
-   regular simplex.
+   centre divides a cell (of degree 2 in 2D, D. N. Arnold, J. Qin, 1992; of degree 3 in 3D, S.
+   Zhang, doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges of length 1,
+   :data:`SIZE` bounds their gradients. The map x = By onto the cell gives w = Bw'/det B. Fluxes are
+   unchanged, and ∇w = B∇w'B⁻¹/det B. A bump vector a of the cell becomes det B B⁻¹a on the regular
+   simplex.
 
-In axisymmetry r tr ε(u) = div v holds for v = ru in the section plane, so the same method applies.
+In axisymmetry, r tr ε(u) = div v holds for v = ru in the section plane, so the same method applies.
 """
 
 from dataclasses import dataclass
@@ -34,8 +36,9 @@ from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
 """Bounds of gradients on a regular simplex, by dimension. The first factor multiplies the largest
-divergence of zero mean; the second multiplies the length of a bump's vector a. A test computes
-both."""
+divergence of zero mean; the second factor multiplies the length of a bump's vector a. A test
+computes both factors.
+"""
 
 LOST = "volume of cells has no outlet, as at"
 
@@ -111,10 +114,11 @@ class _Ways:
     """The path along which volume leaves each cell that must preserve its volume.
 
     Attributes:
-        out: Side through which volume leaves; −1 for other cells, and for roots without an outlet.
+        out: Side through which volume leaves each cell; −1 for cells without a path, and for roots
+            without an outlet.
         free_area: Length of this side's area vector after removing held components.
         tilt: Area of this side divided by ``free_area``.
-        across: Opposite side of each side, −1 for outer facets.
+        across: Opposite side of each side; −1 for outer facets.
     """
 
     def __init__(
@@ -209,7 +213,7 @@ class _Ways:
         return levels
 
     def fluxes(self, needed: Floats, errors: Floats) -> tuple[Floats, Floats]:
-        """Return the flux out of each cell, for itself and all cells beyond it, and its error."""
+        """Return the flux out of each cell, of the cell and all cells beyond it, and the error."""
         wide = self._body.dim + 1
         found, off = np.where(self._keeps, needed, 0.0), np.where(self._keeps, errors, 0.0)
         sizes = np.abs(found)
@@ -222,10 +226,10 @@ class _Ways:
         return found, upwards(off + 8 * U * sizes, len(found))
 
     def fault(self, fluxes: Floats, errors: Floats) -> str | None:
-        """Return why some volume has no outlet, or None.
+        """Return the reason why some volume has no outlet, or None.
 
-        Contacts can separate but not penetrate. If a piece has no outlet, the flux of v through its
-        surface must be exactly zero, as where all components are held.
+        Contact surfaces can separate but not penetrate. If a piece has no outlet, the flux of v
+        through its surface must be exactly zero, as it is if supports hold all components.
         """
         body, wide = self._body, self._body.dim + 1
         some = np.flatnonzero(self.out >= 0)
@@ -253,7 +257,7 @@ class _Ways:
 
 
 def _sticks(body: Body) -> Flags:
-    """Return which facets cannot separate along their normals without dissipation."""
+    """Return flags of facets that cannot separate along their normals without dissipation."""
     found = np.zeros(len(body.facets), dtype=bool)
     most = 1e6  # largest μ for which a pair may separate
     rubs = zip(body.contact_adhesion, body.contact_friction, strict=True)
