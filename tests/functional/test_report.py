@@ -106,7 +106,7 @@ def change(folder: Path, **values: Any) -> None:
             "kind of a material",
         ),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
-        (lambda path: (path / "model.json").touch(), [], "has model.json, so its results are"),
+        (lambda path: (path / "model.json").touch(), [], "has model.json, so its results"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),
         (lambda path: None, ["-o", "/"], "is a folder; give -o"),
     ],
