@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 LEFT = "[...document.querySelectorAll('#left li')].map((a) => a.textContent)"
 """Script that returns the list of missing or wrong entries on the page."""
 
-COMPLETE = f"{LEFT}.join() === 'Nothing. perfplast check makes all other tests.'"
+COMPLETE = f"{LEFT}.join() === 'Nothing. perfplast check performs all other tests.'"
 
 
 class SetupPage(Page):

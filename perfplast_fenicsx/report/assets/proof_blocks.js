@@ -41,10 +41,10 @@ function spotsOf(body) {
   }
   const held = (i) => body.held.subarray(i * d, i * d + d).some((y) => y) ||
     norm(body.guided.subarray(i * d, i * d + d)) > 0;
-  if (body.rigid.length) refuse("blocks have rigid surfaces of plates");
+  if (body.rigid.length) refuse("rigid blocks are combined with rigid surfaces of plates");
   times.forEach((number, i) => {
-    if (number > 1) refuse("a facet touches two others");
-    if (number && held(i)) refuse("supports hold facets in contact");
+    if (number > 1) refuse("a facet is in contact with two others");
+    if (number && held(i)) refuse("facets in contact are also supported");
   });
   return spots;
 }

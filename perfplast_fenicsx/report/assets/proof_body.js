@@ -15,14 +15,14 @@ function bodyOf(A) {
   for (const name of Object.keys(A)) if (!KNOWN.has(name)) refuse(`this checker does not know ${name}`);
   const of = (name) => A[name] ?? refuse(`${name} is missing`);
   const x = of("vertices"), d = x.shape[1], w = d + 1;
-  if (d !== 2 && d !== 3) refuse("vertices are neither in the plane nor in space");
+  if (d !== 2 && d !== 3) refuse("vertices have neither two nor three coordinates");
   const cells = of("cells"), n = cells.shape[0], facets = of("facets"), f = facets.shape[0];
   if (!n) refuse("there are no cells");
   const revolved = !!A.numbers.revolved, turns = 2 * d - 3, plates = A.rigid?.shape[0] ?? 0;
   const data = (name, shape, fill = 0) => {
     const size = shape.reduce((a, b) => a * b, 1);
     if (!A[name]) return new Float64Array(size).fill(fill);
-    if (A[name].shape.join() !== shape.join()) refuse(`the shape of ${name} fits nothing`);
+    if (A[name].shape.join() !== shape.join()) refuse(`the shape of ${name} does not fit the bodies`);
     return A[name].data;
   };
   const pairs = A.contacts?.shape[0] ?? 0, planes = A.obstacles?.shape[0] ?? 0;
@@ -48,38 +48,40 @@ function bodyOf(A) {
   const all = (values, test, words) => { if (!values.every(test)) refuse(words); };
   const count = x.shape[0];
   for (const of of [body.cells, body.facets]) {
-    all(of, (v) => v >= 0 && v < count, "there are numbers of vertices that do not exist");
+    all(of, (v) => v >= 0 && v < count, "cells or facets name vertices that do not exist");
   }
   all(body.strength, (s) => s > 0, "cell_strength is not positive");
   body.rubs.flat().forEach((of) => all(of, (r) => r >= 0, "friction is negative"));
   all(body.surface, (tag) => tag >= 0, "surface has negative tags");
   const tags = new Set(body.surface);
   for (const of of [body.contacts, body.obstacles, body.rigid]) {
-    all(of, (tag) => tag > 0 && tags.has(tag), "contact, or a plate, is of a surface that does not exist");
+    all(of, (tag) => tag > 0 && tags.has(tag), "contacts, obstacles or rigid name a surface that does not exist");
   }
   for (const of of [body.guided, body.towards]) for (let i = 0; i < of.length; i += d) {
     const size = norm(of.subarray(i, i + d));
-    if (size !== 0 && !(Math.abs(size - 1) <= 1e-12)) refuse("a direction is no unit vector");
+    if (size !== 0 && !(Math.abs(size - 1) <= 1e-12)) {
+      refuse("a normal of an obstacle or a guide is not a unit vector");
+    }
   }
   if (plates && !A.rigid_held) refuse("rigid_held is missing");
-  if (new Set(body.rigid).size < plates) refuse("rigid names a surface twice");
+  if (new Set(body.rigid).size < plates) refuse("rigid contains a surface twice");
   if (revolved) checkSections(body);
   const glued = new Set(body.rigid), onAxis = (i) => revolved &&
     range(d).every((k) => !body.x[body.facets[i * d + k] * d]);
   body.glued = range(f).map((i) => glued.has(body.surface[i]));
   body.onAxis = range(f).map(onAxis);
   body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
-  all(body.cone, (c) => c >= -1 && c < body.cones.length, "there are cones that do not exist");
+  all(body.cone, (c) => c >= -1 && c < body.cones.length, "cone names cones that do not exist");
   body.blocks = body.cone.every((c) => c < 0); // that cannot yield
   if (body.blocks && (revolved ||
     !(pairs || planes))) refuse("no cell can yield, so nothing limits the load");
   if (revolved && body.cone.some((c) => c >= 0 &&
-    !body.cones[c].c)) refuse("a cone without a bound is not known around an axis");
+    !body.cones[c].c)) refuse("a cone has no bound, which is not supported for bodies of revolution");
   body.radius = (c) => (body.cone[c] < 0 ? Infinity
     : body.cones[body.cone[c]].radius * Math.min(...body.strength.subarray(c * w, c * w + w)));
   for (const kind of body.loads) kind.some = LOADS.some((name) => kind[name].some((y) => y !== 0));
   const named = range(pairs).map((k) => [...body.contacts.subarray(2 * k, 2 * k + 2)].sort().join());
-  if (new Set(named).size < pairs) refuse("contacts names two surfaces twice");
+  if (new Set(named).size < pairs) refuse("contacts contains two surfaces twice");
   shape(body);
   glue(body);
   checkLoaded(body);
@@ -90,12 +92,16 @@ function bodyOf(A) {
 /** Refuse what cannot be sections of rings, or is not known of them. */
 function checkSections(body) {
   if (body.d !== 2 ||
-    !body.x.every((y, i) => i % 2 || y >= 0)) refuse("bodies of revolution reach to negative radii");
+    !body.x.every((y, i) => i % 2 || y >= 0)) refuse("a body of revolution has negative radii");
   if (!body.rigidHeld.every((y, i) =>
-    y === 1 - (i % 2))) refuse("a rigid surface moves otherwise than along the axis");
+    y === 1 - (i % 2))) {
+    refuse("a rigid surface of a body of revolution is not limited to motion along the axis");
+  }
   if (body.loads.some((of) =>
-    largest(of.pore_pressure))) refuse("pressures in pores are not known around an axis");
-  if (!body.strength.every((y) => y === 1)) refuse("strengths that vary are not known around an axis");
+    largest(of.pore_pressure))) refuse("pore pressures are not supported for bodies of revolution");
+  if (!body.strength.every((y) => y === 1)) {
+    refuse("strengths that vary in space are not supported for bodies of revolution");
+  }
 }
 
 /** Refuse loads that push nothing but supports. Plates are pushed by resultants alone. */
@@ -130,7 +136,7 @@ function checkLoaded(body) {
     return sums.some((y, k) => (k < d ? !held[k] && (Math.abs(y) > 1e-12 * size || own[k])
       : !still && !body.revolved && (Math.abs(y) > 1e-12 * size * far || about[k - d])));
   });
-  if (!loaded) refuse("nothing is loaded but supports");
+  if (!loaded) refuse("only supports are loaded, so every load factor would be a bound");
 }
 
 /** Area vectors N times (d − 1)!, outward, and volumes D times d!, both exact; and as doubles. */
@@ -156,7 +162,9 @@ function shape(body) {
   Object.assign(body, { X: X.v, e, N, D,
     area: N.map((v) => v.map((y) => num(y, e * (d - 1)) / factor)),
     volume: Float64Array.from(D, (y) => num(y, e * d) / (d === 2 ? 2 : 6)) });
-  if (!body.volume.every((v) => v > 0 && v < 1e100)) refuse("a cell's volume is lost");
+  if (!body.volume.every((v) => v > 0 && v < 1e100)) {
+    refuse("a cell is too small or too large for the computation");
+  }
   // Sizes of the map from the regular simplex with edges 1 to a cell, and of its inverse.
   const regular = d === 2 ? [[1, 0], [0.5, Math.sqrt(0.75)]] : [[1, 0, 0],
     [0.5, Math.sqrt(0.75), 0], [0.5, Math.sqrt(1 / 12), Math.sqrt(2 / 3)]];
@@ -211,8 +219,10 @@ function glue(body) {
     const name = key(body.corners[k].map((j) => cells[c * w + j])), side = c * w + k;
     const other = sides.get(name);
     if (other === undefined) { sides.set(name, side); continue; }
-    if (body.across[other] >= 0) refuse("more than two cells meet in a facet");
-    if (!N[side].every((y, i) => y === -N[other][i])) refuse("cells are folded");
+    if (body.across[other] >= 0) refuse("more than two cells share a facet");
+    if (!N[side].every((y, i) => y === -N[other][i])) {
+      refuse("two cells lie on one side of a facet: cells are folded");
+    }
     body.across[side] = other; body.across[other] = side;
   }
   const outer = new Map([...sides].filter(([, side]) => body.across[side] < 0));
@@ -220,13 +230,13 @@ function glue(body) {
   body.places = [];
   for (let i = 0; i < f; i++) {
     const mine = row(facets, d, i), name = key([...mine]);
-    if (!outer.has(name)) refuse("facets are not those that bound the cells");
+    if (!outer.has(name)) refuse("facets are not the outer facets of the cells");
     body.outer[i] = outer.get(name);
     outer.delete(name);
     const c = Math.floor(body.outer[i] / w);
     body.places.push(mine.map((v) => range(w).find((k) => cells[c * w + k] === v)));
   }
-  if (outer.size) refuse("facets are not those that bound the cells");
+  if (outer.size) refuse("facets are not the outer facets of the cells");
   body.pieces = new Joined(n);
   body.across.forEach((o, s) => {
     if (o >= 0) body.pieces.join(Math.floor(s / w), Math.floor(o / w));
@@ -261,7 +271,9 @@ class Grid {
     const seen = new Set();
     for (const level of this.levels) this.places(box, level,
       (at) => (this.at.get(at) ?? [-1]).forEach((i) => {
-      if (++this.tries > 2e7) refuse("cells are too many beside each other to be told apart here");
+      if (++this.tries > 2e7) {
+        refuse("there are too many neighbouring cells for this checker to test them for overlap");
+      }
       if (i < 0 || seen.has(i)) return;
       seen.add(i);
       if (box[0].some((y, k) => y > this.boxes[i][1][k]) ||

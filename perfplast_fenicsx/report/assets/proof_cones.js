@@ -29,7 +29,9 @@ function conesOf(A, m) {
   const bound = rows("cone_bound"), sine = rows("cone_sine"), cut = A.cone_tension?.data;
   const [slope, matrix] = [rows("cone_slope"), rows("cone_matrix")], bend = A.cone_curvature?.data;
   for (const [of, size] of [[sine, 1], [slope, m], [matrix, m * m], [cut ?? sine, 1], [bend ?? sine, 1]]) {
-    if (of.length !== bound.length * size) refuse("the shape of a cone's arrays fits nothing");
+    if (of.length !== bound.length * size) {
+      refuse("the shape of cone_bound, cone_slope or cone_matrix is not valid");
+    }
   }
   return range(bound.length).map((k) => {
     const c = bound[k], q = row(slope, m, k);
@@ -41,7 +43,7 @@ function conesOf(A, m) {
       largest([...q, ...M.flat()])) refuse("a cone of principal stresses has a matrix");
     if (curved && straight) refuse("cone_curvature is given for a cone with a sine");
     if (straight) return principalCone(c, sine[k], f);
-    if (!Number.isNaN(f)) refuse("cone_tension without cone_sine");
+    if (!Number.isNaN(f)) refuse("cone_tension is given without cone_sine");
     return curved ? parabola(c, bend[k], m) : roundCone(c, q, M, m);
   });
 }
@@ -110,11 +112,15 @@ function roundCone(c, q, M, m) {
   const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3;
   const times = (matrix, v) => matrix.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
   const least = values.indexOf(Math.min(...values)), free = vectors.map((row) => row[least]);
-  if (values.filter((y) => !(y > 1e-12 * most)).length > 1) refuse("a cone leaves two stresses free");
+  if (values.filter((y) => !(y > 1e-12 * most)).length > 1) {
+    refuse("a cone's matrix leaves more than one stress free");
+  }
   const gone = norm(times(M, free)) <= 1e-13 * Math.sqrt(most);
   if (!gone && !(values[least] > 1e-12 * most)) refuse("a cone's matrix is nearly singular");
   const pull = gone ? dots(q, free) : 0, grows = Math.abs(pull) > 1e-6 * norm(q);
-  if (gone && !grows && !(Math.abs(pull) <= 1e-13 * norm(q))) refuse("a cone's slope is nearly zero");
+  if (gone && !grows && !(Math.abs(pull) <= 1e-13 * norm(q))) {
+    refuse("a cone's slope along its matrix's null vector is nearly zero");
+  }
   if (!grows && !(c > 0)) refuse("a cone's bound is not positive, and no slope closes it");
   // M⁺ᵀ = M V Ω⁻¹ Vᵀ, without the stress that is left free
   const scale = values.map((y, k) => (gone && k === least ? 0 : 1 / y));
@@ -122,7 +128,7 @@ function roundCone(c, q, M, m) {
     (j) => scale.reduce((sum, y, k) => sum + y * vectors[i][k] * vectors[j][k], 0)));
   const back = M.map((row) => range(m).map((j) => dots(row, inverse.map((of) => of[j]))));
   const r = times(back, q), rest = 1 - dots(r, r), size = norm(back.flat());
-  if (!grows && !(rest > 1e-9)) refuse("a cone is steeper than those whose rates are known");
+  if (!grows && !(rest > 1e-9)) refuse("a cone is too steep for its rates to be supported");
   const digits = 256 * U * size * Math.sqrt(most), normal = free.map((_, i) => (i < n ? 1 / n : 0));
   const along = dots(free, normal) * n / Math.sqrt(n); // of the axis of mean stress
   const off = norm(free.map((y, i) => y - along * (i < n ? 1 / Math.sqrt(n) : 0)));

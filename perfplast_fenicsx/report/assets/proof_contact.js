@@ -61,7 +61,7 @@ function contactOf(body) {
           const [u, v] = [a, b].map((of) => points[of].map((p) => dots(minus(p, centre[a]), s)));
           return Math.min(Math.max(...u), Math.max(...v)) - Math.max(Math.min(...u), Math.min(...v))
             > close[a] * norm(s);
-        })) refuse("facets of contact match none of those opposite");
+        })) refuse("facets in contact do not match the opposite facets");
       }
     }
   }

@@ -5,7 +5,9 @@ function compare(lower, upper) {
   const { d } = lower, is = (name) => lower[name].length === upper[name].length &&
     lower[name].every((y, i) => y === upper[name][i]);
   if (d !== upper.d ||
-    lower.revolved !== upper.revolved) refuse("the halves are of bodies of different kinds");
+    lower.revolved !== upper.revolved) {
+    refuse("the halves have bodies of different dimension, or only one has bodies of revolution");
+  }
   const alike = is("x") && is("cells") && is("facets");
   const places = (body, i) => body.ofFacet(i).map(body.point), sizes = (body, i) =>
     norm(body.area[body.outer[i]]);
@@ -18,7 +20,7 @@ function compare(lower, upper) {
   });
   for (const [a, b] of pairs) {
     const own = (name, body, i) => row(body[name], d, i);
-    if (lower.onAxis[a] !== upper.onAxis[b]) refuse("the halves have bodies of different place");
+    if (lower.onAxis[a] !== upper.onAxis[b]) refuse("a facet is on the axis in only one half");
     if (lower.surface[a] !== upper.surface[b]) refuse("the halves have different surfaces");
     const [g, h] = [own("guided", lower, a), own("guided", upper, b)];
     const turned = Math.min(...[1, -1].map((sign) => largest(g.map((y, k) => y - sign * h[k]))));
@@ -47,13 +49,13 @@ function compare(lower, upper) {
     if (one.length !== other.length || one.some(([tags, normal, c, mu], k) => tags !== other[k][0] ||
       c > other[k][2] || mu > other[k][3]
       || normal.some((y, i) => !(Math.abs(y - other[k][1][i]) <= 1e-9)))) {
-      refuse("the halves have different contacts, or the upper one rubs less");
+      refuse("the halves have different contacts, or the upper half has less friction");
     }
   }
   const order = [lower, upper].map((body) => [...range(body.rigid.length)].sort((i, j) =>
     body.rigid[i] - body.rigid[j]));
   const extent = largest(lower.x), turns = 2 * d - 3,
-    wrong = () => refuse("the halves have different rigid surfaces, or loads of these");
+    wrong = () => refuse("the halves have different rigid surfaces, or different loads on them");
   if (order[0].length !== order[1].length) wrong();
   order[0].forEach((g, k) => {
     const h = order[1][k];
@@ -105,7 +107,7 @@ function sharedFacets(lower, upper) {
     pairs.push([a, b]);
   }));
   if (all.flat().some(({ covered, area }) => !(Math.abs(covered - area) <= 1e-6 * area))) {
-    refuse("the halves have bodies of different volume or place");
+    refuse("the halves have bodies of different volume or position");
   }
   return pairs;
 }
@@ -163,7 +165,7 @@ function compareCells(lower, upper, alike) {
   const visit = (a, b) => {
     const [weak, other] = [!stronger(a, b), loaded(a, b)];
     if (!(weak || other) || (!alike && apart(cornersOf(lower, a), cornersOf(upper, b)))) return;
-    refuse(weak ? "the upper half has weaker bodies than the lower one, or of cones of other shapes"
+    refuse(weak ? "the upper half has weaker bodies than the lower one, or cones of other shapes"
       : "the halves have different loads");
   };
   if (alike) { range(lower.n).forEach((c) => visit(c, c)); return; }
@@ -245,11 +247,15 @@ function reductionOf(body, A) {
   if (!(factor > 0)) refuse("strength_factor is not positive");
   const counts = [body.n, ...body.rubs.map((of) => of[0].length)];
   const kept = names.map((name, k) => A[name]?.data ?? new Uint8Array(counts[k]));
-  if (kept.some((of, k) => of.length !== counts[k])) refuse("flags of what is kept fit nothing");
+  if (kept.some((of, k) => of.length !== counts[k])) {
+    refuse("the shape of cell_kept, contact_kept or obstacle_kept does not fit the bodies");
+  }
   const cones = [0, 1].map((is) => new Set(body.cone.filter((c, i) => c >= 0 && kept[0][i] === is)));
   if ([...cones[1]].some((c) =>
-    cones[0].has(c))) refuse("cell_kept divides a strength in some cells and not in others");
-  if ([...cones[0]].some((c) => body.cones[c].k)) refuse("strength_factor divides a parabola");
+    cones[0].has(c))) refuse("cell_kept divides a strength in some cells but not in others");
+  if ([...cones[0]].some((c) => body.cones[c].k)) {
+    refuse("strength_factor divides a strength with cone_curvature");
+  }
   return { factor, kept, divided: cones[0] };
 }
 

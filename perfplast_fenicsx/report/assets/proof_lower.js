@@ -12,7 +12,7 @@ function readStress(body, A) {
   if (body.blocks) return readForces(body, A);
   const stress = A.stress?.data ?? refuse("there is no stress");
   const { bound, factor = bound, any_factor: other = 0 } = A.numbers;
-  if (stress.length !== n * body.values * d * d) refuse("the stress fits nothing");
+  if (stress.length !== n * body.values * d * d) refuse("the stress does not fit the cells");
   if (largest(stress.filter(Number.isFinite)) > 1e60) refuse("the stress is larger than 1e60");
   if (![factor, other].every(Number.isFinite)) refuse("a factor is not finite");
   return { stress, factors: [factor, 1, other] };
@@ -203,12 +203,14 @@ function stressBound(body, half) {
       if (!cone.c) { used[k] = cone.excess(v) + off * cone.growth; continue; } // no scale helps
       const ratio = cone.ratio(v) + (size && size * cone.weak);
       over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
-      if (!(over < Infinity)) refuse("what the stress leaves cannot be balanced");
+      if (!(over < Infinity)) refuse("the forces that the stress leaves unbalanced cannot be balanced");
     }
     if (cone.c) continue;
     const bares = own.some((is) => is); // τ is zero there too, and its coefficients at most twice as steep
     const closest = Math.max(...used.filter((_, k) => !own[k]), ...(bares ? [used.reduce(add, 0) / w] : []));
-    if (!(closest + (bares ? 2 : 1) * tau * cone.growth <= 0)) refuse("there is no room where c is 0");
+    if (!(closest + (bares ? 2 : 1) * tau * cone.growth <= 0)) {
+      refuse("in ground with c = 0, the stress is too close to the yield surface to balance its residual forces");
+    }
   }
   const proven = over <= 1 ? factor : (factor / over) * (1 - 4 * U);
   if (body.loads[1].some && over > 1) refuse(`stresses are ${over} times as large as they may be`);
@@ -254,11 +256,13 @@ function exerted(body, rest, e, bare) {
   for (const { a, b, c, mu } of rows) {
     for (const i of b < 0 ? [a] : [a, b]) times[i]++;
     if (b >= 0 && c + mu > 0 &&
-      [a, b].every((i) => frees(i).includes(0))) refuse("supports hold both sides of facets that rub");
+      [a, b].every((i) => frees(i).includes(0))) {
+      refuse("both sides of facets in contact with friction are supported");
+    }
   }
   for (let i = 0; i < f; i++) {
     if (times[i] + (norm(body.guided.subarray(i * d,
-      i * d + d)) > 0) > 1) refuse("a facet touches two others");
+      i * d + d)) > 0) > 1) refuse("a facet is in contact with two others");
     if (body.glued[i] &&
       (times[i] || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
   }
@@ -449,7 +453,7 @@ function reactions(body, anchors, left) {
     }
   }
   const rows = range(missing.length).filter((i) => some[i]), place = new Map(rows.map((i, k) => [i, k]));
-  const lost = () => refuse("neither supports nor contact hold a body against what is left of its balance");
+  const lost = () => refuse("neither supports nor contact carry the residual force of a body");
   if (rows.length > 1200) refuse("there are too many bodies for this checker");
   const gram = rows.map(() => new Array(rows.length).fill(0)), least = rows.map(() => 0);
   for (const column of columns) for (const [i, y] of column) if (place.has(i)) least[place.get(i)] += y * y;
@@ -524,7 +528,9 @@ function passOn(body, left) {
     if (seen[root]) continue;
     seen[root] = 1;
     const piece = body.pieces.of(root);
-    if (rooted.has(piece)) refuse("cells touch others only where ground with c = 0 has no stress");
+    if (rooted.has(piece)) {
+      refuse("cells are connected to others only where ground with c = 0 has no stress");
+    }
     rooted.add(piece);
     for (let at = order.push(root) - 1; at < order.length; at++) for (let k = 0; k < w; k++) {
       const other = across[order[at] * w + k], c = Math.floor(other / w);

@@ -21,9 +21,11 @@ function upperBound(body, flow) {
 function readVelocity(body, A) {
   const { d, w, n, cells, x } = body, count = x.length / d, wide = d === 2 ? 6 : 10;
   const v = A.velocity?.data ?? refuse("there is no velocity"), nodes = A.nodes?.data;
-  if (nodes?.length !== n * wide || A.velocity.shape[1] !== d) refuse("nodes or velocity fit nothing");
+  if (nodes?.length !== n * wide || A.velocity.shape[1] !== d) {
+    refuse("nodes or velocity do not fit the cells");
+  }
   if (!v.every(Number.isFinite) ||
-    !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("a velocity is missing");
+    !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("some nodes have no velocity");
   const { number, pairs: ends } = body;
   const edges = new Map(), P = new Int32Array(n * wide), pairs = [], nodeAt = [];
   for (let c = 0; c < n; c++) for (let k = 0; k < wide; k++) {
@@ -306,7 +308,7 @@ function bent(body, flow, rows, resting) {
     for (const mover of movers.values()) if (mover.moves && !(whole && more)) apply(mover);
   }
   const bad = jumps.findIndex((row) => enters(row) > 0);
-  if (bad >= 0) refuse("bodies enter each other, or part too little for their slip");
+  if (bad >= 0) refuse("bodies penetrate each other, or open too little for their slip");
   const slip = jumps.reduce((sum, row) => {
     if (!(row.c > 0)) return sum;
     const v = jumpOf(row).map((y) => num(y, ev)), along = v.reduce((y, z, i) => y + z * row.unit[i], 0);
@@ -354,7 +356,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     rings = range(n).map(() => ({ reach: 1, rate: 1, radius: 1 }));
   for (let c = 0; c < n; c++) {
     if (still[c]) continue;
-    if (body.cone[c] < 0) refuse("an elastic cell strains");
+    if (body.cone[c] < 0) refuse("an elastic cell has a strain rate");
     const own = cone(c), gradients = range(w).map((k) => {
       const g = new Array(d * d).fill(0n);
       for (let b = 0; b < w; b++) {
@@ -391,7 +393,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     errors += off * steep;
     if (own.grows) lacks[c] =
       Math.max(...rates.filter((_, k) => !rho || rho[k] > 0).map(own.short)) + off * own.alert;
-    else if (!own.keeps && !own.takes) refuse("a cone leaves another stress free than the mean one");
+    else if (!own.keeps && !own.takes) refuse("a cone leaves a stress free that is not the mean stress");
   }
   const left = undone(body, { Q, flow, rows }, changes, eg, keeps, takes);
   let cost = 0;
@@ -404,7 +406,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   for (let c = 0; c < n; c++) {
     if (body.cone[c] < 0) continue;
     const more = cone(c).alert * left.gradients[c] * rings[c].rate * rings[c].radius;
-    if (!(lacks[c] + more <= 0)) refuse("cells that dilate grow too little for their strain");
+    if (!(lacks[c] + more <= 0)) refuse("dilating cells dilate too little for their strain");
   }
   // Sums of n numbers in a row are rounded by n U at most.
   const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + 512) * U * (size + slip);
@@ -414,9 +416,11 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     works.length === 2 ? usual() : 0));
   const [work, off] = works[0], [dead, deadOff] = works[1], [other, otherOff, most] = works[2],
     excess = dissipation - dead + deadOff;
-  if (!(work - off > 0) || !Number.isFinite(excess)) refuse("the loads do no work beyond rounding");
+  if (!(work - off > 0) || !Number.isFinite(excess)) {
+    refuse("the loads do no work larger than rounding errors");
+  }
   // Loads of any factor may do as much work as rounding of the velocity makes of them.
-  if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads of any factor do work");
+  if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads with any factor do work");
   const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
   return { proven: proven + Math.abs(proven) * 4 * U,
     power: Math.max(dissipation, Math.abs(excess)) / (work - off),
@@ -630,7 +634,7 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     grow(first);
   }
   const onSides = new Float64Array(n), unlike = new Float64Array(n);
-  const lost = () => refuse("volume of cells has no way out");
+  const lost = () => refuse("the volume change of incompressible cells cannot be removed");
   for (const c of order.reverse()) {
     const side = out[c], own = sizeOf(flux[c], eg) / (w * factorial) + unlike[c];
     if (side < 0) { if (own > 0) lost(); continue; }

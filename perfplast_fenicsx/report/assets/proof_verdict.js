@@ -12,7 +12,7 @@ async function unpacked({ shape, type, data }) {
   for (let k = 0; k < width; k++) for (let i = 0; i < count; i++) bytes[i * width + k] =
     byPlace[k * count + i];
   const size = shape.reduce((a, b) => a * b, 1), values = new Type(bytes.buffer);
-  if (values.length !== size) refuse("the page has fewer numbers than it says");
+  if (values.length !== size) refuse("the page contains fewer numbers than it declares");
   return { shape, data: values };
 }
 
@@ -69,11 +69,11 @@ async function verdictOnPair(below, above, lower, upper) {
     }
     const fault = lower.lower.fault ?? upper.upper.fault;
     if (fault) refuse(fault);
-    if (!(lower.lower.proven >= 1)) refuse("the stress does not bear the loads once");
-    if (!(upper.upper.proven <= 1)) refuse("the mechanism does not fall by the loads");
+    if (!(lower.lower.proven >= 1)) refuse("the stress does not carry the loads with the factor 1");
+    if (!(upper.upper.proven <= 1)) refuse("the loads with the factor 1 do not drive the mechanism");
     compare(...parts.map(({ body }) => body));
     const [carried, not] = parts.map(({ factor }) => factor);
-    if (!(carried <= not)) refuse("the factor with which the loads are carried is above the other one");
+    if (!(carried <= not)) refuse("the factor of the lower file is above that of the upper file");
     return { carried, not,
       sentence: `Factor of safety: between ${shown(carried)} and ${shown(not, true)}; both files are`
         + " of the same bodies." };
@@ -125,7 +125,7 @@ async function verdictOn(halves) {
     }
     found[kind].proven = proven;
     if (others < Infinity && others !== null) found[kind].note =
-      ` With loads of any factor up to ${shown(others)} it holds but for a thousandth.`;
+      ` With any factor of the free loads up to ${shown(others)} it holds to within a thousandth.`;
   });
   const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
   if (low !== undefined && high !== undefined) caught(kinds, () => {

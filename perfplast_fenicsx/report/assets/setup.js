@@ -957,7 +957,7 @@ function showFaults(cards) {
     }
     part(`${idOf(table)}-legend`).textContent = cardWords(table);
   }
-  part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check makes all other tests." }])
+  part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check performs all other tests." }])
     .map(({ words, id, loose, remedy }) => {
       const target = id && document.getElementById(id);
       const item = made("li", { className: !lines.length ? "" : loose ? "loose" : "wrong" });
