@@ -211,8 +211,7 @@ def edit(them: Arrays, name: str, random: np.random.Generator) -> None:
 def some_edits(
     name: str, number: int, folder: Path, random: np.random.Generator
 ) -> tuple[int, int]:
-    """Check that edits of one kind of file prove nothing false; count those with and without proof.
-    """
+    """Check that edits of one kind prove nothing false; return how many prove a bound, and not."""
     honest = KINDS[name](folder)
     proven = check(folder / "bounds.h5")
     low, high = proven["lower"].proven, proven["upper"].proven
