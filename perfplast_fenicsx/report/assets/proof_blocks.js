@@ -1,9 +1,10 @@
 // A lower bound of rigid blocks: forces on joints and supports that balance the loads on each block.
-// Forces on file are taken apart into pressures and shears within their limits. What they lack of
-// balance others exert, for which forces at their limits have no room. So a file has a second set
-// inside of the limits, and a mean of both has room; the bound is the mean of both factors.
+// The forces on file are decomposed into pressures and shear forces within their limits. Other forces
+// balance the residual, but forces at their limits have no spare capacity for them. Therefore a file
+// has a second set of forces inside the limits, so that a weighted mean of both sets has spare
+// capacity; the bound is the mean of both factors with the same weights.
 
-/** Forces on joints on file, at the vertices of facets, and factors of the loads that they balance. */
+/** Read the forces on joints at the vertices of facets, and the load factors that they balance. */
 function readForces(body, A) {
   const { d, f } = body, { bound, factor = bound, any_factor: other = 0 } = A.numbers;
   const { inner_factor: less, inner_any_factor: beside = 0 } = A.numbers;
@@ -21,7 +22,7 @@ function readForces(body, A) {
     inner: A.inner_force ? set("inner", [less, 1, beside]) : null };
 }
 
-/** Places of joints: vertices of facets in contact, with exact normals and vectors across these. */
+/** Points of joints: vertices of facets in contact, with exact normals and tangents. */
 function spotsOf(body) {
   const { d, X } = body, times = new Int32Array(body.f), spots = [];
   for (const { a, b, order, normal, e, c, mu } of contactOf(body)) {
@@ -49,12 +50,12 @@ function spotsOf(body) {
   return spots;
 }
 
-/** The lower bound that forces on joints prove. */
+/** Return the lower bound that forces on joints prove. */
 function blockBound(body, { best, inner }) {
   const { d, w, n, f, N, D, X, cells } = body, spots = spotsOf(body);
   const at = (of, i, j) => of.subarray((i * d + j) * d, (i * d + j + 1) * d), less = 1 - 1e-11;
   const sized = (units, y) => norm(range(d).map((i) => units.reduce((sum, of, k) => sum + of[i] * y[k], 0)));
-  /** Shares of vectors across the normal that make up a vector, as far as that is across it. */
+  /** Components of a vector's tangential part in the basis of tangents. */
   const across = ({ units }, v) => inverted(units.map((p) => units.map((q) => dots(p, q)))).map(
     (row) => row.reduce((sum, y, k) => sum + y * dots(units[k], v), 0));
   const partsOf = ({ force, traction }) =>
@@ -63,7 +64,7 @@ function blockBound(body, { best, inner }) {
   const [one, two] = [best, inner ?? best].map(partsOf),
     axes = axesOf(d);
   const mixed = (a, b, share) => a.map((y, k) => (1 - share) * y + share * b[k]);
-  /** Parts within their limits, and the room that they leave. */
+  /** Forces reduced to their limits, and the spare capacity that remains. */
   const within = ({ pressure, shear, adhesion }, { units, mu, c }) => {
     const cut = (y, limit) =>
       (sized(units, y) > limit ? y.map((z) => (z * limit * less) / sized(units, y)) : y);
@@ -99,7 +100,7 @@ function blockBound(body, { best, inner }) {
       own.flat().forEach((y, k) =>
         { if (y !== 0n) left.acts[Math.floor(body.outer[i] / w) * d + (k % d)] = 1; });
     }
-    /** Let forces act at a vertex of a facet, and of the one opposite. */
+    /** Apply forces at a vertex of a facet, and opposite ones at the vertex of the opposite facet. */
     const push = (i, j, o, p, F) => [[i, j, 1n], [o, p, -1n]].forEach(([facet, vertex, sign]) => {
       if (facet < 0) return;
       const c = Math.floor(body.outer[facet] / w), v = body.ofFacet(facet)[vertex],
@@ -118,7 +119,7 @@ function blockBound(body, { best, inner }) {
       const pressed = times(normal, size, -own.pressure * unit),
         sheared = sum(ways.map((v, m) => times(v, sizes[m], own.shear[m] * unit)));
       const [press, shear] = [pressed, sheared].map((v) => norm(v.map((y) => num(y, e))) / unit);
-      // numbers are rounded
+      // the numbers are rounded
       push(a, j, o, p, shear <= mu * press * (1 - 1e-12) ? sum([pressed, sheared]) : pressed);
       const besides = (way, most, weight, point) =>
         { if (most > 0) anchors.push({ i: a, j, o, p, way, e: 0, most,
@@ -153,7 +154,7 @@ function blockBound(body, { best, inner }) {
     reactions(body, anchors, left);
     return { proven: factors[0] - Math.abs(factors[0]) * 4 * U, power: 0 };
   };
-  let why = null; // a share is little more than what has room
+  let why = null; // start with the smallest share that leaves spare capacity
   for (let share = 1e-14; ; share = share < 1 / 8 ? 8 * share : 1) {
     try { return attempt(share); } catch (error) {
       if (!(error instanceof Refused)) throw error;

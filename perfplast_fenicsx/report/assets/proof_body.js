@@ -1,4 +1,4 @@
-// The bodies of a proof: cells, facets, supports, loads and contact, as docs/proof.md has them.
+// The bodies of a proof: cells, facets, supports, loads and contact, as docs/proof.md describes them.
 
 const LOADS = ["body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment"];
 const KINDS = ["", "constant_", "any_"];
@@ -10,7 +10,7 @@ const KNOWN = new Set([...KINDS.flatMap((kind) => LOADS.map((name) => kind + nam
   ..."rigid_held cell_kept contact_kept obstacle_kept stress velocity nodes".split(" "),
   ..."joint_force joint_traction inner_force inner_traction numbers".split(" ")]);
 
-/** Bodies from the arrays of a half; refuses what is not one, or is not known here. */
+/** Read bodies from the arrays of a half; refuse arrays that are not valid or not supported here. */
 function bodyOf(A) {
   for (const name of Object.keys(A)) if (!KNOWN.has(name)) refuse(`this checker does not know ${name}`);
   const of = (name) => A[name] ?? refuse(`${name} is missing`);
@@ -72,7 +72,7 @@ function bodyOf(A) {
   body.onAxis = range(f).map(onAxis);
   body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
   all(body.cone, (c) => c >= -1 && c < body.cones.length, "cone names cones that do not exist");
-  body.blocks = body.cone.every((c) => c < 0); // that cannot yield
+  body.blocks = body.cone.every((c) => c < 0); // no cell can yield
   if (body.blocks && (revolved ||
     !(pairs || planes))) refuse("no cell can yield, so nothing limits the load");
   if (revolved && body.cone.some((c) => c >= 0 &&
@@ -89,7 +89,7 @@ function bodyOf(A) {
   return body;
 }
 
-/** Refuse what cannot be sections of rings, or is not known of them. */
+/** Refuse sections of bodies of revolution that are not valid or not supported here. */
 function checkSections(body) {
   if (body.d !== 2 ||
     !body.x.every((y, i) => i % 2 || y >= 0)) refuse("a body of revolution has negative radii");
@@ -104,7 +104,7 @@ function checkSections(body) {
   }
 }
 
-/** Refuse loads that push nothing but supports. Plates are pushed by resultants alone. */
+/** Refuse loads that act only on supports. Only resultants load rigid surfaces. */
 function checkLoaded(body) {
   const { d, f } = body,
     [{ body_force: pull, traction: push, pore_pressure: pores, rigid_force: force,
@@ -139,7 +139,7 @@ function checkLoaded(body) {
   if (!loaded) refuse("only supports are loaded, so every load factor would be a bound");
 }
 
-/** Area vectors N times (d − 1)!, outward, and volumes D times d!, both exact; and as doubles. */
+/** Compute (d − 1)! times outward area vectors N and d! times volumes D, exactly and as doubles. */
 function shape(body) {
   const { d, w, n, x, cells } = body, size = largest(x);
   const X = exact(x, Math.floor(Math.log2(size || 1)) - 110);
@@ -181,29 +181,29 @@ function shape(body) {
   });
 }
 
-/** Find the other side of each side, and the side of each outer facet. */
+/** Find the opposite side of each inner side, and the side of each outer facet. */
 function glue(body) {
   const { d, w, n, f, x, cells, facets, N } = body, sides = new Map();
   const pairs = pairsOf(w);
-  // Numbers of coefficients of what is quadratic in a cell: vertices, and then edges
+  // Numbers of the coefficients of quadratic functions in a cell: vertices, then edges
   body.number = range(w).map((a) => range(w).map((b) => (a === b ? a
     : w + pairs.findIndex(([i, j]) => i === Math.min(a, b) && j === Math.max(a, b)))));
   body.pairs = pairs;
   body.point = (v) => range(d).map((i) => x[v * d + i]);
   const along = (r, of) => r.map((y, a) => y * of[a]).concat((r.length === 2 ? [[0, 1]] : pairs).map(
     ([a, b]) => (r[a] * of[b] + r[b] * of[a]) / 2));
-  /** Coefficients of r times what is linear in a cell, and of r on a facet; around an axis. */
+  /** Coefficients of r times a linear function in a cell, and of r on a facet, around an axis. */
   body.timesRadius = (c, of) => along(range(w).map((k) => x[cells[c * w + k] * d]), of);
   body.radiiOn = (i) =>
     (body.revolved ? along(body.ofFacet(i).map((v) => x[v * d]), [1, 1]) : new Array(d).fill(1));
   body.ends = (side) => body.corners[side % w].map((k) => cells[Math.floor(side / w) * w + k]);
   body.ofFacet = (i) => row(facets, d, i);
-  /** Numbers in a cell of what is known of a stress on a facet with these vertices. */
+  /** Numbers in a cell of the stress values on a facet with these vertices. */
   body.on = (c, vertices) => {
     const at = vertices.map((v) => range(w).find((k) => cells[c * w + k] === v));
     return body.revolved ? [...at, body.number[at[0]][at[1]]] : at;
   };
-  /** The traction times area of a moment of 1 on a side. */
+  /** The traction times area that a moment of 1 causes on a side. */
   body.bend = (side) => {
     const ends = body.ends(side).map(body.point), area = norm(body.area[side]) * (1 - 1e-12);
     if (d === 2) return 6 / area;
@@ -248,7 +248,7 @@ function glue(body) {
 const boxOfPoints = (points) => [0, 1].map((end) => range(points[0].length).map(
   (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
 
-/** Boxes, by places on grids of their size, so that those near another box are found. */
+/** Boxes, sorted into grids of their size, so that boxes near another box are found quickly. */
 class Grid {
   constructor(boxes) {
     Object.assign(this, { boxes, at: new Map(), levels: new Set(), tries: 0 });
@@ -266,7 +266,7 @@ class Grid {
     }
   }
 
-  /** Visit the numbers of boxes that meet one. */
+  /** Visit the numbers of the boxes that intersect a box. */
   near(box, visit) {
     const seen = new Set();
     for (const level of this.levels) this.places(box, level,
@@ -283,11 +283,11 @@ class Grid {
   }
 }
 
-/** Refuse cells that overlap: what is just inside of an outer facet is in its own cell alone. */
+/** Refuse overlapping cells: points just inside an outer facet must be in its own cell only. */
 function overlap(body) {
   const { d, w, n } = body, every = range(n).map((c) => cornersOf(body, c)),
     grid = new Grid(every.map(boxOfPoints));
-  const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // less is rounding of contact
+  const mix = (a, b) => a.map((y, i) => 0.999 * y + 0.001 * b[i]); // smaller overlaps are rounding errors
   for (const side of body.outer) {
     const own = Math.floor(side / w), apex = every[own][side % w];
     const base = body.corners[side % w].map((k) => mix(every[own][k], apex));
@@ -299,7 +299,7 @@ function overlap(body) {
   }
 }
 
-/** Whether a plane parts two simplices: a facet of one of them, or along an edge of each. */
+/** Whether a plane separates two simplices: through a facet of one, or parallel to an edge of each. */
 function apart(a, b) {
   const from = (of) => of.slice(1).map((p) => minus(p, of[0]));
   const parts = (axis) => {
@@ -309,7 +309,7 @@ function apart(a, b) {
       for (let i = 0; i < axis.length; i++) y += (p[i] - a[0][i]) * axis[i];
       low[k] = Math.min(low[k], y); high[k] = Math.max(high[k], y);
     }));
-    const width = Math.min(high[0] - low[0], high[1] - low[1]); // of which a millionth only touches
+    const width = Math.min(high[0] - low[0], high[1] - low[1]); // a millionth of it counts as touching
     return width > 0 && Math.min(...high) - Math.max(...low) <= 1e-6 * width;
   };
   const ends = [from(a), from(b)].map((of) => [...of, ...range(of.length).flatMap(

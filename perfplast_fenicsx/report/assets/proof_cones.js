@@ -1,7 +1,7 @@
 // Cones ‖Mσ‖ ≤ c − q·σ, or (1 + s)σ₁ − (1 − s)σ₃ ≤ c and σ₁ ≤ f, or parabolas R² ≤ k(c − σ₁) with
-// R = (σ₁ − σ₃)/2 in the plane, and what flow dissipates.
+// R = (σ₁ − σ₃)/2 in the plane, and their dissipation.
 
-/** σ or ε of d × d numbers as a vector: normal components, also hoop ones, and √2 times shear ones. */
+/** A d × d tensor σ or ε as a vector: normal and hoop components, and √2 times shear components. */
 function vector(t, d, hoop) {
   const r = Math.SQRT1_2;
   if (hoop !== undefined) return [t[0], t[3], hoop, r * (t[1] + t[2])];
@@ -9,7 +9,7 @@ function vector(t, d, hoop) {
     : [t[0], t[4], t[8], r * (t[5] + t[7]), r * (t[2] + t[6]), r * (t[1] + t[3])];
 }
 
-/** Principal values, the least first; in the plane, those in it and `out`. */
+/** Principal values in ascending order; in the plane, those in the plane and `out`. */
 function principal(v, out) {
   if (v.length === 3) {
     const mean = (v[0] + v[1]) / 2, radius = Math.hypot((v[0] - v[1]) / 2, v[2] * Math.SQRT1_2);
@@ -122,7 +122,7 @@ function roundCone(c, q, M, m) {
     refuse("a cone's slope along its matrix's null vector is nearly zero");
   }
   if (!grows && !(c > 0)) refuse("a cone's bound is not positive, and no slope closes it");
-  // M⁺ᵀ = M V Ω⁻¹ Vᵀ, without the stress that is left free
+  // M⁺ᵀ = M V Ω⁻¹ Vᵀ, without the stress that the matrix leaves free
   const scale = values.map((y, k) => (gone && k === least ? 0 : 1 / y));
   const inverse = range(m).map((i) => range(m).map(
     (j) => scale.reduce((sum, y, k) => sum + y * vectors[i][k] * vectors[j][k], 0)));
@@ -130,7 +130,7 @@ function roundCone(c, q, M, m) {
   const r = times(back, q), rest = 1 - dots(r, r), size = norm(back.flat());
   if (!grows && !(rest > 1e-9)) refuse("a cone is too steep for its rates to be supported");
   const digits = 256 * U * size * Math.sqrt(most), normal = free.map((_, i) => (i < n ? 1 / n : 0));
-  const along = dots(free, normal) * n / Math.sqrt(n); // of the axis of mean stress
+  const along = dots(free, normal) * n / Math.sqrt(n); // component along the axis of mean stress
   const off = norm(free.map((y, i) => y - along * (i < n ? 1 / Math.sqrt(n) : 0)));
   const alert = (1 / Math.abs(pull) + size * (1 + norm(q) / Math.abs(pull))) * UP;
   const head = (v) => dots(free, v) / pull;
@@ -142,7 +142,7 @@ function roundCone(c, q, M, m) {
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
     steepest: Math.sqrt(most), growth: (Math.sqrt(most) + norm(q)) * UP,
     excess: (v) => norm(times(M, v)) + dots(q, v),
-    ratio: (v) => { // of c = 0 the share of what the stress itself lets the cone bear
+    ratio: (v) => { // for c = 0, relative to the strength that the stress itself gives
       if (c > 0) return (norm(times(M, v)) + dots(q, v)) / c;
       return dots(q, v) < 0 ? norm(times(M, v)) / -dots(q, v) : v.some((y) => y) ? Infinity : 0;
     },

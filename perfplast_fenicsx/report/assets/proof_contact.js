@@ -1,6 +1,6 @@
-// Which facets of two surfaces in contact are opposite each other, whatever gap is between them.
+// Find the opposite facets of two surfaces in contact; the gap between them may have any size.
 
-/** Rows { a, b, order, normal, c, mu } of pairs of facets, b = −1 for an obstacle. */
+/** Rows { a, b, order, normal, c, mu } of pairs of facets; b = −1 stands for an obstacle. */
 function contactOf(body) {
   const { d, w, x, facets } = body, rows = [];
   const points = range(body.f).map((i) => range(d).map((j) => {
@@ -17,7 +17,7 @@ function contactOf(body) {
   if (body.revolved) points.forEach((of, i) =>
     { close[i] = Math.min(close[i], 1e-6 * Math.max(...of.map((p) => p[0]))); });
   const on = (tag) => range(body.f).filter((i) => body.surface[i] === tag);
-  const foot = (p, q, n) => { // of p − q across n
+  const foot = (p, q, n) => { // components of p − q along and across n
     const y = minus(p, q), height = dots(y, n);
     return [height, norm(y.map((z, i) => z - height * n[i]))];
   };
@@ -38,7 +38,7 @@ function contactOf(body) {
       if (b < 0 || back.get(b)[1] !== a) return;
       const order = points[a].map((p) => points[b].findIndex((q) => foot(q, p, unit[a])[1] <= close[a]));
       if (new Set(order).size < d || order.includes(-1)) return;
-      if (body.revolved) { // rings of one size, with a third value at the edge
+      if (body.revolved) { // rings of equal radius, with a third value at the edge
         if (order.some((q, j) => Math.abs(points[a][j][0] - points[b][q][0]) > close[a])) return;
         order.push(2);
       }
@@ -46,7 +46,7 @@ function contactOf(body) {
       const [c, mu] = body.rubs[0].map((of) => of[k]);
       rows.push({ a, b, order, normal: body.N[body.outer[a]], e: body.e * (d - 1), c, mu });
     });
-    // A facet that meets none may face none: seen along its normal, they would overlap.
+    // A facet without an opposite facet must not face any facet: along its normal, none may overlap it.
     for (const [mine, theirs] of [[ones, others], [others, ones]]) for (const a of mine) {
       if (met.has(a)) continue;
       const wide = Math.max(...points[a].map((p) => norm(minus(p, centre[a]))));

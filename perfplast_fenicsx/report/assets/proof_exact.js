@@ -1,14 +1,14 @@
 // Exact numbers: a double is a whole number (BigInt) times a power of 2, and so are sums and
-// products. Sizes that enter a bound are doubles, made larger than what they can be rounded by.
+// products. Sizes that enter a bound are doubles, enlarged by more than their rounding errors.
 
 const U = 2 ** -53;
 const UP = 1 + 1e-9;
 
-/** What a file lacks to be a proof, as a sentence. */
+/** The reason why a file is not a proof, as a sentence. */
 class Refused extends Error {}
 const refuse = (words) => { throw new Refused(words); };
 
-/** The number v 2^e; its size is not lost where it is tiny. */
+/** The number v 2^e, also if it is tiny. */
 function num(v, e) {
   const half = e >> 1;
   return Number(v) * 2 ** half * 2 ** (e - half);
@@ -27,7 +27,7 @@ function lowest(x) {
 
 const largest = (values) => values.reduce((a, x) => Math.max(a, Math.abs(x)), 0);
 
-/** Data without any error: { v, e }, each number being v[i] 2^e, and e at most `most`. */
+/** Data without rounding errors: { v, e } with the numbers v[i] 2^e, and e at most `most`. */
 function exact(values, most = 0) {
   let e = most;
   for (const x of values) if (x !== 0) e = Math.min(e, lowest(x));
@@ -36,13 +36,13 @@ function exact(values, most = 0) {
   return { v: Array.from(values, (x) => BigInt(x * scale)), e };
 }
 
-/** A stress or a velocity may be any: numbers rounded to 2^e. */
+/** Numbers rounded to multiples of 2^e; a stress or a velocity may be rounded, since any is allowed. */
 function rounded(values, e) {
   const scale = 2 ** -e;
   return Array.from(values, (x) => BigInt(Math.round(x * scale)));
 }
 
-/** Sum of factors (one number each) times data, from { factor, values }. */
+/** Sum of products of a factor (one number) and data, from { factor, values }. */
 function combined(kinds, count) {
   const some = kinds.filter((kind) => kind.factor !== 0 && kind.values.some((x) => x !== 0));
   const parts = some.map((kind) => [exact([kind.factor]), exact(kind.values)]);
@@ -55,7 +55,7 @@ function combined(kinds, count) {
   return { v, e };
 }
 
-/** A function that returns a kind of load by name, all factors counted: { v, e }. */
+/** Return a function of a load's name that returns the load with all factors: { v, e }. */
 const loadsAt = (body, factors) => (name, size) =>
   combined(body.loads.map((of, k) => ({ factor: factors[k], values: of[name] })), size);
 
@@ -65,7 +65,7 @@ function finer(of, e) {
   return shift ? of.v.map((x) => x << shift) : of.v;
 }
 
-/** The whole root of a whole number, from below. */
+/** The square root of a whole number, rounded down to a whole number. */
 function rootOf(n) {
   if (n < 2n) return n;
   let x = 1n << BigInt((n.toString(16).length * 4 + 1) >> 1);
@@ -85,7 +85,7 @@ const axesOf = (d) => range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n
 const pairsOf = (d) => range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j]));
 const range = (n) => (n < 16 ? (few[n] ??= Object.freeze(count(n))) : count(n));
 
-/** Eigenvalues of a symmetric matrix, and vectors in columns, by Jacobi's rotations. */
+/** Eigenvalues of a symmetric matrix, and its eigenvectors in columns, by Jacobi rotations. */
 function eigen(matrix) {
   const n = matrix.length, a = matrix.map((row) => [...row]);
   const v = range(n).map((i) => range(n).map((j) => (i === j ? 1 : 0)));
@@ -116,7 +116,7 @@ function eigen(matrix) {
   return { values: a.map((row, i) => row[i]), vectors: v };
 }
 
-/** Sets that are joined: labels of 0 ... n − 1. */
+/** Disjoint sets of the numbers 0 ... n − 1 that can be joined. */
 class Joined {
   constructor(n) { this.above = Int32Array.from(range(n)); }
   of(i) {

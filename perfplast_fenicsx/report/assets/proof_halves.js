@@ -1,6 +1,6 @@
-// Whether both halves are of the same bodies, however each is meshed (docs/proof.md, same bodies).
+// Whether both halves have the same bodies, on any two meshes (docs/proof.md, same bodies).
 
-/** Refuse halves of unlike bodies. Those of the upper half may be stronger, and rub more. */
+/** Refuse halves with different bodies. The upper half may have more strength and more friction. */
 function compare(lower, upper) {
   const { d } = lower, is = (name) => lower[name].length === upper[name].length &&
     lower[name].every((y, i) => y === upper[name][i]);
@@ -12,7 +12,7 @@ function compare(lower, upper) {
   const places = (body, i) => body.ofFacet(i).map(body.point), sizes = (body, i) =>
     norm(body.area[body.outer[i]]);
   const pairs = alike ? range(lower.f).map((i) => [i, i]) : sharedFacets(lower, upper);
-  const most = lower.loads.map(({ traction }) => { // by surface
+  const most = lower.loads.map(({ traction }) => { // largest traction by surface
     const found = new Map();
     lower.surface.forEach((tag, i) =>
       found.set(tag, Math.max(found.get(tag) ?? 0, largest(traction.subarray(i * d * d, (i + 1) * d * d)))));
@@ -69,11 +69,11 @@ function compare(lower, upper) {
   });
 }
 
-/** Whether numbers differ by more than rounding, and more than what counts as none. */
+/** Whether numbers differ by more than rounding errors and by more than what counts as zero. */
 const differ = (one, other, none) => !(largest(one.map((y, i) => y - other[i]))
   <= Math.max(1e-9 * Math.max(largest(one), largest(other)), none));
 
-/** A function that is linear on a simplex of any dimension, at a place in its plane. */
+/** The value of a linear function on a simplex of any dimension, at a point in its plane. */
 function linear(vertices, values, place) {
   const edges = vertices.slice(1).map((p) => minus(p, vertices[0])), from = minus(place, vertices[0]);
   const inverse = inverted(edges.map((p) => edges.map((q) => dots(p, q))));
@@ -81,7 +81,7 @@ function linear(vertices, values, place) {
   return values[0].map((y, i) => shares.reduce((sum, s, k) => sum + s * (values[k + 1][i] - y), y));
 }
 
-/** Pairs of outer facets that lie on each other; refuses halves in which these do not cover all. */
+/** Pairs of outer facets that overlap; refuse halves in which they do not cover all facets. */
 function sharedFacets(lower, upper) {
   const { d } = lower, bodies = [lower, upper];
   const all = bodies.map((body) => range(body.f).map((i) => {
@@ -112,7 +112,7 @@ function sharedFacets(lower, upper) {
   return pairs;
 }
 
-/** The length, or area, that two facets in one plane have in common: one is cut by sides of the other. */
+/** The common length or area of two facets in a plane: one is cut by the sides of the other. */
 function commonArea({ x, normal }, small) {
   if (x.length === 2) {
     const [u, v] = [x, small.x].map((of) => of.map((p) => dots(minus(p, x[0]), [-normal[1], normal[0]])));
@@ -133,7 +133,7 @@ function commonArea({ x, normal }, small) {
     : sum + norm(cross(minus(polygon[i - 1], polygon[0]), minus(q, polygon[0]))) / 2), 0);
 }
 
-/** Refuse halves in which cells with a common volume have other loads, or are weaker above. */
+/** Refuse halves whose overlapping cells have different loads, or less strength in the upper half. */
 function compareCells(lower, upper, alike) {
   const { d, w } = lower, bodies = [lower, upper], shapes = bodies.map(coneShapes), holds = new Map();
   const wet = bodies.some((body) => body.loads.some((of) => largest(of.pore_pressure)));
@@ -176,13 +176,13 @@ function compareCells(lower, upper, alike) {
 
 const cornersOf = (body, c) => range(body.w).map((k) => body.point(body.cells[c * body.w + k]));
 
-/** Barycentric coordinates of a place in a cell. */
+/** Barycentric coordinates of a point in a cell. */
 const shares = (body, c, place) => range(body.w).map((k) => {
   const on = body.point(body.ends(c * body.w + k)[0]), area = body.area[c * body.w + k];
   return -area.reduce((sum, y, i) => sum + y * (place[i] - on[i]), 0) / (body.d * body.volume[c]);
 });
 
-/** Places whose hull is the overlap of two cells: ends of the parts of edges of each in the other. */
+/** Points whose hull is the overlap of two cells: ends of the parts of edges inside the other cell. */
 function overlapEnds(lower, a, upper, b) {
   const small = 1e-9, found = [];
   const both = [[lower, a, upper, b], [upper, b, lower, a]];
@@ -225,9 +225,9 @@ function coneShapes(body) {
   return { at: (k) => (k < 0 ? elastic : found[k]) };
 }
 
-/** Whether a cone is known to be in another, with bounds times factors. */
+/** Whether a cone is known to lie in another one, both with their bounds times factors. */
 function isIn(one, other, factor, times) {
-  const small = 1e-12; // of shapes of size 1; the first checker rounds them to 1e-11
+  const small = 1e-12; // for shapes of size 1; the first checker rounds them to 1e-11
   if (one.family.some((y, i) => Math.abs(y - other.family[i]) > small)) return false;
   const [c, most] = [one.bound * factor, other.bound * times * (1 + 1e-12)];
   if (Math.abs(one.slope - other.slope) <= small) return c <= most;
@@ -235,8 +235,8 @@ function isIn(one, other, factor, times) {
 }
 
 /**
- * The factor that divides strengths of a half, and which cells, contacts and obstacles it leaves
- * alone; null without one.
+ * The factor that divides strengths of a half, and the cells, contacts and obstacles whose strength
+ * it does not divide; null without a factor.
  */
 function reductionOf(body, A) {
   const names = ["cell_kept", "contact_kept", "obstacle_kept"], factor = A.numbers.strength_factor;
@@ -259,7 +259,7 @@ function reductionOf(body, A) {
   return { factor, kept, divided: cones[0] };
 }
 
-/** The bodies without the factor that divides their strengths; of cones without an angle the apex alone. */
+/** The bodies with undivided strengths; a cone without a friction angle keeps only its apex. */
 function whole(body, { factor, kept, divided }) {
   const cones = body.cones.map((cone, k) => {
     if (!divided.has(k)) return cone;

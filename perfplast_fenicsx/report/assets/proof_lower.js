@@ -1,12 +1,12 @@
-// A lower bound: a stress in equilibrium with the loads, within the strength of every cell. What it
-// leaves is balanced by another stress, whose size lowers the bound (docs/proof.md, a lower bound).
+// A lower bound: a stress in equilibrium with the loads, within the strength of every cell. Another
+// stress balances its residual forces, and its size lowers the bound (docs/proof.md, a lower bound).
 
 /** 1/2π, times 2^226. */
 const ROUND = 0xA2F9836E4E441529FC2757D1F534DDC0DB6295993C439041FE5163ABn;
 
 const OF_STRESS = { 2: [2.78, 0.96], 3: [12.2, 3.26], rings: [3.7, 1.56] };
 
-/** The stress on file, and the factors of the loads that it balances. */
+/** Read the stress and the load factors that it balances. */
 function readStress(body, A) {
   const { d, n } = body;
   if (body.blocks) return readForces(body, A);
@@ -19,8 +19,8 @@ function readStress(body, A) {
 }
 
 /**
- * Forces without balance, whole numbers times 2^e. Those of cells are in units of 1/unit, moments
- * about the origin in 1/((d + 1) d!). Around an axis they are those along it alone, over 2π.
+ * Residual forces, whole numbers times 2^e. Forces on cells have the unit 1/unit, and moments about
+ * the origin 1/((d + 1) d!). Around an axis, only forces along the axis count, divided by 2π.
  */
 class Left {
   constructor(body, e) {
@@ -28,14 +28,14 @@ class Left {
     Object.assign(this, { body, e, unit: body.revolved || d === 3 ? 6 : 2, factorial: d === 2 ? 2 : 6 });
     this.F = range(n).map(() => new Array(d).fill(0n));
     this.M = range(n).map(() => new Array(2 * d - 3).fill(0n));
-    // Tractions times area on sides, forces of which only the size is known, and forces in cells
+    // Tractions times area on sides, forces known only by their size, and forces in cells
     for (const name of ["onSides", "loose", "within"]) this[name] = new Float64Array(n);
     this.acts = new Uint8Array(n * d); // whether loads act along axes
   }
 
   size(v) { return norm(v.map((y) => sizeOf(y, this.e))) * UP; }
 
-  /** Let −r act on a side, r at its vertices (or coefficients), with errors of `off`. */
+  /** Apply −r to a side, with r at its vertices (or coefficients) and errors up to `off`. */
   act(side, vertices, r, off, bare = null) {
     const { body, F, M } = this, { X, d, w } = body, c = Math.floor(side / w);
     if (bare && vertices.some((v, j) => bare(c, range(w).find((k) => body.cells[c * w + k] === v)) &&
@@ -52,7 +52,7 @@ class Left {
     this.loose[c] += off / (d - 1);
   }
 
-  /** Let a force, and a moment about the origin, act through a side. */
+  /** Apply a force, and a moment about the origin, through a side. */
   carry(side, F, M, off = 0) {
     const c = Math.floor(side / this.body.w);
     if (this.body.bareEnds?.[side]) refuse("a rigid surface ends where ground with c = 0 has no stress");
@@ -62,7 +62,7 @@ class Left {
     this.loose[c] += off;
   }
 
-  /** The traction times area by which a side passes a force and a moment on, with errors of both. */
+  /** The traction times area with which a side transmits a force and a moment, both with errors. */
   traction(side, F, M, off, turn) {
     const { body, e, unit } = this, { d, w, X } = body;
     if (body.revolved) return 1.5 * (sizeOf(F[1], e) / unit + off) * UP; // zero on the axis
@@ -74,12 +74,12 @@ class Left {
   }
 }
 
-/** The lower bound that forces on joints or a stress prove. */
+/** Return the lower bound that forces on joints or a stress prove. */
 function lowerBound(body, half) { return body.blocks ? blockBound(body, half) : stressBound(body, half); }
 
 /**
- * Which vertices of cells must have no stress: with c = 0 those of free surfaces. `body.bareEnds` has
- * the number of such ends of each side.
+ * Vertices of cells that must have zero stress: with c = 0, those of free surfaces. `body.bareEnds`
+ * contains the number of such ends of each side.
  */
 function bareOf(body) {
   const { d, w, n, f, cells, across } = body, at = new Set();
@@ -101,7 +101,7 @@ function bareOf(body) {
   return (c, k) => loose[c] && at.has(cells[c * w + k]);
 }
 
-/** The lower bound that a stress proves. */
+/** Return the lower bound that a stress proves. */
 function stressBound(body, half) {
   const { factors } = half, stress = half.stress.slice();
   const { d, w, n, f, N, D, X, across, facets, cells, revolved } = body, [factor] = factors;
@@ -168,7 +168,7 @@ function stressBound(body, half) {
       (y, a) => y - loads[j][a] * root));
   });
   const anchors = exerted(body, rest, e, bare);
-  for (let i = 0; i < f; i++) { // what nothing exerts, and the error of the roots
+  for (let i = 0; i < f; i++) { // residual forces, and the errors of the roots
     const frees = range(d).map((a) => (body.held[i * d + a] ? 0 : 1)), c = Math.floor(body.outer[i] / w);
     for (let j = 0; j < d * d; j++) if (t[i * d * d + j] !== 0n &&
       !body.glued[i]) left.acts[c * d + (j % d)] = 1;
@@ -218,15 +218,15 @@ function stressBound(body, half) {
 }
 
 /**
- * Let supports and contact exert on `rest` what leaves least. Returns forces that they can exert
- * besides: { i, j, o, p, way, e, most } at a value j of facet i, and opposite at p of o, along way 2^e.
+ * Apply forces of supports and contact that make `rest` least. Return the additional forces that they
+ * can exert: { i, j, o, p, way, e, most } at a value j of facet i, and opposite at p of o, along way 2^e.
  */
 function exerted(body, rest, e, bare) {
   const { d, w, f } = body, s = d - 1, anchors = [], axes = axesOf(d);
   const frees = (i) => range(d).map((a) => (body.held[i * d + a] ? 0 : 1));
   const radii = (i, j) => (body.revolved ? body.radiiOn(i)[j] : 1);
   const isBare = (i, j) => i >= 0 && j < d && bare(Math.floor(body.outer[i] / w), body.places[i][j]);
-  /** What contact presses with: the factor of a direction that leaves least. */
+  /** The pressure of contact: the factor of a direction that makes the residual least. */
   const press = (i, j, along, free, ea) => {
     const a = along.map((y, k) => num(y, ea) * free[k]), square = a.reduce((sum, y) => sum + y * y, 0);
     const all = along.reduce((sum, y) => sum + num(y, ea) ** 2, 0);
@@ -237,7 +237,7 @@ function exerted(body, rest, e, bare) {
     const whole = BigInt(Math.round(q * 2 ** (ea - e)));
     rest[i][j] = rest[i][j].map((y, k) => y + whole * along[k]);
   };
-  /** Contact that rubs exerts what the stress has, as far as c + μp lets it. */
+  /** Apply the stress's traction on contact with friction, limited to c + μp. */
   const rub = (a, o, j, p, normal, c, mu) => {
     const unit = normal.map((y) => y / norm(normal)), area = norm(body.area[body.outer[a]]) * s * (1 - 8 * U);
     const from = o < 0 || frees(a).every((is) => is) ? rest[a][j] : rest[o][p].map((y) => -y);
@@ -248,7 +248,7 @@ function exerted(body, rest, e, bare) {
     const whole = across.map((y, k) => BigInt(Math.round((share * y - pressed * unit[k]) * 2 ** -e)));
     rest[a][j] = rest[a][j].map((y, k) => y - whole[k]);
     if (o >= 0) rest[o][p] = rest[o][p].map((y, k) => y + whole[k]);
-    // Of what presses, and of what friction has left, a part each, so that all neither pull nor slip
+    // Parts of the pressure and of the remaining friction, so that their sum neither pulls nor slips
     const room = Math.min(pressed - off, (most - share * slip) / (1 + mu)) / s / (2 * w);
     for (const way of room > 0 ? axes : []) anchors.push({ i: a, j, o, p, way, e: 0, most: room });
   };
@@ -294,9 +294,9 @@ function exerted(body, rest, e, bare) {
 }
 
 /**
- * Let rigid surfaces pass on what the tractions on them lack of their loads' resultants, each
- * through its largest facet. Returns forces along axes k < d, or moments, that they can exert
- * besides through facets i, and with the other sign o: where they are held, or joined to more pieces.
+ * Pass the loads' resultants on rigid surfaces, minus those of their tractions, on through the largest
+ * facet of each. Return additional forces along axes k < d, or moments, that they can exert through
+ * facets i, and with opposite sign through o: where they are supported, or joined to more pieces.
  */
 function plates(body, left, rest, factors) {
   const { d, X } = body, { e, unit } = left, turns = 2 * d - 3, anchors = [],
@@ -304,14 +304,14 @@ function plates(body, left, rest, factors) {
   const load = loadsAt(body, factors);
   const [force, moment] =
     [load("rigid_force", d * body.rigid.length), load("rigid_moment", turns * body.rigid.length)];
-  /** times y 2^ey in units of 2^to, rounded: less than one is lost. */
+  /** times y 2^ey in units of 2^to, rounded by less than one unit. */
   const inUnits = (y, ey, to, times) =>
     (ey >= to ? (times * y) << BigInt(ey - to) : (times * y) >> BigInt(to - ey));
   body.rigid.forEach((tag, g) => {
     const facets = range(body.f).filter((i) => body.surface[i] === tag),
       held = body.rigidHeld.subarray(g * d, g * d + d);
     const area = (i) => norm(body.area[body.outer[i]]), still = held.some((y) => y);
-    const F = range(d).map((k) => { // around an axis over 2π, which is a number of 224 bits
+    const F = range(d).map((k) => { // around an axis, divided by 2π, a number of 224 bits
       const [y, ey] = [force.v[g * d + k], force.e];
       return body.revolved ? inUnits(y * ROUND, ey - 226, e, BigInt(unit)) : inUnits(y, ey, e, BigInt(unit));
     });
@@ -371,8 +371,8 @@ function inverted(matrix) {
 }
 
 /**
- * Largest forces that supports, contact and plates exert besides on facets, so that pieces balance.
- * First they exert what is found in doubles; with that they have little left to exert.
+ * Largest additional forces of supports, contact and plates on facets, so that the pieces balance.
+ * Forces computed in doubles are applied first, so that only small forces remain.
  */
 function reactions(body, anchors, left) {
   const { d, w, n, cells, revolved } = body, { F, M, loose, e, unit } = left, sums = new Map();
@@ -385,7 +385,7 @@ function reactions(body, anchors, left) {
       at.far = Math.max(at.far, norm(at.x.map((y, i) => num(body.X[cells[c * w + k] * d + i] - y, body.e))));
     }
   }
-  /** Forces, and moments over extents, that are missing on the pieces, and errors. */
+  /** Residual forces on the pieces, residual moments divided by extents, and their errors. */
   const rest = () => {
     for (const at of sums.values()) Object.assign(at,
       { F: new Array(d).fill(0n), M: new Array(turns).fill(0n), off: 0 });
@@ -414,12 +414,12 @@ function reactions(body, anchors, left) {
     return Math.min(of.most, norm(body.area[body.outer[of.i]]) * (radius > 0 && radius < Infinity ? radius
       : Math.max(...radii) || 1)); // c = 0 has no radius
   });
-  for (const of of anchors) if (of.way) { // an exact direction, and one of size 1
+  for (const of of anchors) if (of.way) { // an exact direction, and a unit vector
     const along = of.way.map((y) => num(y, 0));
     of.size = norm(along);
     of.along = along.map((y) => y / of.size);
   }
-  /** The force of size 1, and its moment over the extent, of an anchor on the piece of a facet. */
+  /** The unit force of an anchor on the piece of a facet, and its moment divided by the extent. */
   const wrench = (of, i, j) => {
     const at = sums.get(body.pieces.of(cellOf(i))), vertices = body.ofFacet(i);
     const from = (v) => range(d).map((m) => num(body.X[v * d + m] - at.x[m], body.e) / at.far);
@@ -438,14 +438,14 @@ function reactions(body, anchors, left) {
     [[of.i, of.j, 1], [of.o, of.p, -1]].flatMap(([i, j, sign]) => (i < 0 ? []
     : wrench(of, i, j).map((y, m) => [sums.get(body.pieces.of(cellOf(i))).row + m, sign * y * weight[k]]))));
   let [missing, errors] = rest();
-  // along axes along which nothing acts all cancels
+  // forces cancel along axes along which no load acts
   const idle = errors.map((_, i) => !revolved && i % high < d);
   left.acts.forEach((is, i) =>
     { if (is) idle[sums.get(body.pieces.of(Math.floor(i / d))).row + (i % d)] = false; });
   for (const column of columns) for (const [i, y] of column) if (y !== 0) idle[i] = false;
   const some = errors.map((y, i) => !idle[i] && (y > 0 || missing[i] !== 0));
   if (!some.includes(true)) return held;
-  for (let more = true; more;) { // rows that forces of active ones reach
+  for (let more = true; more;) { // add the rows that share forces with active rows
     more = false;
     for (const column of columns) {
       const there = column.filter(([, y]) => y !== 0);
@@ -465,7 +465,7 @@ function reactions(body, anchors, left) {
     gram[a][b] += part; sized[a][b] += Math.abs(part);
   }
   const inverse = inverted(gram) ?? lost();
-  // That the inverse is near enough makes the matrix without rounding a regular one.
+  // If the inverse is accurate enough, the matrix without rounding errors is regular.
   const rounding = (4 * columns.length + 256) * U;
   const off = Math.max(...inverse.map((row, i) => {
     const product = new Float64Array(rows.length), size = new Float64Array(rows.length);
@@ -479,7 +479,7 @@ function reactions(body, anchors, left) {
   const first = inverse.map((row) => row.reduce((sum, y, k) => sum - y * scale[k] * missing[rows[k]], 0));
   const pushed = columns.map((column, k) => weight[k] * column.reduce((sum, [i, y]) => (place.has(i)
     ? sum + y * scale[place.get(i)] * first[place.get(i)] : sum), 0));
-  /** F and M of an anchor of a plate, of size q. */
+  /** F and M of an anchor of a plate with size q. */
   const whole = (of, q, round = Math.round) => {
     const size = BigInt(round(q * unit * 2 ** -e)), p = range(d).map((m) => body.X[of.centre * d + m]);
     const force = unitOf(of.k).map((y) => BigInt(y) * size), arm = revolved ? [0n] : cross(p, force);
@@ -518,7 +518,7 @@ function reactions(body, anchors, left) {
   return held;
 }
 
-/** Let each cell of a tree pass on what acts on it and all beyond, through one of its facets. */
+/** Pass the forces on each cell of a tree, and on all cells beyond it, on through one facet. */
 function passOn(body, left) {
   const { d, w, n, cells, across } = body, { F, M, loose, onSides } = left,
     towards = new Int32Array(n).fill(-1);
@@ -556,7 +556,7 @@ function passOn(body, left) {
   }
 }
 
-/** The size of a stress that balances what acts on a cell. */
+/** The size of a stress that balances the forces on a cell. */
 function ofCell(body, left, c) {
   const curved = range(body.w).some((k) => body.bareEnds[c * body.w + k]);
   const [ofSides, ofForce] = OF_STRESS[curved ? "rings" : body.d], [large, inverse] = body.stretch[c];
@@ -565,7 +565,7 @@ function ofCell(body, left, c) {
   return inside > 0 ? (large * large * inverse * inside * UP) / regular : 0;
 }
 
-/** The same around an axis, where radial forces in the cell put it in balance as a plane body. */
+/** The same around an axis, where radial forces in the cell balance it as a plane body. */
 function ofRing(body, left, c) {
   const x = range(3).map((k) => body.point(body.cells[c * 3 + k])), r = x.map((p) => p[0]);
   const mean = (of) => of.reduce(add, 0) / 3, middle = mean(x.map((p) => p[1]));

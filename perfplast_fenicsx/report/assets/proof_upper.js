@@ -1,9 +1,9 @@
-// An upper bound: a velocity, bent until it is admissible, and what it dissipates. Bernstein's
-// coefficients at vertices and edges are whole numbers times 2^ev; what is bent stays such numbers.
+// An upper bound: a velocity, corrected until it is admissible, and its dissipation. The Bernstein
+// coefficients at vertices and edges are whole numbers times 2^ev, also after the correction.
 
 const OF_FLOW = { 2: [2.67, 16.3], 3: [4.51, 79.0] }; // docs/proof.md, an upper bound, 4.
 
-/** The upper bound that a velocity proves: the smaller of two ways to bend it. */
+/** Return the upper bound that a velocity proves: the smaller one of two corrections. */
 function upperBound(body, flow) {
   const rows = contactOf(body), found = [];
   let why = null;
@@ -17,7 +17,7 @@ function upperBound(body, flow) {
   return found.reduce((one, other) => (other.proven < one.proven ? other : one));
 }
 
-/** The coefficients on file, by place: vertices, and then edges. */
+/** Read the coefficients by point: vertices, then edges. */
 function readVelocity(body, A) {
   const { d, w, n, cells, x } = body, count = x.length / d, wide = d === 2 ? 6 : 10;
   const v = A.velocity?.data ?? refuse("there is no velocity"), nodes = A.nodes?.data;
@@ -61,7 +61,7 @@ function readVelocity(body, A) {
   const flow = { Q, P, ev, wide, number, facet, held, guides, pairs, count, top,
     v: (p, i) => v[nodeAt[p] * d + i] };
   const placesOf = (some) => [...new Set(some.flatMap((c) => row(P, wide, c)))];
-  // Groups of places that move as rigid bodies: elastic cells, rigid surfaces, and cells that may
+  // Groups of points that move as rigid bodies: elastic cells, rigid surfaces, nearly rigid cells
   flow.groups = sets(body, (c, o) => body.cone[c] < 0 && body.cone[o] < 0)
     .filter((of) => body.cone[of[0]] < 0).map((of) => ({ every: placesOf(of), lock: [] }));
   body.rigid.forEach((tag, g) => flow.groups.push({ plate: g, every: [...new Set(facet.filter(
@@ -72,7 +72,7 @@ function readVelocity(body, A) {
   return flow;
 }
 
-/** Sets of cells that share vertices, or facets, and that a test joins. */
+/** Sets of cells that share vertices or facets and satisfy a test. */
 function sets(body, test) {
   const { w, n, cells, across } = body, joined = new Joined(n), first = new Map(), found = new Map();
   for (let c = 0; c < n; c++) for (let k = 0; k < w; k++) {
@@ -87,14 +87,14 @@ function sets(body, test) {
 }
 
 /**
- * Rigid motions of some places: the parts that supports leave free, what each of size 1 makes of a
- * place (`columns`), and what whole numbers make of a vertex (`at`).
+ * Rigid motions of some points: the components that supports leave free, the motion of a point by
+ * each unit component (`columns`), and the motion of a vertex by whole numbers (`at`).
  */
 function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   const { d, x, X, revolved } = body, { held, guides, count, pairs } = flow, turns = revolved ? 1 : 2 * d - 3;
   const mine = every.filter((p) => p < count), unit = (m) => range(3).map((i) => (i === m ? 1 : 0)),
     fixed = loose ? [] : mine.filter((v) => held[v].some((y) => y)), first = fixed[0] ?? mine[0];
-  // Around an axis bodies move along it, with the radius in v = ru
+  // Around an axis, bodies move along it; v = ru contains the radius
   const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(unit(m), a));
   const armOf = (v, about) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[about[i] * d + i]));
   // A hinge, by the vertices that have its coordinates: those held along an axis have others alike
@@ -122,7 +122,7 @@ function motionsOf(body, flow, { every, lock = [] }, loose = false) {
     const moved = revolved ? [0n, t * X[v * d]] : d === 2 ? [-t * a[1], t * a[0]] : cross(turn, a);
     return shift.map((y, i) => y + moved[i]);
   };
-  const whole = (way) => { // even numbers, as velocities of edges are means
+  const whole = (way) => { // even numbers, because velocities of edges are means
     const even = (y, e) => 2n * BigInt(Math.round(y * 2 ** -(e + 1)));
     return [Array.from(way.slice(0, d), (y) => even(y, flow.ev)),
       Array.from(way.slice(d), (y) => even(y / far, flow.ev - body.e))];
@@ -130,7 +130,7 @@ function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   return { every, mine, centre, free, stuck, lock, columns, at, whole };
 }
 
-/** The rigid motion next to that of a group. */
+/** The rigid motion nearest to the motion of a group. */
 function rigid(body, flow, group, loose = false) {
   const found = motionsOf(body, flow, group, loose), { mine, every, free, columns } = found,
     size = free.length;
@@ -149,12 +149,12 @@ function rigid(body, flow, group, loose = false) {
   return { ...found, off, motion: found.whole(motion) };
 }
 
-/** Admissible coefficients, but for changes of volume. */
+/** Coefficients that are admissible except for changes of volume. */
 function bent(body, flow, rows, resting) {
   const { d, n, X } = body, { P, wide, held, guides, facet, ev } = flow;
   const Q = flow.Q.map((q, p) => q.map((y, i) => (held[p][i] ? 0n : y))),
     unitOf = new Array(Q.length).fill(-1);
-  const moveAcross = (q, fixed, directions) => { // without what it has along directions
+  const moveAcross = (q, fixed, directions) => { // remove the components along directions
     const axes = axesOf(d).filter((_, i) => fixed[i]);
     const ways = [];
     for (const g of directions) {
@@ -171,7 +171,7 @@ function bent(body, flow, rows, resting) {
       const first = cross(all[0], range(3).map((i) => (i === k ? 1n : 0n)));
       along = [first, cross(all[0], first)];
     }
-    return along.reduce((sum, t) => { // t is not zero; a share rounded to whole numbers
+    return along.reduce((sum, t) => { // t is not zero; the share is rounded to a whole number
       const square = dot(t, t), share = square ? dot(q, t) / square : 0n;
       return sum.map((y, i) => y + share * t[i]);
     }, none);
@@ -195,7 +195,7 @@ function bent(body, flow, rows, resting) {
   units.forEach((unit, k) => {
     let [shift, turn] = unit.motion;
     unit.every.forEach((p) => { unitOf[p] = k; });
-    if (unit.stuck) { // nor is it moved again
+    if (unit.stuck) { // it is not moved again either
       const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
       shift = moveAcross(shift,
         unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
@@ -217,7 +217,7 @@ function bent(body, flow, rows, resting) {
       unit: normal.map((y) => num(y, e) / size), square: dot(normal, normal) };
   }));
   const jumpOf = ({ p, q }) => Q[p].map((y, i) => y - (q < 0 ? 0n : Q[q][i]));
-  /** How far a jump enters, or parts too little for its slip: positive unless it does neither. */
+  /** Penetration of a jump, or lack of opening for its slip: positive unless the jump is admissible. */
   const enters = (row) => {
     const w = jumpOf(row), along = dot(w, row.normal), m = row.factor.v[0],
       one = 1n << BigInt(-2 * row.factor.e);
@@ -226,7 +226,7 @@ function bent(body, flow, rows, resting) {
     const depth = height + row.mu * norm(v.map((y, i) => y - height * row.unit[i]));
     return fine ? Math.min(depth, 0) : Math.max(depth, 1e-30 * flow.top);
   };
-  // Whole bodies give way first, then rigid ones, then places one by one.
+  // Whole bodies move away first, then rigid groups, then single points.
   const bodyOf_ = new Array(Q.length).fill(-1);
   for (let c = 0; c < n; c++) P.subarray(c * wide, (c + 1) * wide).forEach((p) =>
     { bodyOf_[p] = body.pieces.of(c); });
@@ -257,7 +257,7 @@ function bent(body, flow, rows, resting) {
     return movers.get(key);
   };
   const apply = (mover) => {
-    if (!mover.at) { // a place by itself
+    if (!mover.at) { // a single point
       const [p] = mover.every;
       Q[p] = Q[p].map((y, i) => y + 2n * BigInt(Math.round(mover.way[i] * 2 ** -(ev + 1))));
       return;
@@ -274,7 +274,7 @@ function bent(body, flow, rows, resting) {
     const depth = jumps.map(enters), worst = Math.max(0, ...depth), whole = round < 2;
     if (!(worst > 0)) break;
     movers.clear();
-    const near = jumps.flatMap((row, k) => { // all bodies part where any enter, by twice as much
+    const near = jumps.flatMap((row, k) => { // all bodies separate if any penetrate, by twice as much
       if (!(depth[k] > -1e3 * worst)) return [];
       const sides = [row.p, row.q].map((p, m) => (p < 0 ? null : [moverOf(p, whole), m ? -1 : 1, p]));
       if (sides[0][0] === sides[1]?.[0]) return [];
@@ -320,7 +320,7 @@ function bent(body, flow, rows, resting) {
   return { Q, still, slip, flow, rows, plateUnit };
 }
 
-/** Parts of a simplex whose edges are halved three times. */
+/** Parts of a simplex after its edges have been halved three times. */
 function halved(d) {
   const children = d === 2 ? "00 01 02,01 11 12,02 12 22,01 02 12"
     : "00 01 02 03,01 11 12 13,02 12 22 23,03 13 23 33,01 02 03 13,01 02 12 13,02 03 13 23,02 12 13 23";
@@ -331,7 +331,7 @@ function halved(d) {
   return parts;
 }
 
-/** Points of these parts, and shares of the volume there. */
+/** Points of these parts with their shares of the volume. */
 function halvings(d) {
   const parts = halved(d), found = new Map();
   for (const part of parts) for (const [k, point] of part.entries()) { // ∫ hat × coordinate
@@ -343,11 +343,11 @@ function halvings(d) {
   return [...found.values()];
 }
 
-/** The bound that admissible coefficients prove. */
+/** Return the bound that admissible coefficients prove. */
 function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   const { d, w, n, f, N, D, e, area, volume, cells } = body, { P, wide, ev, number, facet } = flow;
   const factorial = d === 2 ? 2 : 6, points = halvings(d);
-  const eg = ev + e * (d - 1) + 1, changes = new Array(n * w).fill(0n); // −∇v times d! and volume
+  const eg = ev + e * (d - 1) + 1, changes = new Array(n * w).fill(0n); // −∇v times d! and the volume
   const cone = (c) => body.cones[body.cone[c]], keeps = range(n).map((c) => !still[c] && body.cone[c] >= 0 &&
     cone(c).keeps);
   const takes = range(n).map((c) => !still[c] && body.cone[c] >= 0 && cone(c).takes);
@@ -408,9 +408,9 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     const more = cone(c).alert * left.gradients[c] * rings[c].rate * rings[c].radius;
     if (!(lacks[c] + more <= 0)) refuse("dilating cells dilate too little for their strain");
   }
-  // Sums of n numbers in a row are rounded by n U at most.
+  // The relative rounding error of a sum of n numbers is at most n U.
   const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + 512) * U * (size + slip);
-  const usual = () => works[0][0] / works[0][3]; // the mean velocity with which loads do their work
+  const usual = () => works[0][0] / works[0][3]; // mean velocity, weighted by the loads
   const works = [];
   for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left,
     works.length === 2 ? usual() : 0));
@@ -419,7 +419,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   if (!(work - off > 0) || !Number.isFinite(excess)) {
     refuse("the loads do no work larger than rounding errors");
   }
-  // Loads of any factor may do as much work as rounding of the velocity makes of them.
+  // Loads with any factor may do the work that rounding errors of the velocity cause.
   if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads with any factor do work");
   const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
   return { proven: proven + Math.abs(proven) * 4 * U,
@@ -440,7 +440,7 @@ function ringRates(body, gradients, Q, c, ev) {
   });
 }
 
-/** ∫ of a rate of size 1 over r, what ‖∇w‖ = 1 makes of it, and the largest radius. */
+/** ∫ of a unit rate over r, its change by ‖∇w‖ = 1, and the largest radius. */
 function ofRingCell(body, c) {
   const x = range(3).map((k) => body.point(body.cells[c * 3 + k])), r = x.map((p) => p[0]);
   const near = Math.min(...r.filter((y) => y > 0)), touches = r.includes(0);
@@ -450,7 +450,7 @@ function ofRingCell(body, c) {
     rate: (1 + Math.SQRT2 * Math.max(...far) / near) * UP, radius: Math.max(...r) };
 }
 
-/** ∫ B/r over a triangle of area 1 from above, B being Bernstein's polynomials; 0 where r²ε is zero. */
+/** Upper bounds on ∫ B/r over a triangle of area 1 for Bernstein polynomials B; 0 where r²ε = 0. */
 function overRadius(r) {
   const axis = range(3).filter((k) => r[k] === 0), away = range(3).filter((k) => r[k] > 0);
   const found = new Array(6).fill(0), edge = (a, b) => (a + b) + 2; // numbers of edges 01, 02, 12
@@ -470,7 +470,7 @@ function overRadius(r) {
   return found;
 }
 
-/** ∫ of what r²ε dissipates over r, at most that of its coefficients on parts of the triangle. */
+/** ∫ of the dissipation of r²ε over r, bounded by its coefficients on parts of the triangle. */
 function ringPower(own, rates, r) {
   const { parts, images } = ringParts();
   const q = rates.map(own.image), y = new Array(q[0].length);
@@ -491,7 +491,7 @@ function ringPower(own, rates, r) {
 }
 
 let ringTable = null;
-/** Parts of a triangle, and coefficients there of quadratics from those of the whole. */
+/** Parts of a triangle, and the coefficients of quadratics there from those on the whole one. */
 function ringParts() {
   if (ringTable) return ringTable;
   const parts = halved(2), pairs = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
@@ -500,11 +500,11 @@ function ringParts() {
   return (ringTable = { parts, images });
 }
 
-/** The work of loads, exact but for what is returned beside it. */
+/** The work of loads, exact up to the error returned with it. */
 function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   const { d, w, n, f, D, N, e, x, cells } = body, { P, wide, facet, ev } = flow, factorial = d === 2 ? 2 : 6;
   if (!loads.some) return [0, 0, 0, 0];
-  let found = 0, off = 0, most = 0, forces = 0; // the work, its error, and what loads could do where they are
+  let found = 0, off = 0, most = 0, forces = 0; // the work, its error, and the most that loads could do
   const speed = (places) => Math.max(usual, ...places.map((p) => norm(Q[p].map((y) => num(y, ev)))));
   const b = exact(loads.body_force), t = exact(loads.traction), u = exact(loads.pore_pressure);
   let sum = 0n;
@@ -572,11 +572,11 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   return [found, (off + 8 * U * Math.abs(found)) * UP, most, forces];
 }
 
-/** The size of a velocity that undoes changes of volume, by cell and outer facet. */
+/** The size of a velocity that cancels changes of volume, by cell and outer facet. */
 function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
   const { d, w, n, f, N, across, area, volume, stretch } = body, factorial = d === 2 ? 2 : 6;
   const gradients = new Float64Array(n), change = new Float64Array(n), through = new Float64Array(f);
-  const flux = new Array(n).fill(0n); // −∫div v, times (d + 1) d!
+  const flux = new Array(n).fill(0n); // −∫div v times (d + 1) d!
   for (let c = 0; c < n; c++) {
     if (!keeps[c]) continue;
     const own = range(w).map((k) => changes[c * w + k]), all = own.reduce((y, z) => y + z, 0n);
@@ -586,14 +586,14 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     flux[c] = -all;
   }
   if (!flux.some((y) => y !== 0n)) return { gradients, change, through };
-  const free = (side) => { // the part of an area vector along which nothing is held
+  const free = (side) => { // the part of an area vector along unsupported directions
     const i = body.facetAt[side];
     return i < 0 ? norm(area[side]) : norm(area[side].map((y, k) => (body.held[i * d + k] ? 0 : y)));
   };
   const meets = new Map(rows.flatMap(({ a, b, c, mu }) =>
     [[a, { b, c, mu }], ...(b < 0 ? [] : [[b, { b: a, c, mu }]])]));
   const touched = new Set([...body.contacts, ...body.obstacles]);
-  const kindOf = (side) => { // 0 a free surface, 1 a cell that dilates, 2 contact that parts, 9 no way out
+  const kindOf = (side) => { // 0 free surface, 1 dilating cell, 2 contact that opens, 9 no outlet
     const c = Math.floor(across[side] / w), i = body.facetAt[side];
     if (i < 0) return takes[c] ? 0 : !keeps[c] && body.cone[c] >= 0 && body.cones[body.cone[c]].grows ? 1 : 9;
     if (body.glued[i] || body.onAxis[i] || norm(body.guided.subarray(i * d, i * d + d)) ||
@@ -604,7 +604,7 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
   };
   const out = new Int32Array(n).fill(-1), parent = new Int32Array(n).fill(-1), order = [],
     seen = new Uint8Array(n);
-  const over = (side) => { // the other side, through contact too
+  const over = (side) => { // the opposite side, also across contact
     if (across[side] >= 0) return across[side];
     const own = meets.get(body.facetAt[side]);
     return own && own.b >= 0 && kindOf(side) === 2 &&
@@ -627,7 +627,7 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     }
     grow(first);
   }
-  for (let c = 0; c < n; c++) { // no way out: what is left has to be nothing at all
+  for (let c = 0; c < n; c++) { // no outlet: the remaining volume change must be zero
     if (!keeps[c] || seen[c]) continue;
     seen[c] = 1;
     const first = order.push(c) - 1;

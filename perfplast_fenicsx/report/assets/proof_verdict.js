@@ -1,8 +1,8 @@
-// The verdict on a proof file that a page holds.
+// The verdict on the proof file in a page.
 
 const TYPES_OF_PROOF = { float64: Float64Array, int32: Int32Array, uint8: Uint8Array };
 
-/** An array as proof_data.py packs it: bytes of the same place value together, deflated. */
+/** Read an array that proof_data.py packs: bytes of the same place value together, deflated. */
 async function unpacked({ shape, type, data }) {
   const deflated = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));
   const stream = new Blob([deflated]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -16,11 +16,11 @@ async function unpacked({ shape, type, data }) {
   return { shape, data: values };
 }
 
-/** Names of arrays that are not of the bodies, so that no half has them from the other. */
+/** Names of arrays that do not describe bodies, so that halves do not share them. */
 const OF_ONE_HALF = ["stress", "velocity", "nodes", "joint_force", "joint_traction", "inner_force",
   "inner_traction"];
 
-/** The SHA-256 of the numbers of all halves (docs/proof.md), or null where a browser has none. */
+/** The SHA-256 of the numbers of all halves (docs/proof.md), or null if the browser has no SHA-256. */
 async function digestOf(arrays) {
   if (!globalThis.crypto?.subtle) return null;
   const parts = [];
@@ -39,7 +39,7 @@ async function digestOf(arrays) {
   return [...found].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-/** A number with six digits, down or up. */
+/** A number with six digits, rounded down or up. */
 function shown(x, up) {
   if (x === 0) return "0";
   const unit = 10 ** (Math.floor(Math.log10(Math.abs(x))) - 5);
@@ -47,7 +47,7 @@ function shown(x, up) {
   return String(beyond ? Number((near + (up ? unit : -unit)).toPrecision(6)) : near);
 }
 
-/** Arrays of a half by name, and its numbers. */
+/** The arrays of a half by name, and its numbers. */
 async function arraysOf({ numbers, arrays }) {
   const found = { numbers };
   for (const [name, packed] of Object.entries(arrays)) found[name] = await unpacked(packed);
@@ -55,9 +55,9 @@ async function arraysOf({ numbers, arrays }) {
 }
 
 /**
- * What two files of a factor of safety prove, a sentence: the halves of one have a stress with
- * strengths divided by a factor, those of the other a velocity with another, both of one set of bodies.
- * `lower` and `upper` are verdicts on them.
+ * Return the factors of safety that two files prove, and a sentence: one file contains a stress with
+ * strengths divided by one factor, the other a velocity with another factor, both for the same bodies.
+ * `lower` and `upper` are the verdicts on them.
  */
 async function verdictOnPair(below, above, lower, upper) {
   try {
@@ -83,7 +83,7 @@ async function verdictOnPair(below, above, lower, upper) {
   }
 }
 
-/** What the halves prove, by kind: { claimed, proven } or { claimed, fault }, and a sentence. */
+/** Return what the halves prove by kind, { claimed, proven } or { claimed, fault }, and a sentence. */
 async function verdictOn(halves) {
   const kinds = ["lower", "upper"].filter((kind) => halves[kind]), arrays = {}, found = {};
   const judge = { lower: lowerBound, upper: upperBound };
@@ -101,7 +101,7 @@ async function verdictOn(halves) {
   }
   found.digest = await digestOf(arrays);
   const read = { lower: readStress, upper: readVelocity }, ready = {};
-  caught(kinds, () => { // data that are of no body make the whole file no proof
+  caught(kinds, () => { // invalid data of bodies invalidate the whole file
     for (const kind of kinds) {
       const old = kind === "upper" && ready.lower && Object.keys(halves.upper.arrays).length === 2;
       const alike = !!arrays.lower?.numbers.revolved === !!arrays[kind].numbers.revolved;
