@@ -62,9 +62,9 @@ PROBLEMS = """
 Bounds are on the factor of safety, unless the title names k_c, γH/c or another load factor, which
 the case file defines. The column "s" gives the processor time in seconds. The column "numbers"
 counts published numbers: impossible/possible/below/not decided. The pictures show the mechanism
-that proves the upper bound: grey parts are at rest, and darker colours move faster. Black lines are
-boundaries of bodies and of regions with different strengths. `make tribunal` draws the pictures
-from the proof files (`demos/tribunal/picture.py`). """
+that proves the upper bound: grey parts are at rest, and darker colours move faster. A small moving
+part is enlarged. Black lines bound bodies and different strengths. `make tribunal` draws the
+pictures from the proof files (`demos/tribunal/picture.py`). """
 
 EXPLAINED = """
 ## What is proven, and what is not

@@ -28,6 +28,10 @@ SLOW = 0.99
 faster."""
 
 
+ENOUGH = 100.0
+"""Smallest area of the moving part (pixels) in a picture of all bodies."""
+
+
 def draw(proof: Path, picture: Path) -> None:
     """Draw the bodies of an upper bound, with the speed of its mechanism, as a PNG file.
 
@@ -45,9 +49,9 @@ def draw(proof: Path, picture: Path) -> None:
     sides = corners[:, 1:] - corners[:, :1]
     area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
     level = np.searchsorted(SPEEDS, speed / _fast(speed, area))
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    size = high - low
-    scale = min((WIDTH - 2 * EDGE) / size[0], (HEIGHT - 2 * EDGE) / size[1])
+    moving = level > 0
+    low, high = _window(corners, area / 2, moving)
+    size, scale = high - low, _scale(high - low)
     pixels = np.ceil(scale * size) + 2 * EDGE
     figure = Figure(figsize=tuple(pixels / 100), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1))
@@ -58,6 +62,10 @@ def draw(proof: Path, picture: Path) -> None:
     axes.add_collection(PolyCollection(list(place), facecolor=fill, edgecolor=fill, lw=0.3))
     lines = scale * (vertices[_outlines(cells, cone)] - low) + EDGE
     axes.add_collection(LineCollection(list(lines), color="black", lw=0.6))
+    if (low > corners.min(axis=(0, 1))).any() or (high < corners.max(axis=(0, 1))).any():
+        above = fill[moving]  # in details, where the moving part may be as thin as a line
+        style = {"facecolor": above, "edgecolor": above, "lw": 0.3, "zorder": 3}
+        axes.add_collection(PolyCollection(list(place[moving]), **style))
     for drawn in axes.collections:
         drawn.set_antialiased(False)
     new = picture.with_suffix(".new.png")
@@ -66,6 +74,29 @@ def draw(proof: Path, picture: Path) -> None:
         few = image.convert("RGB").quantize(colors=len(COLOURS) + 2, dither=Image.Dither.NONE)
     few.save(picture, optimize=True)
     new.unlink()
+
+
+def _scale(size: npt.NDArray[np.float64]) -> float:
+    """Return the number of pixels per length with which a window of this size fills a picture."""
+    return float(min((WIDTH - 2 * EDGE) / size[0], (HEIGHT - 2 * EDGE) / size[1]))
+
+
+def _window(
+    corners: npt.NDArray[np.float64],
+    area: npt.NDArray[np.float64],
+    moving: npt.NDArray[np.bool_],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the corners of the part that the picture shows, the lower left one first.
+
+    The picture shows the bodies, or only the surroundings of the moving part if this part would
+    otherwise disappear below the lines.
+    """
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    if not moving.any() or area[moving].sum() * _scale(high - low) ** 2 >= ENOUGH:
+        return low, high
+    first, last = (of(corners[moving], axis=(0, 1)) for of in (np.min, np.max))
+    around = 0.25 * float((last - first).max())
+    return np.maximum(low, first - around), np.minimum(high, last + around)
 
 
 def _fast(speed: npt.NDArray[np.float64], area: npt.NDArray[np.float64]) -> float:

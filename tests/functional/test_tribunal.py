@@ -213,6 +213,29 @@ def test_a_picture_shows_what_moves(tmp_path: Path) -> None:
     assert any(abs(dark - columns / 2) < 2)  # the boundary between the strengths
 
 
+def test_a_small_moving_part_is_enlarged(tmp_path: Path) -> None:
+    """A square of a pixel's size, beside a large body at rest."""
+    wide, side = 100.0, 0.4
+    low = np.array([[0.0, 0.0], [wide, 0.0]])
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    squares = corners * [wide, 0.4 * wide] + low[0], corners * side + low[1]
+    half = {
+        "vertices": np.concatenate(squares),
+        "cells": np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
+        "cone": np.zeros(4, dtype=int),
+        "velocity": np.repeat([[0.0, 0.0], [1.0, 0.0]], 6, axis=0),
+        "nodes": np.repeat([0, 6], 2)[:, None] + np.arange(6),
+    }
+    with h5py.File(tmp_path / "bounds.h5", "w") as file:
+        for name, values in half.items():
+            file[f"upper/{name}"] = values
+    draw(tmp_path / "bounds.h5", tmp_path / "picture.png")
+    with Image.open(tmp_path / "picture.png") as image:
+        pixels = np.asarray(image.convert("RGB"))
+    assert (pixels == COLOURS[-1]).all(axis=2).sum() > 100
+    assert (pixels == COLOURS[0]).all(axis=2).sum() > 100
+
+
 @alone
 def test_the_page_filters_rows_by_verdict(tmp_path: Path, browser: Any) -> None:
     """The site turns tables into HTML and loads ``tribunal.js``, as here."""
