@@ -159,6 +159,7 @@ def test_a_face_offers_the_name_that_it_shares(made: Path, browser: Any) -> None
     assert page(offered) == []
     page.press(*ones, shared)
     assert page.part("chosen").text == "Chosen: part_2_y_high"
+    assert page("document.activeElement.id") == "clear"
     assert shared not in page(offered)
 
 
@@ -1170,6 +1171,7 @@ def test_all_loads_become_constant_for_the_factor_of_safety(
     page.press(button)
     page.wait(COMPLETE)
     assert page.part("done").text == "All loads are constant now: constant = true for 3 of them."
+    assert page("document.activeElement.id") == "left-h"
     case.write_text(page.case, encoding="utf-8")
     loads = tomllib.loads(page.case)
     assert [one["constant"] for one in [*loads["load"], loads["gravity"]]] == [True] * 3

@@ -157,6 +157,7 @@ function offerWider() {
     button.addEventListener("click", () => {
       setup.faces.filter((face) => faces.includes(face.number)).forEach((face) => chosen.delete(face.name));
       toggle(name);
+      part("clear").focus(); // this button is gone
     });
     return button;
   }));
@@ -392,7 +393,7 @@ const isOneLoad = () => !part("together").hidden && part("one-load").value === "
 
 /** The name that the case has for just the chosen faces; undefined without one. */
 const nameOfChosen = () => (parsed?.value.geometry?.face ?? []).find?.(({ faces }) =>
-  faces?.length === chosen.size && faces.every((name) => chosen.has(name)))?.name;
+  Array.isArray(faces) && faces.length === chosen.size && faces.every((name) => chosen.has(name)))?.name;
 
 /** What is wrong with a name for the chosen faces, in words; "" if nothing is. */
 function nameFault(name) {
@@ -957,6 +958,7 @@ function showFaults(cards) {
     }
     part(`${idOf(table)}-legend`).textContent = cardWords(table);
   }
+  const focused = part("left").contains(document.activeElement);
   part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check performs all other tests." }])
     .map(({ words, id, loose, remedy }) => {
       const target = id && document.getElementById(id);
@@ -971,6 +973,7 @@ function showFaults(cards) {
       if (remedy) item.append(" ", remedyButton(remedy));
       return item;
     }));
+  if (focused) (part("left").querySelector("button") ?? part("left-h")).focus({ preventScroll: true });
   part("text").setAttribute("aria-invalid", String(Boolean(parsed.fault)));
   for (const id of ["add-button", "ask-button"]) part(id).disabled = Boolean(parsed.fault);
   const open = lines.filter((line) => !line.loose).length;
