@@ -69,6 +69,7 @@ from .problem.judged.state import Level as Level
 from .problem.judged.state import LoadingPath as LoadingPath
 from .problem.judged.state import State as State
 from .problem.problem import Problem as Problem
+from .problem.problem_builder import ProblemBuilder as ProblemBuilder
 from .solvers.augmented_lagrangian import AugmentedLagrangian as AugmentedLagrangian
 from .solvers.augmented_lagrangian import AugmentedLagrangianOptions as AugmentedLagrangianOptions
 from .solvers.load_stepping import load_path as load_path
@@ -78,4 +79,5 @@ from .solvers.newton import Newton as Newton
 from .solvers.newton import WorkNewton as WorkNewton
 from .solvers.newton_options import NewtonOptions as NewtonOptions
 from .solvers.stage_stepping import stage_path as stage_path
+from .spatial_fields import field_of as field_of
 from .units import Units as Units

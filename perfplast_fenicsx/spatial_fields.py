@@ -18,6 +18,9 @@ from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.formulas import ROUNDING, Pair, check, enclosed, evaluate
 from perfplast_fenicsx.point_net import Triangulation, read_vtu_points
 
+if TYPE_CHECKING:
+    from dolfinx import fem
+
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialField:
@@ -305,6 +308,45 @@ def read_vtu(path: Path, name: str) -> PointValues:
             )
         points = np.ascontiguousarray(points[:, :2])
     return PointValues(Triangulation(path.name, points, found.values, found.cells))
+
+
+def field_of(function: "fem.Function") -> PointValues:
+    """Return the field of a DOLFINx function, such as a temperature or a pressure. Collective.
+
+    Each rank stores the whole function, so the field may be evaluated on other meshes.
+
+    Args:
+        function: Continuous scalar function of degree 1 on straight triangles or tetrahedra.
+
+    Raises:
+        InputError: On every rank, if the function is of another kind or has a value that is not
+            finite.
+    """
+    import basix.ufl  # slow to import, and only scripts have functions
+
+    space, mesh = function.function_space, function.function_space.mesh
+    element = space.ufl_element()
+    straight = mesh.geometry.cmap.degree == 1 and mesh.topology.cell_name() in SIMPLICES
+    if not straight or element != basix.ufl.element("Lagrange", mesh.basix_cell(), 1):
+        raise InputError(
+            f"'{function.name}' is a function of {element}, but a field needs a continuous scalar "
+            "function of degree 1 on straight simplices; interpolate it into "
+            "functionspace(mesh, ('Lagrange', 1))."
+        )
+    index_map, topology = space.dofmap.index_map, mesh.topology
+    own = index_map.size_local
+    cells = space.dofmap.list[: topology.index_map(topology.dim).size_local]
+    points = space.tabulate_dof_coordinates()[:own, : mesh.geometry.dim]
+    numbers = index_map.local_to_global(cells.ravel()).reshape(cells.shape)
+    parts = mesh.comm.allgather((points, function.x.array[:own], numbers.astype(np.int64)))
+    every = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    if not np.isfinite(every[1]).all():
+        raise InputError(f"'{function.name}' has a value that is not finite; correct the function.")
+    return PointValues(Triangulation(function.name, *every))
+
+
+SIMPLICES = ("triangle", "tetrahedron")
+"""Cells on which :func:`field_of` accepts functions."""
 
 
 def spatial_field(value: object, folder: Path) -> SpatialField:

@@ -94,7 +94,7 @@ def test_example(
 
 @pytest.mark.serial
 def test_examples_are_short_and_in_the_gallery() -> None:
-    assert len(examples.EXAMPLES) == 10
+    assert len(examples.EXAMPLES) == 11
     for example in examples.EXAMPLES:
         text = example.read_text(encoding="utf-8")
         assert 40 <= len(text.splitlines()) <= 100

@@ -30,6 +30,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, LawOnCells, integrate
 from perfplast_fenicsx.problem.assembled.spaces import Integral, Spaces, coordinates_of_points
 from perfplast_fenicsx.problem.declared.initial import Bolt, Initial, InitialStress, Temperature
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 
 def initial_strain(
@@ -52,7 +53,7 @@ def initial_strain(
     if not given:
         return None
     S, comm = spaces.S, tagged_mesh.mesh.comm
-    width = S.dofmap.index_map_bs
+    width, gdim = S.dofmap.index_map_bs, tagged_mesh.mesh.geometry.dim
     stress, strain = fem.Function(S), fem.Function(S)
     thermal: Floats = np.zeros((len(strain.x.array) // width, width))
     before = np.zeros_like(thermal)
@@ -63,7 +64,7 @@ def initial_strain(
         points = np.unique(S.dofmap.list[tagged_mesh.cells(one.on)])
         try:
             if isinstance(one, Temperature):
-                thermal[points, :3] += _expansion(materials, one, x, points)
+                thermal[points, :3] += _expansion(materials, one, x, points, gdim)
             elif isinstance(one, InitialStress):
                 before[points] += _mandel(one, x, points, width)
         except InputError as error:
@@ -76,7 +77,7 @@ def initial_strain(
 
 
 def _expansion(
-    materials: Mapping[str, Material], given: Temperature, x: Floats, points: Ints
+    materials: Mapping[str, Material], given: Temperature, x: Floats, points: Ints, gdim: int
 ) -> Floats:
     """Return the thermal strain a T at points, shape (num_points, 1)."""
     expansion = float(getattr(materials.get(given.on), "expansion", 0.0))
@@ -85,7 +86,11 @@ def _expansion(
             f"the temperature of '{given.on}' changes, but its material has no expansion; "
             "give the material one, such as expansion = 1.2e-5."
         )
-    change = evaluate(given.change, x[points], f"the temperature of '{given.on}'")
+    place = f"the temperature of '{given.on}'"
+    if isinstance(given.change, SpatialField):
+        change = given.change.at(x[points, :gdim], place)
+    else:
+        change = evaluate(given.change, x[points], place)
     return expansion * change[:, None]
 
 

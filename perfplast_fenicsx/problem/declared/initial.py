@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from perfplast_fenicsx.errors import InputError, check_magnitude
 from perfplast_fenicsx.problem.declared.loads import Formula
+from perfplast_fenicsx.spatial_fields import SpatialField
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,12 @@ class Temperature:
 
     Args:
         on: Physical name of the volume, whose material must have an ``expansion``.
-        change: The change (temperature): a number, or a formula in x, y, z.
+        change: The change (temperature): a number, a formula in x, y, z, or a field.
         name: Name in stages; by default ``on``.
     """
 
     on: str
-    change: Formula
+    change: Formula | SpatialField
     name: str = ""
 
 

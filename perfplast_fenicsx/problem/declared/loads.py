@@ -20,8 +20,11 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError, place_of
 from perfplast_fenicsx.formulas import enclosed
+from perfplast_fenicsx.spatial_fields import SpatialField, field_of
 
 if TYPE_CHECKING:
+    from dolfinx import fem
+
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
@@ -239,6 +242,25 @@ class PorePressure(SpreadLoad):
             )
         return value * divergence(tagged_mesh.kinematics, v)
 
+    @classmethod
+    def from_function(
+        cls, on: str, function: "fem.Function", name: str = "", constant: bool = True
+    ) -> "FieldPores":
+        """Return the pore pressure that a DOLFINx function has. Collective.
+
+        Args:
+            on: Physical name of the volume.
+            function: Continuous pressure (stress) of degree 1, on the mesh of the bodies or on a
+                mesh whose cells contain the cells of the bodies.
+            name: Name in messages.
+            constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+
+        Raises:
+            InputError: As for ``field_of``.
+        """
+        field = LinearInCells(field_of(function))
+        return FieldPores(on, f"the function '{function.name}'", name, constant, field)
+
     def at_corners(self, corners: Floats) -> Floats | None:
         """Return the values of a cellwise linear pressure at the vertices, shape (n, d + 1).
 
@@ -259,6 +281,35 @@ class CellField(Protocol):
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).
         """
+
+
+@dataclass(frozen=True)
+class LinearInCells:
+    """A field that is evaluated only where it is linear in cells.
+
+    Args:
+        field: The field.
+    """
+
+    field: SpatialField
+
+    def at_corners(self, corners: Floats) -> Floats:
+        """Return the values of the field at the vertices of cells, shape (n, d + 1).
+
+        Args:
+            corners: Vertices of the cells, shape (n, d + 1, d).
+
+        Raises:
+            InputError: If the field is not linear in a cell, or has no value in it.
+        """
+        low, high = self.field.between(corners, "the pore pressure")
+        if (low != high).any():
+            where = place_of(corners.mean(axis=1)[np.argmax((low != high).any(axis=1))])
+            raise InputError(
+                f"the pore pressure of {self.field.in_words()} is not linear in the cell at "
+                f"{where}; give a function on the mesh of the bodies."
+            )
+        return low
 
 
 @dataclass(frozen=True)
