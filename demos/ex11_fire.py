@@ -1,4 +1,4 @@
-"""Steel beside a fire: the strength follows a temperature that DOLFINx computes.
+"""Steel beside a fire: the strength follows the temperature.
 
 DOLFINx solves the heat equation in a bar, whose yield stress decreases with temperature. Plates
 that do not rotate pull the bar.
