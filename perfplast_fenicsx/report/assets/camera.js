@@ -1,9 +1,9 @@
-// From where the bodies are seen: parallel projection, z (in the plane y) upwards.
+// The camera: parallel projection, with z (in the plane, y) upwards.
 
 class Camera {
   /**
-   * Look at points, those of a plane mesh from the front, with some room (length) around them, and
-   * at the ends of what is drawn beside them.
+   * Look at points, of a plane mesh from the front, with a margin (length) around them, and at the
+   * ends of arrows and marks beside them.
    */
   constructor(points, plane, room, beside) {
     Object.assign(this, { plane, room });
@@ -22,7 +22,7 @@ class Camera {
     this.reset();
   }
 
-  /** Look at all of it, as at first or from a side (degrees). */
+  /** Look at everything, from the first direction or from a side (degrees). */
   reset(azimuth = this.plane ? -90 : -60, elevation = this.plane ? 90 : 25) {
     Object.assign(this, { azimuth, elevation });
     this.zoom = 1;
@@ -33,7 +33,7 @@ class Camera {
     this.extent = this.axes.slice(0, 2).map(reach);
   }
 
-  /** Another camera, which looks at all of it from a side. */
+  /** Return another camera, which looks at everything from a side. */
   seenFrom(azimuth, elevation) {
     const other = Object.assign(Object.create(Camera.prototype), this);
     other.reset(azimuth, elevation);
@@ -53,7 +53,7 @@ class Camera {
     this.elevation = Math.max(-90, Math.min(90, this.elevation + up));
   }
 
-  /** Move by shares of half the height of a picture. */
+  /** Move by multiples of half the picture's height. */
   pan(right, up, width, height) {
     const [u, v] = this.axes;
     const length = this.half(width, height);
@@ -64,7 +64,7 @@ class Camera {
     this.zoom = Math.max(0.2, Math.min(200, this.zoom * factor));
   }
 
-  /** Half the height of what a picture of some shape shows. */
+  /** Half the height of the region that a picture with an aspect ratio shows. */
   half(width, height) {
     const [across, up] = this.extent;
     return (1.05 * Math.max(up, (across * height) / width, 1e-3 * this.radius)) / this.zoom;

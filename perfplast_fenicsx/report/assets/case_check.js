@@ -1,12 +1,12 @@
-// What is wrong or missing in a case, in words: by its JSON Schema, and by what the drawing has.
+// The faults of a case in words, from its JSON Schema and from the names in the drawing.
 
-/** A schema without choices, of the shape that a value has. */
+/** Return a schema with its conditions and allOf resolved for a value. */
 function resolved(schema, value) {
   let found = { ...schema, properties: { ...schema.properties } };
   const join = (part) => {
     const other = resolved(part, value);
     const mine = found.properties;
-    // A key that decides which shape the value has, such as law, keeps all of its choices.
+    // A key that selects the alternative, such as law, keeps all of its choices.
     const theirs = Object.entries(other.properties).filter(([key, one]) => !("const" in one && mine[key]?.enum));
     found = {
       ...found, ...other,
@@ -29,7 +29,7 @@ function schemaAt(schema, path, value) {
   return resolved(schema, value);
 }
 
-/** The schema of a key of a table; undefined where the table does not know the key. */
+/** The schema of a key of a table; undefined if the table does not have the key. */
 const keySchema = (schema, key) => schema.properties[key]
   ?? (typeof schema.additionalProperties === "object" ? schema.additionalProperties : undefined);
 
@@ -41,7 +41,7 @@ const TYPE_WORDS = {
   array: "a list", object: "a table",
 };
 
-/** The plain kinds of value that a schema accepts. */
+/** The simple types of value that a schema accepts. */
 function kindsOf(schema) {
   if (schema.anyOf) return schema.anyOf.flatMap(kindsOf);
   if (schema.enum || "const" in schema) return ["enum"];
@@ -51,7 +51,7 @@ function kindsOf(schema) {
 const choicesOf = (schema) => schema.enum ?? ("const" in schema ? [schema.const] : null)
   ?? (schema.anyOf ?? []).flatMap((one) => choicesOf(one) ?? []);
 
-/** What a schema accepts, in words. */
+/** The values that a schema accepts, in words. */
 function expected(schema) {
   if (["number", "string"].every((kind) => kindsOf(schema).includes(kind))) return "a number or a formula";
   if (schema.anyOf) return [...new Set(schema.anyOf.map(expected))].join(" or ");
@@ -65,7 +65,7 @@ function expected(schema) {
   return TYPE_WORDS[schema.type] ?? "another value";
 }
 
-/** Return the nearest of some names, if it is near. */
+/** Return the most similar one of some names if it is similar enough. */
 function nearest(name, names) {
   const distance = (a, b) => {
     let row = [...b].map((_, k) => k + 1);
@@ -85,7 +85,7 @@ function nearest(name, names) {
   return best && best[0] <= Math.max(2, name.length / 3) ? best[1] : null;
 }
 
-/** Faults of a value by a JSON Schema: path and words of each. */
+/** Faults of a value according to a JSON Schema: the path and words of each. */
 function faultsBySchema(value, schema, path) {
   const fault = (words, at = path) => ({ path: at, words });
   const found = [];
@@ -156,7 +156,7 @@ const RANGES = {
   poisson: (value) => (value > -1 && value < 0.5 ? "" : "is not between −1 and 0.5"),
 };
 
-/** Tables of numbers, each of which has the range of the whole table. */
+/** Tables of numbers with one range for all of them. */
 const OF_NUMBERS = ["density", "sizes", "strength"];
 
 /** Return what is wrong with the range of a key's value, or "". */
@@ -195,7 +195,7 @@ function formulaFault(text, unit) {
   return /[\d\w)]/.test(text) ? "" : `'${text}' is neither a number nor a formula`;
 }
 
-/** What the drawing has and a case may name. */
+/** The names in the drawing that a case can use. */
 class Drawn {
   constructor(setup) {
     Object.assign(this, setup);
@@ -210,7 +210,7 @@ class Drawn {
     this.surfaces = Object.fromEntries([...faces, ...sets, ...joints]);
   }
 
-  /** Surfaces with those that the case itself names. */
+  /** Surfaces, including those that the case itself names. */
   surfacesOf(value) {
     const found = { ...this.surfaces };
     for (const axis of Object.keys(value.geometry?.symmetry ?? {})) found[`symmetry_${axis}`] = { bodies: [], faces: [] };
@@ -230,7 +230,7 @@ const tableWords = (path, number) => {
   return number === null || number === undefined ? `[${name}]` : `[[${name}]] ${number + 1}`;
 };
 
-/** Faults of a whole case: `path`, `words`, whether something is only loose, and the name of a remedy. */
+/** Faults of a whole case: `path`, `words`, `loose` for mere warnings, and the name of a remedy. */
 function faultsOfCase(value, schema, drawn) {
   const found = faultsBySchema(value, schema, []);
   const add = (path, words, loose = false, remedy = null) => found.push({ path, words, loose, remedy });
@@ -245,7 +245,7 @@ function faultsOfCase(value, schema, drawn) {
     const inside = typeof one === "object" && !Array.isArray(one) && !OF_NUMBERS.includes(key);
     if (inside) ranges(one, [...path, key]);
     const words = inside ? "" : outOfRange(key, one);
-    // A first case has 0 or nan for numbers that are to be given.
+    // A first case contains 0 or nan in place of numbers that the user must give.
     const toGive = path[0] === "material" && (Number.isNaN(one) || (key === "young" && one === 0));
     if (words) add([...path, key], toGive ? `${words}; give it, or choose a material from the library` : words);
   });
@@ -322,7 +322,7 @@ const loadNames = (value) => [
   ...(value.water || value.seepage ? ["water"] : []), ...(value.earthquake ? ["earthquake"] : []),
 ].filter(Boolean);
 
-/** Faults of combinations beside their schema. */
+/** Faults of combinations that the schema does not find. */
 function combinationFaults(value, rows, add) {
   const names = loadNames(value);
   rows("combination").forEach(({ name, factors }, k) => {
@@ -337,7 +337,7 @@ function combinationFaults(value, rows, add) {
   });
 }
 
-/** Faults of a load beside its schema. */
+/** Faults of a load that the schema does not find. */
 function loadFaults(row, k, drawn, add, unknown, surfaces) {
   const kinds = LOAD_KINDS.filter((kind) => kind in row);
   const inBody = kinds.some((kind) => IN_BODIES.includes(kind));
@@ -365,7 +365,7 @@ const growingLoads = ({ load, gravity }) => [
   ...(gravity?.constant === false ? [["gravity"]] : []),
 ];
 
-/** Faults of what is asked. */
+/** Faults of the question in [loading]. */
 function loadingFaults(value, rows, add) {
   const { control = "load", values, until } = value.loading ?? {};
   const growing = growingLoads(value);
@@ -389,7 +389,7 @@ function loadingFaults(value, rows, add) {
   }
 }
 
-/** What holds no body, and what touches without a word in the case. */
+/** Bodies that nothing holds, and touching surfaces that the case does not mention. */
 function holdFaults(value, rows, surfaces, drawn, add) {
   const said = [...rows("contact"), ...rows("tie")].flatMap((row) => [row.primary, row.secondary]);
   for (const { surfaces: [one, other], glued } of drawn.joints) {

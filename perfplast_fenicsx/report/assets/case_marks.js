@@ -8,14 +8,14 @@ const TICK_LENGTH = 0.02;
 const HEAD_SHARE = 0.25;
 const MARKS_OF_FACE = 12;
 const RING = 8; // arrows around a bore
-const FREE_SHARE = 0.42; // of the distance to the opposite wall, as the length of an arrow from within
+const FREE_SHARE = 0.42; // length of an arrow inside a bore, relative to the distance to the opposite wall
 
 const plus = (a, b, factor = 1) => a.map((one, k) => one + factor * b[k]);
 const norm = (a) => Math.hypot(...a);
 const cross = (a, b) => [0, 1, 2].map((k) => a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]);
 const unit = (a) => a.map((one) => one / (norm(a) || 1));
 
-/** Any unit vector across another one. */
+/** A unit vector perpendicular to another one. */
 const across = (a) => unit(cross(a, Math.abs(a[2]) < 0.9 * norm(a) ? [0, 0, 1] : [0, 1, 0]));
 
 const FUNCTIONS = {
@@ -74,7 +74,7 @@ function valueAt(given, point) {
   return Number.isFinite(found) ? found : 0;
 }
 
-/** The direction to which the normals of parts of a face are most nearly normal: a cylinder's axis. */
+/** The direction most nearly perpendicular to all normals of a face: a cylinder's axis. */
 function leastAlong(parts) {
   const area = parts.reduce((sum, { size }) => sum + size, 0);
   // powers of I - M, with the mean M of n n', have the direction of its largest eigenvalue
@@ -122,7 +122,7 @@ class MarkedFaces {
     });
   }
 
-  /** Places on faces: `{ point, normal }`. */
+  /** Points on faces: `{ point, normal }`. */
   places(faces) {
     const parts = faces.flatMap((face) => this.ofFace.get(face)?.parts ?? []);
     const step = parts.reduce((sum, { size }) => sum + size, 0) / MARKS_OF_FACE;
@@ -187,7 +187,7 @@ class MarkedFaces {
     return found;
   }
 
-  /** Places of the arrows of a pressure: `{ point, normal, room }`, with the free distance outwards. */
+  /** Points of the arrows of a pressure: `{ point, normal, room }`, with the free distance outwards. */
   pressedPlaces(faces) {
     const key = faces.join();
     if (!this.pressed.has(key)) {
@@ -201,7 +201,7 @@ class MarkedFaces {
     return this.pressed.get(key);
   }
 
-  /** The distance from a place on a face outwards to the next face. */
+  /** The distance from a point on a face outwards to the next face. */
   freeDistance({ point, normal }) {
     const { points, triangles } = this.mesh;
     let nearest = Infinity;

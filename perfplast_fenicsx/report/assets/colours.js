@@ -1,4 +1,4 @@
-// Colours of fields and of bodies; both can be told apart by those who see few colours.
+// Colours of fields and of bodies; colour-blind readers can distinguish both.
 
 /** Viridis, from low to high, as [red, green, blue] of 255. */
 const SCALE = [

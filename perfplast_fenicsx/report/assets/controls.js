@@ -1,9 +1,9 @@
-// What stands below the picture, and what is written on it.
+// The controls below the picture, and the texts on it.
 
 const part = (id) => document.getElementById(id);
 const data = JSON.parse(part("data").textContent);
 
-/** Axes as lines from the middle, those that point away from the eye pale. */
+/** Axes as lines from the middle; those that point away from the viewer are pale. */
 function drawAxes(camera) {
   const [u, v, w] = camera.axes;
   const names = data.axisymmetric ? ["r", "z"] : data.plane ? ["x", "y"] : ["x", "y", "z"];
@@ -164,7 +164,7 @@ function connect(viewer) {
   });
   const first = states.findIndex((state) => state.mechanism);
   const known = fields.filter((field) => field.name in data.states.at(-1).fields);
-  // Stresses of a limit load are one choice of many where nothing flows: its flow is the result.
+  // Where nothing flows, the stresses of a limit load are not unique: its velocity is the result.
   const flow = known.find((field) => field.name === "dissipation");
   viewer.field = (data.states.at(-1).mechanism && flow) || known[0] || null;
   part("field").value = viewer.field?.name ?? "";
@@ -175,7 +175,7 @@ function connect(viewer) {
   });
 }
 
-// Paper shows what is folded on the screen.
+// Printed pages show the parts that are folded on the screen.
 const folded = () => document.querySelectorAll("details:not(#keys):not([open])");
 let unfolded = [];
 window.addEventListener("beforeprint", () => {

@@ -1,4 +1,4 @@
-// Arrays as the page has them: packing.py says how they were packed.
+// Read the packed arrays of the page; packing.py describes how they are packed.
 
 const TYPES = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array };
 
@@ -25,7 +25,7 @@ async function numbers(packed) {
   return Float32Array.from(await integers(packed), (value) => low + step * value);
 }
 
-/** Three arrays of coordinates as one of points. */
+/** Join three arrays of coordinates to one array of points. */
 async function vectors(axes) {
   const [x, y, z] = await Promise.all(axes.map(numbers));
   const points = new Float32Array(3 * x.length);

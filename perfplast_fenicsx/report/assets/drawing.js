@@ -1,11 +1,11 @@
 // Draws triangles and lines, body by body, and finds the triangle at a pixel.
 
-const MANY = 20000; // triangles from which on a machine without a graphics card stutters
-const FEW = 6000; // triangles that it turns instead
+const MANY = 20000; // most triangles that a machine without a graphics card turns smoothly
+const FEW = 6000; // triangles that it turns instead of more
 
 /**
- * Return fewer triangles of the same bodies, for the time in which they turn: corners in one cube of
- * a grid become one. `corners` are those of the mesh that remain, `points` where each is drawn.
+ * Return fewer triangles of the same bodies, to draw while they turn: all corners in one cube of a
+ * grid become one. `corners` are the remaining corners of the mesh, `points` their drawn positions.
  */
 function coarsened(mesh) {
   const { points, triangles, triangleStarts } = mesh;
@@ -63,7 +63,7 @@ class Drawing {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  /** Buffers of corners, each with a place, a motion and a value of its own. */
+  /** Buffers of corners, each with its own position, motion and value. */
   bundle(corners) {
     const { gl } = this;
     const bundle = { corners, array: gl.createVertexArray(), buffers: [] };
@@ -79,7 +79,7 @@ class Drawing {
     return bundle;
   }
 
-  /** Take other marks: of each its colour and the coordinates of the ends of its lines. */
+  /** Take other marks: for each, its colour and the coordinates of the ends of its lines. */
   setMarks(kinds) {
     const { gl } = this;
     for (const { array, buffers } of this.marks) {
@@ -130,7 +130,7 @@ class Drawing {
     this.gl[`uniform${kind}`](this.places[name], ...values);
   }
 
-  /** Draw what `look` says: camera, amount, cut, field, range, hidden, picked, meshed, turning. */
+  /** Draw with the settings in `look`: camera, amount, cut, field, range, hidden, picked, meshed, turning. */
   draw(look) {
     const { gl, canvas, mesh } = this;
     const { width, height } = canvas;
@@ -187,7 +187,7 @@ class Drawing {
     }
   }
 
-  /** The triangle at a place of the picture, in lengths right and up from its middle; −1 for none. */
+  /** The triangle at a point of the picture, in lengths right and up from its middle; −1 for none. */
   pick(look, right, up) {
     const { mesh: { points, triangles, triangleStarts }, motion } = this;
     const { axes, centre } = look.camera;

@@ -1,6 +1,6 @@
 // Mouse, fingers and keys on the picture.
 
-const CLICK = 5; // pixels that a click may move
+const CLICK = 5; // pixels that the pointer may move during a click
 
 /** Turn, move, zoom and pick by pointers. */
 function followPointers(viewer, onPick) {
@@ -50,7 +50,7 @@ function followPointers(viewer, onPick) {
   }, { passive: false });
 }
 
-/** Turn, move and zoom by keys; `others` are what further keys do. */
+/** Turn, move and zoom by keys; `others` contains the actions of further keys. */
 function followKeys(viewer, others) {
   const { canvas, camera } = viewer;
   const arrows = {

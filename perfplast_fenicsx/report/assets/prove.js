@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  // Prove the bounds again, in another thread, from the numbers that the page has.
+  // Prove the bounds again, in another thread, from the numbers in the page.
   const text = (id) => document.getElementById(id).textContent;
   const numbers = JSON.parse(text("proof-numbers"));
   const button = document.getElementById("prove");

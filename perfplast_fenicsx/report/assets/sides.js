@@ -1,11 +1,11 @@
-// Small pictures of the bodies from other sides, which paper has beside the large one.
+// Small pictures of the bodies from other sides, printed beside the large one.
 
 const SIDES = [["oblique", -60, 25], ["from −y", -90, 0], ["from +x", 0, 0], ["from above", -90, 90]];
 const SIDE_PIXELS = [560, 420];
-const REST = 300; // ms without a change until they are drawn anew
+const REST = 300; // ms without a change until they are redrawn
 
 class Sides {
-  /** Make a button for each, which turns the large picture to that side. */
+  /** Make a button for each picture, which turns the large picture to its side. */
   constructor(viewer, place) {
     this.viewer = viewer;
     this.pictures = SIDES.map(([words, ...angles]) => {
@@ -22,7 +22,7 @@ class Sides {
     window.addEventListener("beforeprint", () => this.draw());
   }
 
-  /** Draw them once nothing has changed for a while. */
+  /** Draw the pictures when nothing has changed for a while. */
   later() {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.draw(), REST);

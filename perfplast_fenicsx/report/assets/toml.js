@@ -1,4 +1,4 @@
-// Case files: TOML text as tables with the places of their values, so that edits keep comments.
+// Case files: TOML text as tables with the positions of their values, so that edits keep comments.
 
 class CaseFault extends Error {
   constructor(words, line) {
@@ -40,7 +40,7 @@ class TomlReader {
     }
   }
 
-  /** Skip what may follow a value in its line. */
+  /** Skip blanks and a comment after a value in its line. */
   endOfLine() {
     this.spaces();
     if (this.peek() === "#") while (this.at < this.text.length && this.peek() !== "\n") this.at++;
@@ -248,7 +248,7 @@ const spliced = (text, from, to, put) => text.slice(0, from) + put + text.slice(
 
 const ended = (text) => (text === "" || text.endsWith("\n") ? text : `${text}\n`);
 
-/** The text with a value of a table, as TOML; `# <-` beside an old one is no longer true. */
+/** The text with a new value in a table, as TOML; `# <-` beside the old value is removed. */
 function withKey(text, table, key, toml) {
   const place = table.keys[key];
   if (place?.dotted) throw new CaseFault(`'${key}' has dots in the file; change it in the text`, 0);

@@ -1,9 +1,9 @@
-// The bodies at a step: what is shown, how it is turned, and what is picked.
+// The bodies at a step: the shown field and bodies, the view, and the picked body.
 
 const ENLARGED = 0.12; // the largest motion, as a share of the size of the bodies
-const TURNING = 250; // ms after which a camera that was moved rests
+const TURNING = 250; // ms after the last motion of the camera until it rests
 const SLOW = 24; // ms between frames from which a large mesh turns with half as many pixels a side
-const COLLAPSING = 0.06; // that of a mechanism, which may be of a small part
+const COLLAPSING = 0.06; // the same for a mechanism, in which only a small part may move
 
 class Viewer {
   constructor(canvas, data, mesh, changed) {
@@ -25,7 +25,7 @@ class Viewer {
     this.watchPixels();
   }
 
-  /** Redraw whenever the pixels of the screen become smaller or larger, as on another screen. */
+  /** Redraw whenever the size of the screen's pixels changes, for example on another screen. */
   watchPixels() {
     const now = matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`);
     const changed = () => { this.watchPixels(); this.redraw(); };
@@ -43,7 +43,7 @@ class Viewer {
     return new Viewer(canvas, data, { ...data, points, triangles, lines, faces, marks }, changed);
   }
 
-  /** How often larger than it is the motion is shown, at share 1. */
+  /** The magnification of the motion at share 1. */
   get enlargement() {
     const alike = this.data.states.filter((a) => a.mechanism === this.state.mechanism);
     const largest = Math.max(...alike.map((a) => a.largest));
@@ -56,7 +56,7 @@ class Viewer {
     return (100 * this.share * this.enlargement * this.state.largest) / this.data.size;
   }
 
-  /** Show a state; of several that are asked for the last one. */
+  /** Show a state; if several are requested, the last one. */
   async show(number) {
     const asked = ++this.asked;
     const state = this.data.states[number];
@@ -76,7 +76,7 @@ class Viewer {
     if (asked === this.asked) this.take(values);
   }
 
-  /** A value for each corner of triangles; null where the state has no such field. */
+  /** A value for each corner of triangles; null if the state has no such field. */
   async valuesOf(state, field) {
     const found = field && state.fields[field.name];
     if (!found) return null;
@@ -110,7 +110,7 @@ class Viewer {
   turned() {
     const now = performance.now();
     const since = this.look.turning ? now - this.lastTurn : 0;
-    if (since) this.pace += 0.2 * (Math.min(since, 4 * SLOW) - this.pace); // a hand may pause
+    if (since) this.pace += 0.2 * (Math.min(since, 4 * SLOW) - this.pace); // the user may pause
     this.lastTurn = now;
     this.look.turning = true;
     clearTimeout(this.rest);
@@ -130,7 +130,7 @@ class Viewer {
     });
   }
 
-  /** Draw at once, as for paper, which waits for no frame. */
+  /** Draw at once, for example for printing, which does not wait for a frame. */
   paint() {
     this.fit();
     this.look.amount = this.amount;
@@ -139,13 +139,13 @@ class Viewer {
     this.changed(this);
   }
 
-  /** By what the motion is multiplied. */
+  /** The factor that multiplies the motion. */
   get amount() {
     if (!this.state) return 0;
     return this.share * this.enlargement * (this.state.mechanism ? this.phase : 1);
   }
 
-  /** Where the largest value of the bodies that are shown is: place (CSS pixels) and value, or null. */
+  /** The largest value of the shown bodies: its position (CSS pixels) and value, or null. */
   get largest() {
     const { values, motion, mesh, look, camera, canvas } = this;
     if (!values) return null;
@@ -168,7 +168,7 @@ class Viewer {
     };
   }
 
-  /** Have as many pixels as the screen; half as many a side where a large mesh turned slowly. */
+  /** Use as many pixels as the screen, or half as many per side after a large mesh has turned slowly. */
   fit() {
     const { canvas } = this;
     this.coarse ||= this.pace > SLOW && this.drawing.few !== null;
@@ -199,7 +199,7 @@ class Viewer {
     this.redraw();
   }
 
-  /** What is at a place of the canvas (CSS pixels): the body and the value, or null. */
+  /** The body and the value at a point of the canvas (CSS pixels), or null. */
   pick(x, y) {
     const { canvas, look, mesh } = this;
     const { clientWidth: width, clientHeight: height } = canvas;
