@@ -133,6 +133,9 @@ def test_a_click_chooses_a_face(made: Path, browser: Any) -> None:
         shift = -60 if down == 0 else 60
         ActionChains(browser).move_to_element_with_offset(canvas, 0, shift).click().perform()
         page.wait(f"/^part_[12]_{up}: flat, area 1, centre .*; chosen$/.test({told})")
+        ActionChains(browser).move_by_offset(2, 0).perform()
+        page.wait("document.getElementById('canvas').title.startsWith('part_')")
+        assert f"_{up}: flat, area 1, centre" in page("document.getElementById('canvas').title")
     page.changed(before)
     assert len(page("document.querySelectorAll('[aria-pressed=true]')")) == 2
     page.press("Choose nothing")

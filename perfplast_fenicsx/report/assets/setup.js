@@ -1021,6 +1021,16 @@ document.addEventListener("drop", async (event) => {
   event.preventDefault();
   open(await file.text(), file.name);
 });
+let resting = null; // the pointer names the face on which it rests
+part("canvas").addEventListener("pointermove", ({ target, buttons, offsetX, offsetY }) => {
+  clearTimeout(resting);
+  target.title = "";
+  if (buttons || !painter) return;
+  resting = setTimeout(() => {
+    const triangle = painter.triangleAt(offsetX, offsetY);
+    target.title = (triangle >= 0 && data.faces.words[painter.mesh.faces[triangle]]) || "";
+  }, 150);
+});
 part("canvas").addEventListener("pick", ({ detail }) => (detail ? toggleFace(detail) : undefined));
 part("canvas").addEventListener("ready", async ({ detail }) => {
   painter = detail;

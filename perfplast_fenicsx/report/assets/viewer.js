@@ -199,12 +199,17 @@ class Viewer {
     this.redraw();
   }
 
+  /** The triangle at a point of the canvas (CSS pixels); −1 for none. */
+  triangleAt(x, y) {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const scale = this.camera.half(width, height) / (height / 2);
+    return this.drawing.pick(this.look, scale * (x - width / 2), scale * (height / 2 - y));
+  }
+
   /** The body and the value at a point of the canvas (CSS pixels), or null. */
   pick(x, y) {
-    const { canvas, look, mesh } = this;
-    const { clientWidth: width, clientHeight: height } = canvas;
-    const scale = this.camera.half(width, height) / (height / 2);
-    const triangle = this.drawing.pick(look, scale * (x - width / 2), scale * (height / 2 - y));
+    const { look, mesh } = this;
+    const triangle = this.triangleAt(x, y);
     const starts = mesh.triangleStarts;
     const face = triangle < 0 || !mesh.faces ? 0 : mesh.faces[triangle];
     look.picked = triangle < 0 || face > 0 ? -1 : starts.findIndex((a, k) => a <= triangle && triangle < starts[k + 1]);
