@@ -2,10 +2,10 @@
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
 Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound on the limit load of
-the discrete problem. Where the curve is nearly flat, the displacement increment is nearly a
-mechanism. The mechanism gives an upper bound of the discrete limit load, and the direction for the
-next extrapolation of the path. The search ends when both bounds agree. They are not bounds for the
-body itself.
+the discrete problem. If the curve is nearly flat, the displacement increment is nearly a mechanism.
+The mechanism gives an upper bound of the discrete limit load, and the direction for the next
+extrapolation of the path. The search ends when both bounds agree. They are not bounds for the body
+itself.
 
 With Coulomb's friction no limit theorem holds. In this case the module brackets the load at which
 the loading path loses equilibrium. The lower end of the bracket is the largest load factor at which

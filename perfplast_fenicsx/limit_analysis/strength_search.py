@@ -37,7 +37,7 @@ def strength_path(
     """Return F as a function of the work of all loads, until F has levelled off. Collective.
 
     Args:
-        problem: The bodies and their loads, all of which are constant.
+        problem: The bodies and their loads; all loads are constant.
         tolerance: Relative tolerance of F. F has levelled off if, by extrapolation with the last
             slope, doubling the work would raise F by at most a quarter of the tolerance.
         monitor: Called on every rank after each Newton step.

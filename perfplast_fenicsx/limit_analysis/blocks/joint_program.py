@@ -158,7 +158,7 @@ class _Edges:
         return cls(np.repeat(rubs, count), np.tile(angles, len(rubs)))
 
     def add(self, of: Longs, angle: Floats) -> int:
-        """Add those of the given edges that are new, and return their number."""
+        """Add the new edges among the given edges, and return the number of new edges."""
         angle = np.mod(angle, 2 * np.pi)
         near = 1e-7  # Angles that differ by less (in turns) count as equal.
         keys, wanted = (np.sort(self.of + self.angle / (2 * np.pi)), of + angle / (2 * np.pi))

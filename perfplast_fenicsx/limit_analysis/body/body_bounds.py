@@ -195,7 +195,7 @@ class BodyBounds(NotebookResult):
         steps: Number of steps of the interior point method for both bounds.
         factorisations: Number of factorisations for both bounds.
         advice: Advice for better bounds, in clauses.
-        weaker: The problem of the lower bound if its bodies differ from those of ``problem``.
+        weaker: The problem of the lower bound if its bodies differ from the bodies of ``problem``.
         taken: Idealisations of ground, surfaces, pore pressures and strengths, as clauses
             (:func:`taken_as`).
         joints: Proof by joint forces instead of a stress, for bodies that cannot yield.

@@ -1,7 +1,7 @@
 """Create the problems whose limit loads are bounded, and convert their results back.
 
-The limit loads of these bodies bound those of the declared bodies. The bodies differ from the
-declared ones for ground with ψ < φ, and for pore pressures with kinks in cells.
+The limit loads of these bodies bound the limit loads of the declared bodies. The bodies differ from
+the declared bodies for ground with ψ < φ, and for pore pressures with kinks in cells.
 
 The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If both
 surfaces lie on each other, the bodies do not change. Two polygons that approximate one curve
@@ -204,8 +204,8 @@ def with_divided_interfaces(problem: Problem) -> Problem:
     """Return the problem on a mesh with a node wherever the opposite surface has one. Collective.
 
     Facets that lie on each other then match, and the tractions and velocities of both sides can be
-    compared point by point. The attribute ``taken`` of the new mesh describes how its bodies differ
-    from the old ones.
+    compared point by point. The attribute ``taken`` of the new mesh describes the differences
+    between the new and the old bodies.
 
     Args:
         problem: The problem. It is returned unchanged in 3D, on curved cells, and if surfaces

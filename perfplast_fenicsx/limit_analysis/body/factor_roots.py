@@ -228,11 +228,11 @@ class FactorRoots:
 def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:
     """Return the F for the next mesh, from the results on the previous meshes.
 
-    The next F is the approximate root of the lower bound. It lies between the largest F at which
-    the bodies provably stand and the least F at which they provably fall. On coarse meshes this
-    root is closer to the root of the body than the root of the upper bound. On the last mesh it is
-    also nearly the final lower bound. On a mesh without a mechanism, F grows while the bodies
-    provably carry the loads. Otherwise F stays constant until finer cells have a mechanism.
+    The next F is the approximate root of the lower bound. The factor lies between the largest F at
+    which the bodies provably stand and the least F at which the bodies provably fall. On coarse
+    meshes this root is closer to the root of the body than the root of the upper bound. On the last
+    mesh it is also nearly the final lower bound. On a mesh without a mechanism, F grows while the
+    bodies provably carry the loads. Otherwise F stays constant until finer cells have a mechanism.
 
     Args:
         curves: Curves of the meshes so far.

@@ -5,7 +5,7 @@ A mesh should be fine across slip bands, which the velocity shows, and across th
 bending parts, which the stress shows. Along the bands and parts it may be coarse.
 
 For plane meshes, the module defines the length of edges by the change of the solution along them.
-In slip layers the velocity changes only across the layers. Where principal stresses rotate about a
+In slip layers, the velocity changes only across the layers. If principal stresses rotate about a
 point, they change only around the point. Cells that are long in the direction without change are
 equally good. Of two edges of equal length, the edge with the larger change is longer in this
 metric.
@@ -194,8 +194,8 @@ def edge_metric(found: BodyBounds) -> Floats | None:
     """Return a matrix M for each owned cell, with which an edge e has length √(e·M e). Collective.
 
     M = GᵀG + 3 SᵀS. G is the gradient of the mechanism in the middle of the cell, and S is the
-    gradient of the in-plane stress deviator. Each is scaled so that its largest squared singular
-    value is 1. An edge along which neither field changes is short.
+    gradient of the in-plane stress deviator. Both gradients are scaled to a largest squared
+    singular value of 1. An edge along which neither field changes is short.
 
     Args:
         found: Bounds on the mesh, with quadratic velocities on triangles.

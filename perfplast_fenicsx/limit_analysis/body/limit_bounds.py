@@ -104,7 +104,7 @@ def limit_bounds(
     bounds: a bound is strict only as far as the checker proves it.
 
     Args:
-        problem: The bodies and their loads; use quadratic elements, because linear ones lock.
+        problem: The bodies and their loads; use quadratic elements, because linear elements lock.
         rtol: Relative distance of each bound to the best of its kind on this mesh.
         monitor: Called on every rank after each step.
 

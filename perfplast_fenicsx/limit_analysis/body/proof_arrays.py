@@ -300,7 +300,7 @@ def half_arrays(
 
     Args:
         lower: The lower half, if there is one.
-        upper: The upper half, if there is one; its mesh may differ from that of the lower half.
+        upper: The upper half, if there is one; its mesh may differ from the lower half's mesh.
 
     Returns:
         Arrays and numbers, by half ("lower", "upper").

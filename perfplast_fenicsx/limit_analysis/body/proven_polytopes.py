@@ -78,7 +78,7 @@ def outer_along(sides: Floats, rays: Floats) -> Floats:
 
 
 def inner_along(points: Floats, rays: Floats) -> Floats:
-    """Return how far the convex hull of points reaches along rays; −inf if a ray misses the hull.
+    """Return the reach of the convex hull of points along rays; −inf if a ray misses the hull.
 
     Args:
         points: Points, shape (m, d), in any order. If all are in one plane (or on one line), only

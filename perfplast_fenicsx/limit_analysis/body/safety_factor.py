@@ -156,7 +156,7 @@ def factor_of_safety(
     """Return strict bounds on the factor of safety of permanent loads. Collective.
 
     Args:
-        problem: The bodies and their loads, all of which are constant.
+        problem: The bodies and their loads; all loads are constant.
         tolerance: Relative tolerance of the roots on their mesh.
         adaptation: When the sequence of meshes ends; the function seeks F again on each mesh. Its
             ``until`` refers to the gap of μ, which with friction changes more than F. None to use
@@ -389,7 +389,7 @@ def estimate_in_words(factor: float, times: float | None, cells: int) -> str:
     """Return an estimate of how many times the mesh carries the loads, in a sentence.
 
     Args:
-        factor: F, by which strengths are divided.
+        factor: Factor F that divides the strengths.
         times: The estimate; None if it was not found, ∞ if the multiple seems to be unbounded.
         cells: Number of cells of the mesh.
     """
@@ -444,8 +444,8 @@ def _compute_curves(
     far too small strengths, and would then be refined in the wrong places.
 
     Args:
-        curves: The list, empty at first. It is filled during the search, so that its results remain
-            if the search is stopped.
+        curves: The list, empty at first. The function fills the list during the search, so the
+            results remain if the user stops the search.
         first: The search on the first mesh, without results.
         adaptation: When the sequence of meshes ends; None for the first mesh only.
     """

@@ -1,4 +1,4 @@
-"""Find points, edges and cells that need a finer mesh, whatever the error indicators are.
+"""Find points, edges and cells that need a finer mesh for any error indicators.
 
 At a singular point, each cell has only one stress. The angles of the cells therefore limit the
 lower bound, however fine the mesh is elsewhere.

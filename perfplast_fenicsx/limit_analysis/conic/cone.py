@@ -447,7 +447,7 @@ class Products:
 
 
 def missing_of(values: Floats, mu: float) -> Floats:
-    """Return the change of eigenvalues towards μ; large ones fall by at most ``mu / NEAR``."""
+    """Return the change of eigenvalues towards μ; a decrease is at most ``mu / NEAR``."""
     most = mu / NEAR
     missing: Floats = np.maximum(np.clip(values, NEAR * mu, most) - values, -most)
     return missing

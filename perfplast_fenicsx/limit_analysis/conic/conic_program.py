@@ -288,7 +288,7 @@ class ConicProgram:
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
     def overstress(self, stress: Stress) -> float:
-        """Return the largest yield ratio of a stress over all points, also elastic ones.
+        """Return the largest yield ratio of a stress over all points, including elastic points.
 
         Collective.
 

@@ -473,7 +473,7 @@ def rebalance(iteration: InteriorIteration) -> None:
 def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     """Correct the stress and the contact forces with the present factors. Collective.
 
-    The method is conjugate residuals with the factors as preconditioner. Where edges nearly cross,
+    The method is conjugate residuals with the factors as preconditioner. If edges nearly cross,
     rows of equilibrium nearly depend on each other. The ridge of the factors
     (:data:`condensed_stiffness.RIDGE`) then exceeds K for a few motions, and simple refinement
     hardly corrects these motions. Conjugate gradients would finally diverge if no stress satisfies

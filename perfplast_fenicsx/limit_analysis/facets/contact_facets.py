@@ -525,7 +525,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
 
 
 def _crowded(problem: Problem, nodes: Longs) -> Flags:
-    """Return flags of pairs of which either node is in several pairs. Collective."""
+    """Return flags of pairs with a node that is in several pairs. Collective."""
     asked = Exchange(problem.comm, owners(problem, nodes.ravel()))
     there = asked.forward(nodes.ravel())
     _, of, times = np.unique(there, return_inverse=True, return_counts=True)

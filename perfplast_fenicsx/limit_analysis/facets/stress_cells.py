@@ -68,8 +68,8 @@ class CellLayout:
         corners: Index of the cell's vertex at each vertex of each part, shape (num_parts, d + 1);
             the barycentre has index d + 1. In part a, the barycentre replaces vertex a.
         rows: Index of the multiplier of each component at each vertex of each part, shape
-            (num_parts, d + 1, d + 1, d). Multipliers of the part come first, then those of the
-            facets at the vertex.
+            (num_parts, d + 1, d + 1, d). Multipliers of the part come first, then multipliers of
+            the facets at the vertex.
         outer: Number of multipliers of the cell's facets: d² for each facet, in the order in which
             the cell has the facet's vertices.
         inner: Number of all other multipliers.

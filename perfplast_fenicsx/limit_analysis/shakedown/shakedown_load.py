@@ -1,9 +1,9 @@
 """Compute the shakedown load of a load domain, and a Bree diagram of two varying loads.
 
-The result holds for the mesh, because the elastic stresses and the equilibrium are those of finite
-elements. It is therefore an estimate for the bodies and not a bound. Stresses are within yield
-everywhere in each straight cell (:mod:`elastic_stresses`). If elastic stresses are infinite, for
-example at a re-entrant corner, the load tends to zero as the mesh is refined.
+The result holds for the mesh, because the elastic stresses and the equilibrium come from finite
+elements. For the bodies, the result is therefore an estimate and not a bound. Stresses are within
+yield everywhere in each straight cell (:mod:`elastic_stresses`). If elastic stresses are infinite,
+for example at a re-entrant corner, the load tends to zero as the mesh is refined.
 
 A Bree diagram contains the shakedown loads for all ratios of two varying loads. J. Bree,
 Elastic-plastic behaviour of thin tubes subjected to internal pressure and intermittent high-heat
@@ -155,7 +155,7 @@ class ShakedownLoad(NotebookResult):
         return rows
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the load domain, and the multiple of it to which the bodies shake down.
+        """Draw the load domain, and the multiple of this domain for which the bodies shake down.
 
         Raises:
             InputError: If more than two loads vary.
