@@ -283,6 +283,10 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
     text += ["", *_aligned(rows)]
     if survey.sets:
         text += ["", *_aligned(_sets(survey))]
+    long_name = 12  # characters of a body's name, with which names of faces are hard to read
+    if survey.faces and max(len(body.name) for body in survey.bodies) > long_name:
+        example = f'face = [{{ name = "inlet", number = {survey.faces[0].number} }}]'
+        text += [f"\nA face can have a short name in addition; write under [geometry]: {example}"]
     text += [f"\nwarning: {remark}." for remark in survey.remarks]
     return "\n".join(text)
 

@@ -17,11 +17,12 @@ import pytest
 
 from perfplast_fenicsx import read_gmsh
 from perfplast_fenicsx.__main__ import main
-from perfplast_fenicsx.cli.mesh_command import PICTURE
+from perfplast_fenicsx.cli.mesh_command import PICTURE, describe
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, generated_mesh, mesher
 from perfplast_fenicsx.geometry.first_case import Glued, first_case
 from perfplast_fenicsx.geometry.geometry_file import check_file
+from perfplast_fenicsx.geometry.meshing_options import NamedFace
 from perfplast_fenicsx.geometry.part_names import unique_names
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint
@@ -423,6 +424,20 @@ def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
     (remark,) = mesher.area_remarks(0.1, [*large, worst])
     assert "errors up to 30 % ('lug'), those of large faces up to 10 %, because" in remark
     assert not [*mesher.area_remarks(0.001, [worst])]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("body", "says"), [("pump_carter_sup_20_03_2006", True), ("rod", False)])
+def test_long_names_of_bodies_bring_advice_on_short_names_of_faces(body: str, says: bool) -> None:
+    """The list shows the key of the case file, with the number of a face."""
+    measures = (1.0, (0.0,) * 3, (1.0,) * 3, 9, 0.5, 1.0)
+    faces = [Face(7, f"{body}_face_7", body, "flat", 1.0, (0.0,) * 3, 1.0)]
+    listed = describe(Survey(3, 1, 8, [Body(body, body, *measures)], faces=faces))
+    (line,) = [line for line in listed.splitlines() if "short name" in line] or [""]
+    assert bool(line) == says
+    if says:
+        (wanted,) = tomllib.loads(line.partition("[geometry]: ")[2])["face"]
+        assert MeshingOptions(face=[NamedFace(**wanted)]).face[0].number == 7
 
 
 def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
