@@ -53,7 +53,7 @@ def draw(proof: Path, picture: Path) -> None:
     low, high = _window(corners, area / 2, moving)
     size, scale = high - low, _scale(high - low)
     pixels = np.ceil(scale * size) + 2 * EDGE
-    figure = Figure(figsize=tuple(pixels / 100), dpi=100)
+    figure = Figure(figsize=(float(pixels[0]) / 100, float(pixels[1]) / 100), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
     axes.set(xlim=(0, pixels[0]), ylim=(0, pixels[1]))
