@@ -467,7 +467,7 @@ def test_refusals() -> None:
     assert weight.lower.value is None
     assert weight.upper.value is None
     assert "carry the loads at any factor" in weight.in_words()
-    assert_refused(lambda: Newton(problem), ["'0'", "rigid", "no levels", "control = 'bounds'"])
+    assert_refused(lambda: Newton(problem), ["'0'", "rigid", "undefined", "control = 'bounds'"])
 
 
 @pytest.mark.parametrize(("push", "carried"), [(0.37, True), (0.38, False)])
