@@ -13,6 +13,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 from dolfinx.fem import petsc
+from matplotlib.figure import Figure
 
 import perfplast_fenicsx as pp
 
@@ -21,15 +22,15 @@ LENGTH, HEIGHT, HOT, COLD = 3.0, 1.0, 600.0, 20.0  # m, m, degrees
 
 bar = mesh.create_rectangle(comm, [(0.0, 0.0), (LENGTH, HEIGHT)], [24, 8])
 V = fem.functionspace(bar, ("Lagrange", 1))
-fixed = [
-    fem.dirichletbc(value, fem.locate_dofs_geometrical(V, lambda x, y=y: np.isclose(x[1], y)), V)
-    for y, value in ((0.0, HOT), (HEIGHT, COLD))
-]
+fixed = []
+for y, value in ((0.0, HOT), (HEIGHT, COLD)):
+    edge = fem.locate_dofs_geometrical(V, lambda x, y=y: np.isclose(x[1], y))
+    fixed.append(fem.dirichletbc(np.array(value), edge, V))
 u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
 conduction = fem.form(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
 A = petsc.assemble_matrix(conduction, bcs=fixed)
 A.assemble()
-b = petsc.assemble_vector(fem.form(fem.Constant(bar, 0.0) * v * ufl.dx))
+b = petsc.assemble_vector(fem.form(fem.Constant(bar, np.float64(0.0)) * v * ufl.dx))
 petsc.apply_lifting(b, [conduction], [fixed])
 b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 petsc.set_bc(b, fixed)
@@ -61,6 +62,7 @@ bounds = pp.limit_bounds(build.problem(degree=2))
 exact = 2 / np.sqrt(3) * (450.0 - 0.25 * (HOT - COLD)) * HEIGHT
 low, high = bounds.lower.value, bounds.upper.value
 assert bounds.lower.strict and bounds.upper.strict
+assert low is not None and high is not None
 assert low <= exact * (1 + 1e-8) and high >= exact * (1 - 1e-8)
 assert high - low < 0.02 * exact
 
@@ -69,6 +71,7 @@ if __name__ == "__main__":
     folder.create()
     if comm.rank == 0:
         print(f"{low:.4f} <= {exact:.4f} <= {high:.4f}")
-    figure = bounds.plot().figure
+    figure = Figure(layout="constrained")
+    bounds.plot(figure.subplots())
     if comm.rank == 0:
         figure.savefig("results/ex11/bounds.png")
