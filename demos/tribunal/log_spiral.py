@@ -3,7 +3,7 @@
 A block of ground rotates about a pole and separates from the rest along a log spiral (W. F. Chen,
 Limit Analysis and Soil Plasticity, 1975, chapter 9). This is a mechanism of associated ground. The
 slope collapses at F if the work of the weight is at least the dissipation on the spiral with
-strengths divided by F. So each such F is an upper bound, for any pole. Without friction the spiral
+strengths divided by F. So each such F is an upper bound, for any pole. Without friction, the spiral
 is a slip circle. Integrals are exact: the script does not replace arcs by chords. Only the work of
 the pore water, which presses the two sides of the spiral apart, is a sum over the points PRESSED.
 

@@ -84,7 +84,7 @@ EXPLAINED = """
   holds only if the source has rounded to the nearest digit.
 
 The bounds hold for plane strain, the law in the case file (Mohr–Coulomb without a tension limit, or
-von Mises), associated flow, and the geometry as written. For slopes this includes the fixed base,
+von Mises), associated flow, and the geometry as written. For slopes, this includes the fixed base,
 and the ends, which cannot move along x. A published number may assume other ends or another base.
 Cracks, progressive failure and the ground in the field are outside the proofs.
 
@@ -99,8 +99,8 @@ footing in the field.
 
 The last column of the table of slopes is independent of the other bounds. It is an upper bound for
 homogeneous slopes, with or without pore water, from the best log spiral that `log_spiral.py` finds
-with only NumPy and SciPy. Without friction the spiral is a slip circle. The script that writes this
-page fails if a lower bound exceeds the log spiral.
+with only NumPy and SciPy. Without friction, the spiral is a slip circle. The script that writes
+this page fails if a lower bound exceeds the log spiral.
 
 For five of the loads another solver, Clarabel (`[solve] conic = "clarabel"`), also computed bounds,
 with its own adaptive meshes. Each of its brackets overlaps the bracket above:

@@ -21,8 +21,8 @@ Each row is a variant of a case in which two blocks are pressed together, and ea
 analysis. "yes" means that the program gives a result. If only one bound is strict, the cell names
 this bound. A number means that the program refuses the case, or proves no bound; the message is
 below the table. Unless stated otherwise, cases are small, in plane strain, with quadratic elements.
-For shakedown the blocks are tied and all loads vary. `tests/combinations` runs the cases and writes
-this page.
+For shakedown, the blocks are tied and all loads vary. `tests/combinations` runs the cases and
+writes this page.
 
 """
 
