@@ -7,7 +7,7 @@ residual is small:
 
 - A support exerts the traction of the stress along its held directions.
 - Contact exerts q ≥ 0 times the normal of the pair's first facet. With friction, contact also
-exerts a shear traction of at most c + μq. The opposite tractions act on the other side.
+  exerts a shear traction of at most c + μq. The opposite tractions act on the other side.
 """
 
 from collections.abc import Sequence

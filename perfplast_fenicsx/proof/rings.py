@@ -8,8 +8,8 @@ works are divided by 2π.
   equilibrium is ∂_r S_rz + ∂_z S_zz + r b_z = 0, which needs checks at vertices only. The condition
   ‖MS‖ + q·S ≤ cr holds everywhere if it holds for the coefficients. On the axis S is zero.
 - v is quadratic and zero on the axis, and r²ε is quadratic too. The dissipation D(ε) is convex and
-homogeneous of degree 1, and therefore ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r with the coefficients q_i of r²ε
-and the Bernstein polynomials B_i.
+  homogeneous of degree 1, and therefore ∫ D(ε) r ≤ Σ D(q_i) ∫ B_i/r with the coefficients q_i of
+  r²ε and the Bernstein polynomials B_i.
 """
 
 from functools import lru_cache

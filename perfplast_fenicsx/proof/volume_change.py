@@ -11,7 +11,7 @@ module computes an upper bound of this size.
    the area A. With the area vector A n and a = n/A, the flux is 1. In both cells beside the facet,
    div w is constant.
 2. The remaining div v in a cell is linear with zero mean. The part of w that undoes it is zero on
-all facets.
+   all facets.
 3. Such velocities w are continuous, and of degree d in each of the d + 1 parts into which the
    centre divides a cell (of degree 2 in 2D, D. N. Arnold, J. Qin, 1992; of degree 3 in 3D, S.
    Zhang, doi:10.1090/S0025-5718-04-01711-9). On the regular simplex with edges of length 1,
