@@ -210,6 +210,16 @@ class Together:
         return self._folder / f"stack{rank}"
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Pass over files without a mark for this number of ranks, which need seconds to import."""
+    size = MPI.COMM_WORLD.size
+    named = bool(config.getoption("keyword")) or any(".py" in word for word in config.args)
+    if size == 1 or EVERY_CASE or named or collection_path.suffix != ".py":
+        return None
+    text = collection_path.read_text(encoding="utf-8")
+    return None if any(name in text for name in sufficient(size)) else True
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep the tests that this number of ranks runs.
 
@@ -248,10 +258,14 @@ def is_short(item: pytest.Item) -> bool:
     return all(case_of(item) in mark.kwargs.get("but", ()) for mark in item.iter_markers("long"))
 
 
+def sufficient(size: int) -> tuple[str, ...]:
+    """Return the marks of which one makes a test run on a number of ranks."""
+    return {1: (), 2: ("mpi2", "mpi3")}.get(size, ("mpi3",))
+
+
 def is_for(item: pytest.Item, size: int) -> bool:
     """Return whether a mark makes this case run on a number of ranks; one rank needs no mark."""
-    enough = {1: (), 2: ("mpi2", "mpi3")}.get(size, ("mpi3",))
-    marks = [mark for name in enough for mark in item.iter_markers(name)]
+    marks = [mark for name in sufficient(size) for mark in item.iter_markers(name)]
     return size == 1 or any(not mark.args or case_of(item) in mark.args for mark in marks)
 
 
