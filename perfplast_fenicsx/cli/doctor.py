@@ -120,7 +120,7 @@ def libraries() -> Finding:
 
 
 def launcher() -> Finding:
-    """Return the result of a start of two MPI ranks."""
+    """Return the result of starting two MPI ranks."""
     try:
         found = find_launcher()
     except (LookupError, subprocess.TimeoutExpired) as error:
@@ -247,7 +247,7 @@ def _meshing() -> Finding:
 
 
 def _drawing() -> Finding:
-    """Draw a box like the drawing process: with its own X server if Xvfb is installed."""
+    """Draw a box as the drawing process does, with its own X server if Xvfb is installed."""
     versions = {name: environment.version_of(name) for name in ("pyvista", "matplotlib")}
     missing = [name for name, version in versions.items() if version is None]
     if missing:

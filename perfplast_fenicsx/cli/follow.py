@@ -40,7 +40,7 @@ class Follower:
     Attributes:
         folder: Result folder of the run, which need not exist yet.
         terminal: The terminal that shows the run.
-        draw: Function that draws the results; it is called when new levels are on file.
+        draw: Function that draws the results; it is called when new levels are stored.
         wait: Longest time without results in the folder (s).
     """
 
@@ -71,7 +71,7 @@ class Follower:
         self.terminal.say(self._end(summary))
 
     def _await(self) -> None:
-        """Wait until the first results are on file."""
+        """Wait until the first results are stored."""
         until = time.monotonic() + self.wait
         while not all((self.folder / name).exists() for name in ("summary.json", "run.log")):
             if time.monotonic() > until:

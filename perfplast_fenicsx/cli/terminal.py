@@ -152,7 +152,7 @@ class Terminal:
             self._shown = 0
 
     def _write(self, text: str) -> None:
-        """Write a text; after the stream is closed, write nothing (the results are on file)."""
+        """Write a text; after the stream is closed, write nothing (the results are stored)."""
         try:
             print(text, end="", file=self._stream, flush=True)
         except BrokenPipeError:

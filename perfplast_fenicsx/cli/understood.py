@@ -226,7 +226,7 @@ class _Told:
                 self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
-        """Add lines on missing yield, and on strengths that a factor divides or does not divide."""
+        """Add lines if no body can yield, and on strengths that the factor F divides or not."""
         case = self.case
         rubbing = [*case.contacts, *case.obstacles]
         if case.loading.of_body and all_elastic(case.materials.values()):
@@ -399,7 +399,7 @@ class Section:
 
 
 def _section(case: Case, problem: Problem) -> Section:
-    """Return the plane bodies, gathered on rank 0; no cells for bodies in space. Collective."""
+    """Return the plane bodies, gathered on rank 0; no cells for 3D bodies. Collective."""
     tagged_mesh = problem.tagged_mesh
     mesh, comm = tagged_mesh.mesh, problem.comm
     if mesh.topology.dim != 2:

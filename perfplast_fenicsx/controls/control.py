@@ -216,10 +216,10 @@ class Run:
         history: The loading history; None without stages.
         start: The state from which the run continues; None for a new run.
         before: The state of the level before ``start``, if there is one.
-        done: Number of levels that are already on file.
+        done: Number of levels that are already stored.
         search: State of the search for a limit load.
         reached: Progress, within these levels, of a loading whose steps the program chooses.
-        directions: Directions of an envelope that are already on file.
+        directions: Directions of an envelope that are already stored.
     """
 
     problem: Problem
@@ -433,7 +433,7 @@ def check_rising(values: Sequence[float], what: str) -> None:
 
 
 def follow(run: Run, values: Sequence[float]) -> None:
-    """Solve the levels whose results are not on file yet. Collective.
+    """Solve the levels whose results are not stored yet. Collective.
 
     Args:
         run: The run.

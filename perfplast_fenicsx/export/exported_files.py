@@ -41,7 +41,7 @@ def export(
         folder: The result folder.
         output: The folder for the files; by default ``export`` in the result folder.
         vtu: Whether to write ``.vtu`` files of each level, the quadrature points and the mechanism,
-            if they are on file, and ``fields.pvd`` with a list of the levels.
+            if they are stored, and ``fields.pvd`` with a list of the levels.
         csv: Whether to write the tables of :data:`TABLES` that have rows.
         say: Function that is called with the path of each file.
 

@@ -46,7 +46,7 @@ def bound_rows(reader: ResultReader) -> list[Row]:
 
 
 def resultant_rows(reader: ResultReader) -> list[Row]:
-    """Return a row for each force or moment on the bodies that is on file.
+    """Return a row for each stored force or moment on the bodies.
 
     Args:
         reader: The results.

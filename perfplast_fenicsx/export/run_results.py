@@ -14,7 +14,7 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row, data_frame
 
 
 class RunResults(NotebookResult):
-    """The results of a run on file; the run may be active. Runs in a single process.
+    """The stored results of a run, which may still be active. Runs in a single process.
 
     If it is the last line of a notebook cell, this call shows the report with bodies that can be
     rotated::
@@ -93,7 +93,7 @@ class RunResults(NotebookResult):
 
     @property
     def verdict(self) -> str:
-        """The outcome of the run so far, in words."""
+        """Return the outcome of the run so far, in words."""
         summary = self._reader.summary
         if summary.limit and (found := summary.limit.get("verdict")):
             return str(found)
@@ -102,17 +102,17 @@ class RunResults(NotebookResult):
 
     @property
     def levels(self) -> Any:
-        """A data frame with a row for each level (:func:`~result_rows.level_rows`)."""
+        """Return a data frame with a row for each level (:func:`~result_rows.level_rows`)."""
         return data_frame(level_rows(self._reader))
 
     @property
     def resultants(self) -> Any:
-        """A data frame of forces and moments (:func:`~result_rows.resultant_rows`)."""
+        """Return a data frame of forces and moments (:func:`~result_rows.resultant_rows`)."""
         return data_frame(resultant_rows(self._reader))
 
     @property
     def bounds(self) -> Any:
-        """A data frame of meshes with their bounds (:func:`~result_rows.bound_rows`)."""
+        """Return a data frame of meshes with their bounds (:func:`~result_rows.bound_rows`)."""
         return data_frame(bound_rows(self._reader))
 
     @property

@@ -1,4 +1,4 @@
-"""Read labels and colours of single faces in a STEP file, from which names are made.
+"""Read the labels and colours of individual faces in a STEP file, which give names to the faces.
 
 Labels are read from the text of the file, and gmsh lists the faces of a solid in the order of the
 file. The module verifies this order for each body: after a rigid motion, the corners of its faces

@@ -94,7 +94,7 @@ def _free(name: str, used: set[str]) -> str:
 def _marked(
     parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield the faces of each body with one label or colour, possible names, and the property."""
+    """Yield a body's faces that share a label or colour, with possible names and the property."""
     together: dict[tuple[object, ...], list[int]] = {}
     for k, face in enumerate(faces):
         if face.label:
@@ -120,7 +120,7 @@ def _marked(
 def _sides(
     dim: int, parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield the free faces on each side of each body, possible names, and the property."""
+    """Yield the free faces on each side of each body, with possible names and the property."""
     around = [box(dim + 1, part.tags) for part in parts]
     together: dict[tuple[int, str], list[int]] = {}
     for k, face in enumerate(faces):

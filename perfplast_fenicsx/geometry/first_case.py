@@ -82,7 +82,7 @@ def _against_adapting(survey: Survey) -> Iterator[str]:
 
 
 def affordable_cells(survey: Survey) -> int:
-    """Return the largest number of cells with which a first case of these bodies has bounds."""
+    """Return the largest number of cells for which a first case of these bodies computes bounds."""
     return int(_most(survey, AFFORDABLE))
 
 

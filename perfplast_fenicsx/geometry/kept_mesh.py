@@ -254,7 +254,7 @@ def _section(mesh: Path, head: bytes) -> bytes:
 
 
 def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
-    """Return a hash of a geometry file, the options without patience, and the program's version."""
+    """Return a hash of a geometry file, the options except patience, and the program's version."""
     told = msgspec.json.encode(dataclasses.replace(options, patience=1.0))
     version = f"{__version__}, {KIND}".encode()
     parts = [hashlib.sha256(part).digest() for part in (content, told, version)]

@@ -105,10 +105,10 @@ def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
 def area_remarks(
     missed: float, faces: Sequence[Face] = (), joints: Sequence[Joint] = ()
 ) -> Iterator[str]:
-    """Yield a remark if the largest relative error of the area of a large face is too large.
+    """Yield a remark if the mesh misses the area of a large face by too large a fraction.
 
     Args:
-        missed: This error.
+        missed: Largest relative error of the mesh's area, over all large faces.
         faces: Free faces, large and small ones. The remark names the face with the largest error.
         joints: Places where bodies touch.
     """
@@ -137,7 +137,7 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     bodies sideways.
 
     Args:
-        parts: Bodies in space.
+        parts: Bodies in 3D.
         seams: Places where they touch.
 
     Raises:

@@ -3,7 +3,7 @@
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
 Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound on the limit load of
 the discrete problem. If the curve is nearly flat, the displacement increment is nearly a mechanism.
-The mechanism gives an upper bound of the discrete limit load, and the direction for the next
+The mechanism gives an upper bound on the discrete limit load, and the direction for the next
 extrapolation of the path. The search ends when both bounds agree. They are not bounds for the body
 itself.
 

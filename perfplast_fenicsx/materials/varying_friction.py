@@ -94,7 +94,7 @@ class FrictionAngle(SpatialField):
         return np.radians(low), np.radians(high)
 
     def extremes(self, corners: Floats, place: str) -> Pair:
-        """Return a lower and an upper bound of tan φ/F in each simplex, each of shape (n,)."""
+        """Return a lower and an upper bound on tan φ/F in each simplex, each of shape (n,)."""
         low, high = self.angles_between(corners, place)
         return np.tan(low.min(axis=1)) / self.divisor, np.tan(high.max(axis=1)) / self.divisor
 

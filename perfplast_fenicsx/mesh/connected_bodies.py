@@ -40,7 +40,7 @@ class Bodies:
 
     @property
     def num_modes(self) -> int:
-        """Return the number of rigid motions: 6 in space, 3 in the plane, 1 in axisymmetry."""
+        """Return the number of rigid motions: 6 in 3D, 3 in the plane, 1 in axisymmetry."""
         return len(self.kinematics.motions)
 
     def rigid_modes(self, x: Floats) -> Floats:

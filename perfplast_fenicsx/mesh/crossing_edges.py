@@ -17,7 +17,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None = None) -> int:
-    """Move these vertices slightly, in the given mesh, and return their number. Collective.
+    """Move vertices at such crossings slightly, in place, and return their number. Collective.
 
     Vertices on surfaces and boundaries are not moved, so the shapes of bodies do not change.
 

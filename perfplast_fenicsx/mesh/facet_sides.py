@@ -91,7 +91,7 @@ def _refuse(
 
 
 def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """Return which owned cells have a Jacobian that changes sign, tested at lattice points."""
+    """Return which owned cells have a Jacobian determinant that changes sign at lattice points."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     owned = mesh.topology.index_map(tdim).size_local
     if cmap.degree == 1:

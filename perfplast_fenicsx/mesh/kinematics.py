@@ -1,4 +1,4 @@
-"""Define the meaning of mesh coordinates: space, plane strain, plane stress or axisymmetry.
+"""Define the meaning of mesh coordinates: 3D, plane strain, plane stress or axisymmetry.
 
 Everything that depends on this meaning is defined here: the strain of a displacement, the measure
 of integrals, and the rigid motions.
@@ -38,7 +38,7 @@ class Kinematics(Protocol):
             works are per unit of depth, and no equilibrium equation contains the out-of-plane
             stress.
         forces: The unit of depth or the part of the bodies to which forces and works refer, in
-            words; empty for whole bodies in space.
+            words; empty for whole bodies in 3D.
         motions: The rigid motions in words.
         thickness: Thickness (length), by which forces on whole surfaces are divided; 1 except in
             plane stress.
@@ -56,7 +56,7 @@ class Kinematics(Protocol):
         ...
 
     def measure(self, measure: ufl.Measure) -> Any:
-        """Return the measure on the bodies from one on the mesh; function * measure is a form."""
+        """Return the measure of the bodies from that of the mesh; function * measure is a form."""
         return measure
 
     def around(self, x: Floats) -> Floats:
@@ -112,7 +112,7 @@ def divergence(kinematics: Kinematics, v: Any) -> Any:
 
 
 class Space(Kinematics):
-    """Bodies in space, meshed by tetrahedra."""
+    """Bodies in 3D, meshed by tetrahedra."""
 
     name: str = "space"
     axes: str = "xyz"
@@ -185,7 +185,7 @@ class Axisymmetric(Kinematics):
         return AroundAxis(measure)
 
     def around(self, x: Floats) -> Floats:
-        """Return the measure of points, see :meth:`Kinematics.around`."""
+        """Return the out-of-plane measure at points, see :meth:`Kinematics.around`."""
         ring: Floats = 2 * math.pi * x[..., 0]
         return ring
 
@@ -228,7 +228,7 @@ class RingFlux(Axisymmetric):
         return AroundAxis(measure, weighed=False)
 
     def around(self, x: Floats) -> Floats:
-        """Return the measure of points, see :meth:`Kinematics.around`."""
+        """Return the out-of-plane measure at points, see :meth:`Kinematics.around`."""
         return np.full(x.shape[:-1], 2 * math.pi)
 
     def carried(self, x: Floats) -> Floats:

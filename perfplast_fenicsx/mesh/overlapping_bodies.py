@@ -1,4 +1,4 @@
-"""Find overlapping bodies, and bodies that are cut inside.
+"""Find overlapping bodies, and bodies with cuts through their interior.
 
 If two bodies overlap, a cell at the surface of one body overlaps a cell of the other body. The same
 holds for a body that overlaps itself. Facets that approximate curved surfaces may overlap by their
@@ -34,7 +34,7 @@ AxisOf = Callable[[Floats, Floats], tuple[Floats, Floats]]
 
 
 def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
-    """Return for each pair of simplices the smallest displacement that separates them.
+    """Return the size of the smallest displacement that separates each pair of simplices.
 
     Args:
         one: Vertices of one simplex, shape (n, gdim + 1, gdim).
@@ -186,7 +186,7 @@ class _Cells:
 
 
 def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
-    """Raise an error if bodies overlap or are cut inside. Collective.
+    """Raise an error if bodies overlap or have cuts through their interior. Collective.
 
     Args:
         tagged_mesh: The bodies.
@@ -196,7 +196,7 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
         Remarks on bodies that touch at facets without a name.
 
     Raises:
-        InputError: If bodies overlap or are cut inside; the message has the bodies and a place.
+        InputError: If bodies overlap or have such cuts; the message has the bodies and a place.
     """
     comm, gdim = tagged_mesh.mesh.comm, tagged_mesh.mesh.geometry.dim
     cells = _cells(tagged_mesh)

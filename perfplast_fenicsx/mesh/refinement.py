@@ -110,7 +110,7 @@ def refine(
     gradients: Floats | None = None,
     shapeless: npt.NDArray[np.bool_] | None = None,
 ) -> Refined:
-    """Return the mesh with marked cells cut at all edges, and others cut so that it conforms.
+    """Return the mesh with marked cells cut at all edges, and others cut to keep it conforming.
 
     Collective.
 
@@ -127,7 +127,7 @@ def refine(
             on any rank, shape (num_pairs, 2). New vertices on edges between coinciding vertices
             also coincide.
         metric: Metric of each owned cell (:class:`glued_edges.GluedEdges`).
-        gradients: Gradients of m fields in each owned cell, only in space, shape (num_cells, 3, m).
+        gradients: Gradients of m fields in each owned cell, only in 3D, shape (num_cells, 3, m).
         shapeless: Flags of owned cells whose shape does not matter
             (:class:`glued_edges.GluedEdges`).
 

@@ -103,7 +103,7 @@ def ring_rates(x: Floats, v: Floats) -> Floats:
 
 
 def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
-    """Return upper bounds of ∫ B_i/r over triangles; 0 for coefficients on the axis, which are 0.
+    """Return upper bounds on ∫ B_i/r over triangles; 0 for coefficients on the axis, which are 0.
 
     Args:
         radii: Radii at the vertices of the triangles, shape (n, 3).

@@ -192,7 +192,7 @@ def _shares(comm: MPI.Intracomm, sizes: Sequence[int]) -> list[Longs]:
 
 
 def two_blocks(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """Return a block (0,3)×(0,1)×(0,1) and an equal block on it, with ``n`` cubes per unit length.
+    """Return a block (0,3)×(0,1)×(0,1) with an equal block on top; ``n`` cubes per unit length.
 
     Collective.
 

@@ -1,4 +1,4 @@
-"""Return arrays with the vertices, shape functions and outer facets of straight cells."""
+"""Return the vertices, gradients of barycentric coordinates, and outer facets of straight cells."""
 
 import math
 from dataclasses import dataclass

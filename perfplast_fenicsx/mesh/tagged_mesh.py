@@ -327,13 +327,13 @@ def _check_found(
 
 
 def _tags_in(mesh: Mesh, tags: MeshTags) -> list[int]:
-    """Return the tags on all ranks, sorted. Collective."""
+    """Return the tags that occur on any rank, sorted. Collective."""
     found: list[int] = np.unique(np.concatenate(mesh.comm.allgather(tags.values))).tolist()
     return found
 
 
 def _on_all_ranks(mesh: Mesh, tags: MeshTags) -> MeshTags:
-    """Return tags completed on all ranks that have the tagged entities. Collective."""
+    """Return the tags, completed on all ranks that have the tagged entities. Collective."""
     mesh.topology.create_entities(tags.dim)
     mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
     vector = la.vector(mesh.topology.index_map(tags.dim), 2, dtype=np.int64)
@@ -443,7 +443,7 @@ def _reordered(nodes: Longs, dim: int) -> Longs:
 
 
 def distributed_tags(mesh: Mesh, dim: int, nodes: Longs, values: Ints) -> MeshTags:
-    """Return tags of entities, which any rank may give by their input nodes. Collective."""
+    """Return tags of entities; any rank may give a tag, by the entity's input nodes. Collective."""
     entities, local_values = distribute_entity_data(mesh, dim, nodes, values)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)

@@ -93,7 +93,7 @@ class ElementType:
     Attributes:
         shape: Shape of the elements.
         nodes: Number of nodes of each element, including midside nodes.
-        model: Plane model, such as plane strain; "" for elements in space, surfaces and lines.
+        model: Plane model, such as plane strain; "" for solids, surfaces and lines.
     """
 
     shape: Shape

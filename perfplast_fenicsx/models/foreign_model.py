@@ -79,7 +79,7 @@ class ForeignModel:
     """A model of simplices with named bodies and surfaces.
 
     Attributes:
-        dim: 3 in space, or 2 for a plane model.
+        dim: 3, or 2 for a plane model.
         turned: Whether a plane model is the half section of bodies of revolution.
         thickness: Thickness of sheets in plane stress (length); None otherwise.
         points: Coordinates of the points, shape (n, 3).

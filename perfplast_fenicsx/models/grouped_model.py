@@ -1,4 +1,4 @@
-"""Make a model from a mesh with groups: groups of solids are bodies, groups of faces surfaces."""
+"""Make a model from a mesh with groups: of solids for bodies, and of faces for surfaces."""
 
 from dataclasses import dataclass, field
 

@@ -227,7 +227,7 @@ class MeshReader:
 def _add_later(
     keyword: Keyword, instance: str, numbers: dict[str, dict[str, NumberIndex]], sets: Sets
 ) -> None:
-    """Add a set of the assembly, which numbers or sets of an instance, or named sets, define."""
+    """Add a set of the assembly, from numbers or sets of an instance, or from named sets."""
     kind = keyword.name
     before = f"{instance}." if instance else ""
     named = [sets[key] for n in names_of(keyword) if (key := (kind, before + n.upper())) in sets]

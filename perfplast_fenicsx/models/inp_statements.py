@@ -68,7 +68,7 @@ class Statements:
         return self._noted + told
 
     def chosen(self) -> list[Keyword]:
-        """Return keywords of supports, loads and joints, up to the first step with loads."""
+        """Return keywords of supports, loads and joints, through the first step with loads."""
         loaded = [step for step, keyword in self._on_surfaces if keyword.name in LOADS]
         last = min(loaded, default=self._steps)
         return [keyword for step, keyword in self._on_surfaces if step <= last]
@@ -158,7 +158,7 @@ class UsedSurfaces:
         Args:
             assembly: The mesh.
             find: Search for facets by nodes or elements.
-            dim: 3 in space, or 2 in the plane.
+            dim: 3, or 2 for plane models.
         """
         self._assembly, self._find, self._dim = assembly, find, dim
         self._named = NamedSurfaces()
@@ -190,7 +190,7 @@ class UsedSurfaces:
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """Return the surface that a set of nodes forms; if there is none, None and a remark."""
+        """Return the surface that a set of nodes forms; None, after adding a remark, if none."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
@@ -201,7 +201,7 @@ class UsedSurfaces:
         return self.use(name, facets)
 
     def named(self, name: str, what: str) -> str | None:
-        """Return the name of a ``*SURFACE``; without outer faces None, and add a remark."""
+        """Return the name of a ``*SURFACE``; None, after adding a remark, if no face is outer."""
         facets = self._facets.get(name.upper())
         if facets is None:
             raise missing(what, name)
@@ -295,7 +295,7 @@ class OnSurfaces:
             assembly: The mesh.
             surfaces: Search for facets.
             bodies: The bodies with their elements and densities.
-            dim: 3 in space, or 2 in the plane.
+            dim: 3, or 2 for plane models.
             thickness: Thickness of plane elements, over which forces at nodes are distributed.
         """
         self._thickness = thickness

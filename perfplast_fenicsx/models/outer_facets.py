@@ -1,4 +1,4 @@
-"""Find outer facets of a model by corners, faces of elements or nodes, and name them."""
+"""Find outer facets of a model by corners, by element faces or by sets of nodes; name them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -103,7 +103,7 @@ class ElementFacets:
             points: Coordinates of the points, shape (n, 3).
             blocks: All elements, including flat ones.
             outer: The outer facets.
-            dim: 3 in space, or 2 in the plane.
+            dim: 3, or 2 for plane models.
         """
         self._points, self._every, self._outer, self._dim = points, blocks, outer, dim
         corners = np.zeros(len(points), dtype=bool)
@@ -136,7 +136,7 @@ class ElementFacets:
         return np.unique(every[every >= 0])
 
     def count_of_flat(self, elements: Longs) -> int:
-        """Return the number of facets of flat elements; a quadrilateral in space has two facets."""
+        """Return the number of facets of flat elements; a quadrilateral in 3D has two facets."""
         return sum(
             len(self._rows(block, elements)) * (block.kind.shape.corners - self._dim + 1)
             for block in self._blocks(self._dim - 1)
@@ -147,7 +147,7 @@ class ElementFacets:
         return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Return whether there are facets, and they contain all nodes that are outer corners."""
+        """Return whether facets exist that contain all outer corners among the nodes."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]

@@ -134,7 +134,7 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
 
 
 def _check_plane(points: Floats, solids: Sequence[Block]) -> None:
-    """Raise an error for surfaces in space."""
+    """Raise an error for flat elements that do not lie in a plane z = const."""
     used = points[np.unique(np.concatenate([block.nodes.ravel() for block in solids]))]
     height, size = np.ptp(used[:, 2]), np.linalg.norm(np.ptp(used, axis=0))
     if height > BENT * size:

@@ -45,17 +45,17 @@ class Surface:
 
     @property
     def plane(self) -> bool:
-        """Whether the mesh is plane."""
+        """Return whether the mesh is plane."""
         return len(self.edges) > 0
 
     @property
     def facets(self) -> Longs:
-        """Facets on which loads and contact act: triangles in space, edges in the plane."""
+        """Return the facets on which loads and contact act: triangles in 3D, edges in the plane."""
         return self.edges if self.plane else self.triangles
 
     @property
     def normals(self) -> Floats:
-        """Outward normals of the facets; their norms are areas or lengths; shape (n, 3)."""
+        """Return outward normals of the facets, shape (n, 3); their norms are areas or lengths."""
         return _normals(self.points, self.facets)
 
     @property
@@ -65,7 +65,7 @@ class Surface:
 
     @property
     def size(self) -> float:
-        """Diagonal of the bounding box (length)."""
+        """Return the diagonal of the bounding box (length)."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 

@@ -171,7 +171,7 @@ def _fill(axes: Axes, arrays: Arrays) -> None:
 
 
 def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uint8]:
-    """Return an image of the bodies in space from one direction, shape (height, width, 3)."""
+    """Return an image of 3D bodies from one direction, shape (height, width, 3)."""
     x = np.asarray(arrays["x"], dtype=np.float64)
     plotter = pv.Plotter(off_screen=True, window_size=[1000, 780])
     plotter.set_background("white")

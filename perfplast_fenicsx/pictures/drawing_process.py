@@ -37,7 +37,7 @@ def draw(folder: "ResultFolder") -> bool:
     Without a graphics system rank 0 logs a warning, and the run continues.
 
     Args:
-        folder: The result folder, with its results on file.
+        folder: The result folder, to which the run has written its results.
 
     Returns:
         Whether all pictures were drawn, the same on every rank.
@@ -70,7 +70,7 @@ def plot(
     """Draw loading curve, plastic zone, mechanism and contact pressure of a run. Not collective.
 
     Args:
-        folder: The results of the run, which may still be running.
+        folder: The result folder of the run, which may still be in progress.
         output: Folder for the pictures; the result folder by default.
         say: Function called with the path of each picture, and with a sentence for each picture
             whose data are missing.
@@ -89,7 +89,7 @@ def animate(
     """Animate the loading level by level, with the same scales in all frames. Not collective.
 
     Args:
-        folder: The results of a run, which may still be running.
+        folder: The result folder of a run, which may still be in progress.
         output: A GIF or WebP file; ``loading.gif`` in the folder by default.
         say: Function called with the path of the file.
 

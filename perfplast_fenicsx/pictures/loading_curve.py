@@ -71,19 +71,19 @@ class Bounds(Protocol):
 
     @property
     def lower(self) -> float:
-        """Load factor of the static side, or the largest load factor that a path has reached."""
+        """Return the load factor of the static side, or the largest one that a path has reached."""
 
     @property
     def estimate(self) -> float | None:
-        """Estimate of the limit load; None if the curve does not level off."""
+        """Return the estimate of the limit load; None if the curve does not level off."""
 
     @property
     def upper(self) -> float | None:
-        """Load factor of the kinematic side; None if it is not known."""
+        """Return the load factor of the kinematic side; None if it is not known."""
 
     @property
     def theorem(self) -> bool:
-        """Whether the two sides bound a limit load, not just the load at which a path ends."""
+        """Return whether the two sides bound a limit load, not only the load where a path ends."""
 
 
 def save_curve(

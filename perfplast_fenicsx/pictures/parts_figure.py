@@ -133,8 +133,8 @@ Arrays = dict[str, npt.NDArray[np.generic]]
 def save_parts(source: str | Path, output: Path) -> None:
     """Draw the skin in an .npz file (:func:`perfplast_fenicsx.geometry.mesher.skin_of`).
 
-    Bodies in space are shown from the front and from the back. If these views hide a face, views of
-    both sides are added.
+    3D bodies are shown from the front and from the back. If these views hide a face, views of both
+    sides are added.
 
     Args:
         source: The file.

@@ -42,7 +42,7 @@ def heading(title: str) -> str:
 
 
 def drawable(words: str) -> str:
-    """Return words of a case, such as names of bodies, with characters that the font has.
+    """Return words of a case, such as names of bodies, with only the characters that the font has.
 
     Args:
         words: Any text.
@@ -77,7 +77,7 @@ class View:
     Attributes:
         words: Name of the view, such as "from the front"; empty for the only view.
         towards: Direction from the bodies to the viewer.
-        up: Direction that points upwards in the picture; z for bodies in space.
+        up: Direction that points upwards in the picture; z for 3D bodies.
         axes: Names of the axes x, y and z; an axis with an empty name is not drawn.
     """
 
@@ -88,7 +88,7 @@ class View:
 
     @property
     def frame(self) -> Floats:
-        """Unit vectors to the right, upwards and out of the picture, shape (3, 3)."""
+        """Return unit vectors to the right, upwards and out of the picture, shape (3, 3)."""
         out = np.array(self.towards) / np.linalg.norm(self.towards)
         right = np.cross(self.up, out)
         right /= np.linalg.norm(right)

@@ -23,7 +23,7 @@ def plot(folder: str | Path, output: str | Path | None = None) -> Iterator[str]:
     """Draw the :func:`~perfplast_fenicsx.io.results.result_files.figures` of a run.
 
     Args:
-        folder: The results of the run, which may still be running.
+        folder: The result folder of the run, which may still be in progress.
         output: Folder for the pictures; the result folder by default.
 
     Yields:
@@ -184,7 +184,7 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     """Animate the loading level by level, with the same scales in all frames.
 
     Args:
-        folder: The results of a run, which may still be running.
+        folder: The result folder of a run, which may still be in progress.
         output: A GIF or WebP file; ``loading.gif`` in the folder by default.
 
     Yields:

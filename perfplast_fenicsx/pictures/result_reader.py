@@ -110,7 +110,7 @@ VELOCITY, DISSIPATION = f"{POINT_DATA}/mechanism", f"{CELL_DATA}/dissipation"
 
 @dataclass(frozen=True)
 class StoredLevel:
-    """A level whose fields are on file.
+    """A level whose fields are stored.
 
     Attributes:
         number: Number of the level, from 1.
@@ -180,17 +180,17 @@ class ResultReader:
 
     @cached_property
     def named(self) -> NamedScene:
-        """The content of ``scene.json``."""
+        """Return the content of ``scene.json``."""
         return read_scene(self._json("scene.json"), str(self.path / "scene.json"))
 
     @cached_property
     def summary(self) -> Summary:
-        """The content of ``summary.json``."""
+        """Return the content of ``summary.json``."""
         return convert(self._json("summary.json"), Summary, str(self.path / "summary.json"))
 
     @cached_property
     def interrupted(self) -> str:
-        """The signal that ended the run, such as SIGTERM; empty if no signal ended it."""
+        """Return the signal that ended the run, such as SIGTERM; empty if no signal ended it."""
         log = self.path / "run.log"
         text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
         last = text[text.rfind(f" {BEGUN} ") :]
@@ -204,7 +204,7 @@ class ResultReader:
 
     @cached_property
     def limit(self) -> StoredLimit | None:
-        """The limit load; None if it has not been found."""
+        """Return the limit load; None if it has not been found."""
         found = self.summary.limit
         if not found:
             return None
@@ -213,7 +213,7 @@ class ResultReader:
 
     @cached_property
     def reports(self) -> list[LevelReport]:
-        """All levels so far, without their reactions, which no picture shows."""
+        """Return all levels so far, without their reactions, which no picture shows."""
 
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
@@ -226,7 +226,7 @@ class ResultReader:
 
     @cached_property
     def levels(self) -> list[StoredLevel]:
-        """The levels whose fields are on file; empty if no fields were written."""
+        """Return the levels whose fields are stored; empty if no fields were written."""
         if not (self.path / SERIES).exists():
             return []
 
@@ -243,7 +243,7 @@ class ResultReader:
 
     @cached_property
     def gdim(self) -> int:
-        """Dimension of the mesh."""
+        """Return the dimension of the mesh."""
         return 2 if self.skin.surface.plane else 3
 
     def surface(self, level: StoredLevel) -> Surface:
@@ -295,7 +295,7 @@ class ResultReader:
 
     @cached_property
     def skin(self) -> Skin:
-        """The skin without fields."""
+        """Return the skin without fields."""
         names = (POINTS, CONNECTIVITY, OFFSETS, BODY, SURFACES, SURFACE_TAGS)
         points, corners, offsets, body, facets, tags = self._arrays(MESH, *names)
         cells = corners.reshape(len(offsets) - 1, -1)  # all cells have equally many nodes
@@ -303,7 +303,7 @@ class ResultReader:
 
     @cached_property
     def flow(self) -> StoredFlow | None:
-        """The flow of water; None without seepage."""
+        """Return the flow of water; None without seepage."""
         if self.summary.seepage is None:
             return None
         names = [f"{POINT_DATA}/{name}" for name in ("pressure", "head", "saturation")]

@@ -34,7 +34,9 @@ def variant(
     loads: Sequence[Load] | None = None,
     rubbing: tuple[Sequence[Contact], Sequence[Obstacle]] | None = None,
 ) -> Problem:
-    """Return a problem on the same bodies with other data; None keeps existing data. Collective.
+    """Return a problem on the same bodies with other data. Collective.
+
+    The variant keeps the data of the given problem for which no argument is given.
 
     The variant shares mesh, displacements, supports and contact search with the given problem, but
     no data that levels change. Each variant has its own positions of supports and obstacles, and

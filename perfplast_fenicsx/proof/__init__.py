@@ -1,4 +1,4 @@
-"""Check proofs of bounds on file, using only NumPy and h5py and no other part of the program."""
+"""Check stored proofs of bounds, using only NumPy and h5py and no other part of the program."""
 
 import lazy_loader
 

@@ -3,7 +3,7 @@
 A stress σ leaves some forces unbalanced. If a stress τ balances these forces, σ + τ is in
 equilibrium. The sum satisfies f(σ + τ) ≤ c if f(σ) + f(τ) ≤ c, because f is convex and homogeneous
 of degree 1. Therefore only the size of τ in each cell is needed, and the module computes an upper
-bound of this size.
+bound on this size.
 
 1. Additional forces of supports and contact bring each connected piece of cells into equilibrium as
    a whole (``_reactions``). The contact pressure must exceed the additional contact forces.
@@ -226,7 +226,7 @@ class _Acting:
         )
 
     def through(self, body: Body, plates: Plates, facets: Longs, sizes: Floats) -> Floats:
-        """Return upper bounds of the tractions times area with which facets transfer plate forces.
+        """Return upper bounds on the tractions times area with which facets transfer plate forces.
 
         Args:
             body: The bodies.
@@ -293,7 +293,7 @@ def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
 
 
 def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
-    """Return an upper bound of ‖B‖²‖B⁻¹‖/det B for each cell."""
+    """Return an upper bound on ‖B‖²‖B⁻¹‖/det B for each cell."""
     largest, inverse = stretches_of(body, shapes, volumes)
     with np.errstate(divide="ignore", over="ignore"):
         found = largest**2 * inverse / (volumes / VOLUME[body.dim])
@@ -434,7 +434,7 @@ def exerted_of(
     without: tuple[Floats, Floats],
     push: Callable[[Floats], tuple[Floats, Floats]],
 ) -> tuple[Floats | None, str | None]:
-    """Return upper bounds of additional forces that restore balance.
+    """Return upper bounds on additional forces that restore balance.
 
     Args:
         rows: Forces and moments that each unit force causes on the pieces, and their errors, shape

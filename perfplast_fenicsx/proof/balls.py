@@ -1,11 +1,11 @@
-"""Compute with arrays of double-double numbers and bounds of their errors.
+"""Compute with arrays of double-double numbers and bounds on their errors.
 
 A number is the sum of two doubles. The second double is at most a rounding error of the first
 double. The radius of a number bounds its error: every result contains the exact result for all
 numbers within the radii. Sums and products of two doubles are exact as pairs of doubles (T. J.
 Dekker, doi:10.1007/BF01397083). Each operation rounds only the second double, by at most U times
 its size, and increases the radius by this amount. Radii are rounded too, and enlarged accordingly.
-Arrays on file have entries between 1e-60 and 1e60 in size, so products do not overflow. Numbers
+Stored arrays have entries between 1e-60 and 1e60 in size, so products do not overflow. Numbers
 below 1e-75 become zero with the radius 1e-75, which covers underflow.
 """
 
@@ -27,7 +27,7 @@ TINY = 1e-75
 
 
 def upwards(values: Floats, terms: int = 16) -> Floats:
-    """Return upper bounds of sums and products of ``terms`` non-negative numbers."""
+    """Return upper bounds on sums and products of ``terms`` non-negative numbers."""
     return np.asarray(values * (1 + 4 * terms * U))
 
 
@@ -62,11 +62,11 @@ class Balls:
 
     @property
     def size(self) -> Floats:
-        """Return upper bounds of the numbers' magnitudes."""
+        """Return upper bounds on the numbers' magnitudes."""
         return upwards(np.abs(self.mid) + np.abs(self.low) + self.rad)
 
     def norms(self) -> Floats:
-        """Return upper bounds of the Euclidean norms along the last axis."""
+        """Return upper bounds on the Euclidean norms along the last axis."""
         return upwards(np.sqrt((self.size**2).sum(axis=-1)))
 
     def each(self, change: Callable[[Floats], Any]) -> "Balls":

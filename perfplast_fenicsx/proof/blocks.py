@@ -18,7 +18,7 @@ Proof: admissible rigid motions have jumps w in the joints with w_n + μ‖w_t�
     (static theorem, D. C. Drucker, W. Prager, H. J. Greenberg, doi:10.1090/qam/45573; for blocks,
     J. Heyman, doi:10.1016/0020-7683(66)90018-7).
 
-The checker decomposes the forces on file into pressures and shear forces that satisfy these
+The checker decomposes the stored forces into pressures and shear forces that satisfy these
 conditions exactly, on the first side of each contact. A residual force and moment remain on each
 block. Because the best forces are at their limits, no capacity remains for forces that balance the
 residual. Therefore a file has a second set of forces inside the limits, for loads at another
@@ -359,16 +359,16 @@ class _Joints:
         return _Parts(parts.pressure, shear, adhesion, parts.held)
 
     def _sizes(self, values: Floats) -> Floats:
-        """Return upper bounds of the lengths of vectors with given tangent coefficients."""
+        """Return upper bounds on the lengths of vectors with given tangent coefficients."""
         return (self._tangents * Balls.exact(values)[..., None]).sum(axis=1).norms()
 
     def _limits(self, parts: _Parts) -> tuple[Floats, Floats]:
-        """Return lower bounds of the admissible shear forces and adhesive tractions."""
+        """Return lower bounds on the admissible shear forces and adhesive tractions."""
         less = 1 - 2 * self._spots.rounding
         return self._spots.friction * parts.pressure * less, self._spots.adhesion * (1 - 4 * U)
 
     def rooms(self, parts: _Parts) -> tuple[Floats, Floats]:
-        """Return lower bounds of the additional forces and tractions that spots can carry."""
+        """Return lower bounds on the additional forces and tractions that spots can carry."""
         mu, (limit, adheres) = self._spots.friction, self._limits(parts)
         # ‖f_t‖ ≤ μp still holds if the pressure decreases and the shear increases by this force.
         beside = (limit - self._sizes(parts.shear)) / (1 + mu)

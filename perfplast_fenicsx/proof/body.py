@@ -329,7 +329,7 @@ class Body:
 
     @cached_property
     def _found(self) -> tuple[Longs, bool]:
-        """Return the sides of facets on file, and whether these are exactly the outer facets."""
+        """Return the sides of the stored facets, and whether these are exactly the outer facets."""
         outer = self.sides[1]
         mine = self.cells[:, self.corners].reshape(-1, self.dim)[outer]
         return in_order_of(outer, mine, self.facets)

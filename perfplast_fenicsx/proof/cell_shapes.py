@@ -1,4 +1,4 @@
-"""Check that cell shapes are accurate enough, and that sections of rings are valid."""
+"""Check that rounding preserves the shapes of cells, and that sections of rings are valid."""
 
 from collections.abc import Callable, Iterable, Mapping
 

@@ -1,4 +1,4 @@
-"""Define bounds of the stress of each material, ‖Mσ‖ ≤ c − q·σ, and their dissipation.
+"""Define bounds on stresses, ‖Mσ‖ ≤ c − q·σ, and the dissipation of each material.
 
 A second form is (1 + s)σ₁ − (1 − s)σ₃ ≤ c for principal stresses (:mod:`principal`). In this form,
 strain rates are admissible if tr ε ≥ s Σ|ε_i|, and their dissipation is (c/2s) tr ε. For s = 0,

@@ -1,4 +1,4 @@
-"""Compute an upper bound of a mechanism's dissipation in cells, and check its strain rates.
+"""Compute an upper bound on a mechanism's dissipation in cells, and check its strain rates.
 
 Rates are multiplied by the volume of their cell, which avoids a division by the volume. In dilating
 cells a rate is admissible if z ≥ ‖y‖ (:mod:`cones`). The admissible rates form a convex cone.
@@ -35,7 +35,7 @@ from perfplast_fenicsx.proof.rings import (
 )
 
 SUBDIVISIONS = 3
-"""Number of times that a cell's edges are halved for the upper bound of the dissipation."""
+"""Number of times that a cell's edges are halved for the upper bound on the dissipation."""
 
 
 @dataclass(frozen=True)

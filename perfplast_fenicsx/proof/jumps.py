@@ -83,7 +83,7 @@ class Jumps:
         return at[self.first] - opposite
 
     def enters(self, at: Balls) -> Floats:
-        """Return upper bounds of w·n + μ‖w_t‖, which must be at most zero."""
+        """Return upper bounds on w·n + μ‖w_t‖, which must be at most zero."""
         if not len(self.first):
             return np.zeros(0)
         w = self._of(at)
@@ -95,7 +95,7 @@ class Jumps:
         return np.asarray(np.where(np.isfinite(total), total / self._sizes, np.inf))
 
     def _slips(self, w: Balls) -> Floats:
-        """Return upper bounds of ‖w_t‖ for jumps w."""
+        """Return upper bounds on ‖w_t‖ for jumps w."""
         values = w.mid + w.low
         along = np.einsum("ni,ni->n", values, self._units)
         size = np.linalg.norm(values, axis=1)
@@ -103,7 +103,7 @@ class Jumps:
         return np.asarray(np.linalg.norm(values - along[:, None] * self._units, axis=1) + rounding)
 
     def slip(self, at: Balls) -> float:
-        """Return an upper bound of the dissipation of slip: c times area times mean norm."""
+        """Return an upper bound on the dissipation of slip: c times area times mean norm."""
         some = np.flatnonzero(self._adhesion > 0)
         if not len(some):
             return 0.0

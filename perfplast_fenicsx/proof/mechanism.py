@@ -1,4 +1,4 @@
-"""Correct the velocity on file so that it is exactly admissible.
+"""Correct the stored velocity so that it is exactly admissible, except for volume changes.
 
 The velocity is quadratic in each cell, with Bernstein coefficients at vertices and edges. It is
 continuous, because neighbouring cells share these coefficients. The coefficients are corrected as
@@ -68,7 +68,7 @@ class Mechanism:
 
 
 def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs] = ()) -> Mechanism:
-    """Return an admissible velocity near the velocity on file.
+    """Return an admissible velocity near the stored velocity.
 
     Args:
         body: The bodies.

@@ -2,8 +2,9 @@
 
 In a half with the number ``strength_factor``, strengths (cohesions, slopes of friction and yield
 stresses) are divided by this number, except strengths with the flags ``cell_kept``,
-``contact_kept`` and ``obstacle_kept``. All other modules use the divided strengths on file. This
-module computes the undivided strengths, which a reader can compare with the data of the bodies.
+``contact_kept`` and ``obstacle_kept``. All other modules use the divided strengths, which the file
+contains. This module computes the undivided strengths, which a reader can compare with the data of
+the bodies.
 """
 
 from collections.abc import Mapping

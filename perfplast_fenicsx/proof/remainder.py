@@ -1,7 +1,7 @@
-"""Compute the unbalanced forces of a stress, with bounds of the rounding errors.
+"""Compute the unbalanced forces of a stress, with bounds on the rounding errors.
 
 The forces on a cell are forces per volume times the volume, and tractions at the vertices of its
-facets times their areas. The geometry of the cell is computed exactly from the coordinates on file.
+facets times their areas. The geometry of the cell is computed exactly from the stored coordinates.
 Supports and contact exert forces on outer facets. The module chooses these forces so that the
 residual is small:
 
@@ -106,7 +106,7 @@ def shapes_of(body: Body) -> Shapes:
 
 
 def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds of ‖B‖ and ‖B⁻¹‖ for the maps B from the regular simplex to the cells.
+    """Return upper bounds on ‖B‖ and ‖B⁻¹‖ for the maps B from the regular simplex to the cells.
 
     Args:
         body: The bodies.

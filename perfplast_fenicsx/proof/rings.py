@@ -105,7 +105,7 @@ def _means() -> Floats:
 
 
 def over_radius(radii: Floats, areas: Floats) -> Floats:
-    """Return upper bounds of ∫ B_i/r over triangles.
+    """Return upper bounds on ∫ B_i/r over triangles.
 
     The bound is 0 for coefficients of r²ε that are zero on the axis. Because 1/r is convex, it is
     at most the linear interpolation of its values at vertices. In a triangle with one vertex on the

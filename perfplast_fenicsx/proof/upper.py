@@ -4,7 +4,7 @@
 elastic bodies, and v causes no penetration. L₀(v) is the work of permanent loads, and L(v) is the
 work of the sought loads. D is the supremum of σ:ε over the cone of each cell (:mod:`cones`); ε is
 admissible if D is finite (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic
-Solids, 1951). The checker corrects the velocity on file until these conditions hold
+Solids, 1951). The checker corrects the stored velocity until these conditions hold
 (:mod:`mechanism`), except for volume changes, which another velocity undoes (:mod:`volume_change`).
 The other velocity dissipates power (:mod:`dissipation`), and loads do work on it. Both terms
 increase the bound, and no residual is neglected. For bodies of revolution, the velocity is v = ru
@@ -113,7 +113,7 @@ class Flow:
         cost: Part of the bound that is due to undone volume changes and rounding.
         power: The larger of the dissipation and the work of the loads, divided by the work of the
             sought loads.
-        work: Lower bound of the work of the sought loads.
+        work: Lower bound on the work of the sought loads.
         others: Largest possible work of the free loads at factor 1.
     """
 
@@ -145,7 +145,7 @@ def measure_velocity(body: Body, v: Floats) -> Flow:
 
 
 def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Flow:
-    """Return the bound that a mechanism near the velocity on file proves."""
+    """Return the bound that a mechanism near the stored velocity proves."""
     rates = rates_of(body, mechanism, shapes)
     of_cells = dissipated(body, rates)
     keeps, takes = (of & ~mechanism.rigid for of in _kinds(body))

@@ -3,7 +3,7 @@
 A velocity v is admissible except for volume changes in cells that must preserve their volume. If a
 velocity w undoes these changes, v + w is admissible, and D(ε(v + w)) ≤ D(ε(v)) + D(ε(w)), because D
 is convex and homogeneous of degree 1. Therefore only the size of ∇w in each cell is needed, and the
-module computes an upper bound of this size.
+module computes an upper bound on this size.
 
 1. Volume leaves each cell through one facet to the next cell of a tree, and finally through an
    outlet. Outlets are free surfaces, cells whose volume may change, and contacts that separate. On

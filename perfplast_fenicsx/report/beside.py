@@ -79,7 +79,7 @@ def beside(readers: Sequence[ResultReader]) -> str:
 
 
 def apart(readers: Sequence[ResultReader]) -> list[str]:
-    """Return sentences on quantities that the page cannot compare, or compares only with care."""
+    """Return sentences on differing units, models and loads, which limit the comparison."""
     a, b = (reader.summary for reader in readers)
     told = []
     if _units(readers[0]) != _units(readers[1]):

@@ -78,7 +78,7 @@ def report_on(folder: "ResultFolder") -> Path | None:
 class LiveReport:
     """A report that a run updates until it ends.
 
-    The page shows the results on file, and the activity of the run at the time of writing. It makes
+    The page shows the stored results, and the activity of the run at the time of writing. It makes
     no statement on later times, so the page of a killed run remains true.
     """
 
@@ -88,7 +88,7 @@ class LiveReport:
         self._page, self._words, self._results_at, self._written = "", "", "", 0.0
 
     def refresh(self) -> None:
-        """Write the page of the results that are on file now. Collective."""
+        """Write the page from the results that are stored now. Collective."""
         if self._folder.comm.rank == 0:
             try:
                 self._page = _checked_page(ResultReader(self._folder.path), MARK)

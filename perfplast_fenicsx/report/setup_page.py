@@ -151,7 +151,7 @@ class _Segments:
 
 
 def _segments(arrays: Mapping[str, Any], triangles: Longs, body: Longs, used: Longs) -> _Segments:
-    """Return the lines of free faces; no lines for bodies in space.
+    """Return the lines of free faces; no lines for 3D bodies.
 
     Args:
         arrays: Arrays of the skin.

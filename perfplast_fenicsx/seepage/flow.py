@@ -359,7 +359,7 @@ class Network:
             surface: Name of the surface.
 
         Raises:
-            InputError: If the mesh is in space.
+            InputError: If the mesh is three-dimensional.
         """
         if self.points.shape[1] != 2:
             raise InputError("drawdown is available only in plane strain; remove it.")
@@ -480,7 +480,7 @@ def solve_flow(
 
     Args:
         network: The network of the ground.
-        obstacles: Lower and upper bounds of w, each of shape (num_points,).
+        obstacles: Lower and upper bounds on w, each of shape (num_points,).
         start: Initial values of w, within the bounds.
         prefix: Prefix of the options for SNES-VI.
 

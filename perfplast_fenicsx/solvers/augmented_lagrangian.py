@@ -1,6 +1,7 @@
 """ALG2: the augmented Lagrangian method of Uzawa type with Anderson acceleration.
 
-Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013), with a misprint in (7) corrected:
+The method is in Section 3.2 of Čermák, Haslinger, Sysala (COMPLAS XII, 2013). With a misprint in
+(7) corrected, an iteration has three steps:
 
 1.  r⟨Cε(u), ε(v−u)⟩ ≥ ζL(v−u) − ⟨σ^k, ε(v−u)⟩ + r⟨Ce^k, ε(v−u)⟩ for all v in K_h,
 2.  ω = (C⁻¹σ^k + rê)/(1+r),  e = ((1+r)ω − C⁻¹Σ(ω))/r,

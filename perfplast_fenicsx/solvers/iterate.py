@@ -403,7 +403,7 @@ class Iterate:
     def increment(self, stopping: str) -> float:
         """Return ‖δu‖ or ‖δσ‖_E relative to the sum of the norms before and after the step.
 
-        The criterion is in Remark 1.
+        Remark 1 of the paper defines this criterion.
         """
         fields, direction = self.fields, self.direction
         if stopping == "stress":

@@ -317,7 +317,7 @@ def _with_all(
 
 
 def _nearer(target: float, alpha: float, rest: float) -> float:
-    """Return a target with half the step in α, or with half its decades if the step is a leap."""
+    """Return a target with half the step in α; for a leap, half the step in the logarithm of α."""
     a, b = alpha - rest, target - rest
     leaping = 0 < LARGEST_FACTOR * a < b
     return rest + (math.sqrt(a * b) if leaping else (a + b) / 2)

@@ -66,9 +66,9 @@ class Contact(FrictionTerms):
             default the gap is measured along the normal.
         interference: Whether a negative gap is intended, as in a press fit: the bodies initially
             overlap by this amount and push each other apart.
-        constant: Whether the overlap is the same at any load factor. If not, ``control =
-            "displacement"``, or the factor of the stages that name it, multiplies the overlap;
-            positive gaps do not change.
+        constant: Whether the overlap is the same at any load factor. If not, the load factor of
+            ``control = "displacement"``, or the factor of the stages that name the contact,
+            multiplies the overlap; positive gaps do not change.
         formulation: "nodes" uses pairs of opposite nodes, and the order of the surfaces does not
             affect the result. "mortar" uses weighted means of the jump, and needs no opposite
             nodes. By default "nodes" if the nodes match, and "mortar" if not.

@@ -23,13 +23,13 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 @dataclass(frozen=True)
 class NodesOrMortar:
-    """Pairs of nodes where nodes match, and mortar contact elsewhere.
+    """Contact by pairs of nodes if the nodes of the surfaces match, and mortar contact if not.
 
     Attributes:
         contact: The two surfaces.
         place: Location in the case file, for messages.
         number: Number of the contact among the contacts and obstacles.
-        taken: Directions at each local node that other rows have taken, see
+        taken: Directions at each local node that other rows already use, see
             :func:`surface_facets.surface_node_type`; None if there are none.
     """
 

@@ -42,7 +42,7 @@ class NodeToNode:
         contact: The two surfaces.
         place: Location in the case file, for messages.
         number: Number of the contact among the contacts and obstacles.
-        taken: Directions at each local node that other rows have taken, see
+        taken: Directions at each local node that other rows already use, see
             :func:`surface_facets.surface_node_type`; None if there are none.
     """
 

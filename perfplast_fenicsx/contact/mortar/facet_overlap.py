@@ -1,7 +1,7 @@
 """Pair opposite pieces of two surfaces, clip them, and compute points in their overlaps.
 
 All pairs of pieces are clipped at once. A piece is a straight segment in plane meshes, or a
-triangle in space. The guest is projected onto the host along the normal of the host, so all maps
+triangle in 3D. The guest is projected onto the host along the normal of the host, so all maps
 between reference coordinates are affine. Triangles are clipped by Sutherland and Hodgman's
 algorithm (Comm. ACM 17, 1974, doi 10.1145/360767.360802). Corners remain in the order in which the
 algorithm finds them, and slivers keep their area.
@@ -95,7 +95,7 @@ def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
 
 
 def _most(flat: Floats) -> Floats:
-    """Return the minimum over the coordinates of their maximum over the corners, (num_pairs,)."""
+    """Return for each pair the least coordinate, each taken at its largest over the corners."""
     corners = range(flat.shape[1])
     largest = functools.reduce(np.maximum, (flat[:, corner] for corner in corners))
     return functools.reduce(np.minimum, largest.T)
@@ -300,8 +300,9 @@ def rendezvous(
 
     Collective.
 
-    Hosts are distributed by slabs of space along the longest axis. A guest goes to every rank whose
-    box of hosts, widened by ``reach``, it intersects.
+    Host facets are assigned to ranks by slabs perpendicular to the longest axis. A guest facet goes
+    to every rank whose bounding box of host facets, widened by ``reach``, intersects the guest's
+    box.
 
     Args:
         comm: Communicator of the ranks.

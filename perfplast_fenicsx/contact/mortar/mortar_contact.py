@@ -193,10 +193,11 @@ def facing_facets(
 ) -> Facing:
     """Return the facets of two surfaces that are opposite each other. Collective.
 
-    The search doubles its reach until it finds an overlap. With ``onward``, host facets without an
-    overlap then continue the search, but only in front of the host. A guest deeper inside than the
-    first successful reach is not an overlap of bodies. Partly covered facets search farther, by the
-    distance by which opposite surfaces can diverge along them.
+    The search doubles its reach until it finds an overlap. With ``onward``, the search then
+    continues for host facets without an overlap, but only in front of the host facets. A guest
+    facet that lies deeper inside the host's body than the first successful reach does not count as
+    an overlap of bodies. For partly covered facets the reach grows by the distance by which
+    opposite surfaces can diverge along these facets.
 
     Args:
         comm: Communicator of the ranks.
@@ -313,7 +314,7 @@ class Side:
 
     @property
     def lost(self) -> int:
-        """Return the number of nodes, in all sets, that can neither host nor be replaced."""
+        """Return the number of nodes, in all sets, that can neither host a row nor be replaced."""
         return sum(rows.lost for rows in self.rows)
 
 

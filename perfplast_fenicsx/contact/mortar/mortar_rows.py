@@ -6,11 +6,12 @@ retired: its function is given in equal parts to neighbours that can have a mult
 rows are divided by their weight d. The functions therefore still sum to 1, and forces and moments
 balance.
 
-The multipliers are defined on the host's facets e, which may be partly covered. On the covered part
-e' of each facet, the dual functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the host's functions Ñ:
-∫φ_i Ñ_k = δ_ik ∫Ñ_k. The φ sum to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi
-10.1016/j.cma.2010.11.004). So a row has one host on its own surface, and its weights on the other
-surface sum to the weight of the host.
+The multipliers are defined on the facets e of the host surface, which may be partly covered. On the
+covered part e' of each facet, the dual functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the facet's
+functions Ñ: ∫φ_i Ñ_k = δ_ik ∫Ñ_k. The φ sum to 1 (Cichosz and Bischoff, CMAME 200, 2011, doi
+10.1016/j.cma.2010.11.004). If Ñ = N and no neighbour is retired, each row therefore has only one
+node on the host surface, its host. In every row, the weights of the nodes on the guest surface sum
+to the weight on the host surface.
 
 On triangles of second order, the functions N of vertices have ∫N = 0, and no multiplier can use
 them. There the functions are Ñ_v = N_v + α Σ N_m over the midside nodes m next to v, and Ñ_m = (1 −
@@ -18,10 +19,11 @@ them. There the functions are Ñ_v = N_v + α Σ N_m over the midside nodes m ne
 = 1/4 they are Bernstein polynomials, which are nowhere negative. The weights d are then positive,
 whatever part of a facet is covered.
 
-The module sums the integrals of all overlapping pieces by pairs of facets, and makes them dual on
-each facet. If the host has Bernstein functions and its normal n varies, the module also computes
-integrals with n, interpolated between the nodes. The reason: the coefficients of a displacement
-vector times a nodal normal differ by O(h²) from the coefficients of the normal component.
+The module sums the integrals of all overlapping pieces by pairs of facets, and multiplies them by
+the factors D_e M_e⁻¹ of each host facet. If the host facet has Bernstein functions and its normal n
+varies, the module also computes integrals with n, interpolated between the nodes. They are
+necessary because the coefficients of a displacement vector times a nodal normal differ by O(h²)
+from the coefficients of the normal component.
 """
 
 import math
@@ -263,7 +265,7 @@ def _products(
 def _nearest(
     host: Pieces, guest: Pieces, h: Longs, g: Longs, in_host: Floats, in_guest: Floats
 ) -> Longs:
-    """Return the overlaps with the first layer that the host's normal meets."""
+    """Return the overlaps whose guest is in the first layer that the host's normal meets."""
     between = np.einsum("nc,nci->ni", in_guest, guest.x[g])
     between -= np.einsum("nc,nci->ni", in_host, host.x[h])
     far = np.abs(np.einsum("ni,ni->n", between, host.normal[h]))

@@ -39,8 +39,8 @@ def matrix_of_entries(
 
     Args:
         comm: Communicator of the ranks.
-        rows: Local and global numbers of rows.
-        columns: Local and global numbers of columns.
+        rows: Number of rows, on this rank and on all ranks.
+        columns: Number of columns, on this rank and on all ranks.
         entries: Entries in any number of parts; entries at the same position are added.
         block_size: Block size of rows and columns.
     """
@@ -61,7 +61,7 @@ def entries_of(A: PETSc.Mat) -> tuple[Longs, Longs, Floats]:
 
 
 def unknowns(V: fem.FunctionSpace) -> Sizes:
-    """Return the local and the global number of displacement unknowns."""
+    """Return the number of displacement unknowns on this rank and on all ranks."""
     index_map, gdim = V.dofmap.index_map, V.dofmap.index_map_bs
     return index_map.size_local * gdim, index_map.size_global * gdim
 

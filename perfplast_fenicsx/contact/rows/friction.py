@@ -19,7 +19,7 @@ from perfplast_fenicsx.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class Friction:
-    """The points with friction, and their strength.
+    """The points with friction, with the forces at which slip begins.
 
     Attributes:
         pair: Contact row of each point with friction on this rank, shape (num_places,).
@@ -146,7 +146,7 @@ def norms(vectors: Floats) -> Floats:
 
 
 def shrunk(vectors: Floats, bound: Floats) -> Floats:
-    """Return the vectors, shortened where they exceed their largest norms.
+    """Return the vectors, scaled down to their largest norms where they are longer.
 
     Args:
         vectors: Vectors, shape (n, k).

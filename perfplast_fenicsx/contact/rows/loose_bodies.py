@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class LooseMotion:
-    """A motion of a body that hardly any row resists while the other bodies are at rest.
+    """A motion of a body that rows resist only slightly while the other bodies are at rest.
 
     Attributes:
         body: Number of the body.

@@ -98,7 +98,7 @@ class RigidMotions:
         return basis, self._jumps @ basis
 
     def first_active(self) -> PairFlags:
-        """Return an initial active set of pairs that stops as many motions as all pairs do.
+        """Return an initial active set of pairs that stops as many motions as all pairs together.
 
         Collective.
 
@@ -433,7 +433,7 @@ class FreeMotions:
             )
 
     def centre(self, u: fem.Function) -> None:
-        """Subtract the part in F from a displacement, in the mean over all nodes. Collective."""
+        """Subtract from a displacement its least-squares fit in F over all nodes. Collective."""
         if not self.count:
             return
         F, here = self.at_nodes, slice(self.at_nodes.shape[0])
@@ -502,7 +502,7 @@ def held_motions(
 
 
 def _untangled(bodies: Bodies, free: Floats) -> tuple[Floats, list[tuple[Ints, Ints]]]:
-    """Return an orthonormal basis of the same space in which motions involve few bodies and axes.
+    """Return an orthonormal basis of the free motions, each of which involves few bodies and axes.
 
     Returns:
         The basis; and for each set of bodies that move together, the bodies and the numbers of

@@ -165,7 +165,7 @@ def _labelled(comm: MPI.Intracomm, nodes: SurfaceNodes) -> npt.NDArray[np.void]:
 
 
 def _misfit(primary: SurfaceNodes, secondary: SurfaceNodes, rounding: float) -> Floats:
-    """Return by how much nodes miss being opposite each other (length); the arrays broadcast."""
+    """Return the distance of nodes from opposite positions (length); the arrays broadcast."""
     n, m = primary["normal"], secondary["normal"]
     facing = np.einsum("...i,...i->...", n, m)
     mean = n - m

@@ -1,4 +1,4 @@
-"""Collect the facets and nodes of a named surface, with normals, as rows to send between ranks."""
+"""Collect the facets and nodes of a named surface, with normals, as rows that ranks exchange."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -260,7 +260,7 @@ def load_mesh(
 
     Raises:
         InputError: If the builder or file does not exist, if its arguments or content are not
-            valid, or if bodies overlap or are cut inside.
+            valid, or if bodies overlap or have cuts through their interior.
     """
     if isinstance(mesh, MeshBuilder):
         return build(comm, mesh.builder, **mesh.arguments)

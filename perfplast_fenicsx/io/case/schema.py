@@ -117,7 +117,7 @@ def _converted(value: object, key: str, hint: Any, place: str) -> Any:
 
 
 def described(hint: Any, key: str) -> str:
-    """Return a type in words.
+    """Return a description of a field's type in words.
 
     Args:
         hint: The annotation of a field.

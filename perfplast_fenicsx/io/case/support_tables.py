@@ -56,8 +56,8 @@ class RigidSurfaceTable:
         on: Physical surface.
         point: Centre of the rotation (length; 2 or 3 numbers); the default is the origin.
         displacement: Displacement of this point (length; 2 or 3 numbers); the default is 0.
-        rotation: Angle of rotation (rad): one number in the plane, and one for each axis in space.
-            The default is 0 if a displacement is given.
+        rotation: Angle of rotation (rad): one number in the plane, and one for each axis in 3D. The
+            default is 0 if a displacement is given.
         components: Displacement components that the prescribed motion fixes, as letters of x, y, z;
             the default is all. If only some are fixed, the end of a twisted bar can warp.
         constant: As for supports.

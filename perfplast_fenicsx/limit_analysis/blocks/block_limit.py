@@ -61,7 +61,7 @@ class BlockLimit:
 
     Attributes:
         lower: Outcome of the search for forces, and the load factor λ of the forces.
-        upper: Outcome of the search for a motion, and the upper bound of λ from the motion.
+        upper: Outcome of the search for a motion, and the upper bound on λ from the motion.
         best: The best forces.
         inner: Forces strictly inside the friction cones, at another λ; None if no such forces were
             found.

@@ -78,8 +78,8 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
 
     Args:
         carried: A load factor that the bodies provably carry, near the least carried factor.
-        none_below: Proven lower bound of the least load factor.
-        lower: A lower bound of the largest load factor; the bodies carry this factor too.
+        none_below: Proven lower bound on the least load factor.
+        lower: A lower bound on the largest load factor; the bodies carry this factor too.
     """
     told = []
     if carried is not None and lower is not None:

@@ -71,7 +71,7 @@ class FactorOfSafety(NotebookResult):
         falls: Result with the upper bound at the upper factor, whose mechanism is the proof.
         last: The last computed upper bound, at any factor.
         bodies: The problem with the given strengths, on the mesh of the upper factor.
-        curve: Factors F, each with the strict lower and upper bound of the multiple of the loads
+        curve: Factors F, each with the strict lower and upper bound on the multiple of the loads
             that the bodies carry; None for a missing bound.
         searches: Number of computed bounds on all meshes; lower and upper bounds count separately.
         taken: Idealisations of ground, surfaces, pore pressures and strengths, as clauses
@@ -359,8 +359,8 @@ def times_in_words(
 
     Args:
         factor: F.
-        lower: Lower bound of the multiple.
-        upper: Upper bound of the multiple.
+        lower: Lower bound on the multiple.
+        upper: Upper bound on the multiple.
         cells: Number of cells of the mesh.
         estimate: Whether both bounds are for Davis' associated ground.
     """

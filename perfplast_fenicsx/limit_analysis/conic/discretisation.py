@@ -88,12 +88,12 @@ class Stiffness(Protocol):
 
     @property
     def factorisations(self) -> int:
-        """Number of factorisations so far."""
+        """Return the number of factorisations so far."""
         ...
 
     @property
     def solves(self) -> int:
-        """Number of systems solved so far."""
+        """Return the number of systems solved so far."""
         ...
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:

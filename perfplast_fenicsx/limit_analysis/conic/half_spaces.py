@@ -76,7 +76,7 @@ class Pairs:
         return missing_of(products, mu)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledPairs":
-        """Return the pairs at an iterate."""
+        """Return these pairs at an iterate, with forces r and slacks −[v]."""
         return ScaledPairs(now, rates)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:

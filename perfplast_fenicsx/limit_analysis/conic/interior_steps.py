@@ -89,7 +89,7 @@ def carries_none(program: ConicProgram, most: float, rate: float) -> bool:
 
     Args:
         program: The program with the loads.
-        most: Upper bound of the power of the loads.
+        most: Upper bound on the power of the loads.
         rate: Root mean square of the strain rates.
     """
     small = most <= NO_LOAD * program.degree and rate <= NO_LOAD

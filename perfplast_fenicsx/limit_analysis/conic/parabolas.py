@@ -200,7 +200,7 @@ class ParabolaPoints(SecondOrderMembers):
         return found
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledParabolaPoints":
-        """Return the points at an iterate."""
+        """Return these points at an iterate, with the scaling of their cones."""
         return ScaledParabolaPoints(self, now, rates)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
@@ -222,7 +222,7 @@ class ParabolaPoints(SecondOrderMembers):
 
 
 class ScaledParabolaPoints(ScaledMembers):
-    """The points at an iterate; see :class:`cone.ScaledBlock`."""
+    """Points of this kind at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: ParabolaPoints, now: Members, rates: Rates) -> None:
         """Factorise H of each point."""

@@ -193,7 +193,7 @@ class _Points(SecondOrderMembers):
 
     @property
     def degree(self) -> int:
-        """Number of points."""
+        """Return the number of points."""
         return len(self.radii)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
@@ -253,7 +253,7 @@ class Cylinders(_Points):
         return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCylinders":
-        """Return the points at an iterate."""
+        """Return these points at an iterate, with the scaling of their cones."""
         return ScaledCylinders(self, now, rates)
 
 
@@ -297,7 +297,7 @@ class Cones(_Points):
         return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCones":
-        """Return the points at an iterate."""
+        """Return these points at an iterate, with the scaling of their cones."""
         return ScaledCones(self, now, rates)
 
 
@@ -320,7 +320,7 @@ class ScaledMembers:
 
 
 class ScaledCylinders(ScaledMembers):
-    """Points at an iterate; see :class:`cone.ScaledBlock`."""
+    """Points of this kind at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: Cylinders, now: Members, rates: Rates) -> None:
         super().__init__(now)
@@ -367,7 +367,7 @@ class ScaledCylinders(ScaledMembers):
 
 
 class ScaledCones(ScaledMembers):
-    """Points at an iterate; see :class:`cone.ScaledBlock`.
+    """Points of this kind at an iterate, with their scaling; see :class:`cone.ScaledBlock`.
 
     The moduli are W², and p changes by dp = −dS₀/α.
     """

@@ -224,7 +224,7 @@ class PrincipalCones:
 
     @property
     def count(self) -> int:
-        """Number of points."""
+        """Return the number of points."""
         return len(self.at)
 
     @property
@@ -458,7 +458,7 @@ class PrincipalPoints:
         return found
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledPrincipal":
-        """Return the points at an iterate."""
+        """Return these points at an iterate, with the scaling of their cones."""
         return ScaledPrincipal(self, now, rates)
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:

@@ -277,7 +277,7 @@ class RingCoefficients:
 
 
 def _over_radius(x: Floats, areas: Floats) -> Floats:
-    """Return upper bounds of ∫ B_i/r in cells, shape (num_cells, 6).
+    """Return upper bounds on ∫ B_i/r in cells, shape (num_cells, 6).
 
     Args:
         x: Vertices of cells, shape (num_cells, 3, 2).

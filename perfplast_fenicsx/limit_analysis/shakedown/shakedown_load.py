@@ -1,4 +1,4 @@
-"""Compute the shakedown load of a load domain, and a Bree diagram of two varying loads.
+"""Compute the shakedown load for a domain of varying loads, and a Bree diagram of two such loads.
 
 The result holds for the mesh, because the elastic stresses and the equilibrium come from finite
 elements. For the bodies, the result is therefore an estimate and not a bound. Stresses are within
@@ -86,10 +86,10 @@ class Failure(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class ShakedownLoad(NotebookResult):
-    """The largest multiple of a load domain to which the bodies shake down, on this mesh.
+    """The largest multiple of a domain of loads to which the bodies shake down, on this mesh.
 
     Attributes:
-        domain: The load domain.
+        domain: The domain of the varying loads' factors.
         problem: Problem with the points of the stresses.
         linear: Whether the points are the vertices of cells with linear stresses.
         load: Factor λ from Melan's theorem, an estimate for the bodies; None if no factor was
@@ -155,7 +155,7 @@ class ShakedownLoad(NotebookResult):
         return rows
 
     def draw_into(self, axes: Any) -> None:
-        """Draw the load domain, and the multiple of this domain for which the bodies shake down.
+        """Draw the domain of the loads, and the multiple to which the bodies shake down.
 
         Raises:
             InputError: If more than two loads vary.
@@ -227,7 +227,7 @@ def shakedown_load(
     rtol: float = 1e-4,
     monitor: Callable[[InteriorStep], None] | None = None,
 ) -> ShakedownLoad:
-    """Return the largest λ for which the bodies shake down to λ times a load domain. Collective.
+    """Return the largest λ such that the bodies shake down to λ times a domain. Collective.
 
     Args:
         problem: The bodies and their loads; constant loads act all the time.

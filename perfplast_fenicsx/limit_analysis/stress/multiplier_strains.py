@@ -99,7 +99,7 @@ class MultiplierStrains:
         self.few: npt.NDArray[np.bool_] = np.asarray(few)
 
     def _fields(self, cones: BodyCones, vertices: Floats) -> tuple[Floats | None, Floats | None]:
-        """Return lower bounds of profiles and slope factors at the points, or None if constant."""
+        """Return lower bounds on profiles and slope factors at the points, or None if constant."""
         if not cones.varies:
             return None, None
         places = np.concatenate([vertices, vertices.mean(axis=1, keepdims=True)], axis=1)

@@ -1,4 +1,4 @@
-"""Compute a lower bound of the body's limit load from a stress in equilibrium everywhere.
+"""Compute a lower bound on the body's limit load from a stress in equilibrium everywhere.
 
 The stress is linear in each cell (in 3D in each of its four parts), with continuous tractions, and
 nowhere exceeds yield. On contact surfaces, there is neither friction nor tension. Because yield
@@ -256,7 +256,7 @@ def strict_lower_bound(
     form: StaticForm | None = None,
     reserve: float | None = None,
 ) -> StaticBound:
-    """Return a lower bound of the body's limit load. Collective.
+    """Return a lower bound on the body's limit load. Collective.
 
     The bound depends on the mesh, materials, supports, loads and contact of the problem, and not on
     the degree of its displacements.

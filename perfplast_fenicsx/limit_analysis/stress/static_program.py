@@ -291,7 +291,7 @@ def certify_stress(
 
 
 def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds of 1/γ for the weakest cell that each condition involves. Collective.
+    """Return upper bounds on 1/γ for the weakest cell that each condition involves. Collective.
 
     The function adds the inverse radii of the cells that meet at a facet. The sum is at most 2
     times the largest inverse radius; at contact, at most 4 times.

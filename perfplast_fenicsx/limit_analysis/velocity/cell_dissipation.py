@@ -1,4 +1,4 @@
-"""Compute upper bounds of the dissipation of cells and of slip.
+"""Compute upper bounds on the dissipation of cells and of slip.
 
 The norm ‖·‖ is convex, so its integral is at most the integral of its linear interpolation on any
 subdivision of the cell (the composite vertex rule). The same holds for Σ|ε_i| of the principal
@@ -18,7 +18,7 @@ On a part with one vertex on the axis, the bound of 1/r is a linear function alo
 edge, divided by the relative distance from the vertex. The formulas use only NumPy, except for the
 laws of the cells.
 
-:func:`slip_work` computes an upper bound of the dissipation by slip that also holds between nodes.
+:func:`slip_work` computes an upper bound on the dissipation by slip that also holds between nodes.
 The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`).
 The Bernstein polynomials are not negative and sum to 1. So ‖w_t‖ is at most the mean of the norms
 of the coefficients, weighted with the polynomials. Therefore ∫c‖w_t‖ is at most c times the area
@@ -247,7 +247,7 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
 def dissipation_of_cells(
     problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
-    """Return upper bounds of the dissipation of cells, from rates in coordinates of the cones.
+    """Return upper bounds on the dissipation of cells, from rates in coordinates of the cones.
 
     Not collective. The dissipation is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε in dilating bodies
     (:mod:`standard_cones`). For sets of principal stresses, see :mod:`semidefinite_cones`. A volume
@@ -291,7 +291,7 @@ def dissipation_of_cells(
 def _of_others(
     problem: Problem, rates: MechanismRates, one: _SetsOfCells, subdivisions: int
 ) -> Floats:
-    """Return upper bounds of the dissipation of cells with sets of another kind."""
+    """Return upper bounds on the dissipation of cells with sets of another kind."""
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[one.cells]
     volumes = rates.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
 
@@ -319,7 +319,7 @@ def _mean(values: Floats, profile: Floats | None) -> Floats:
 def _of_principal(
     problem: Problem, rates: MechanismRates, cones: PrincipalCones, here: Longs, subdivisions: int
 ) -> Floats:
-    """Return upper bounds of the dissipation of cells with sets of principal stresses.
+    """Return upper bounds on the dissipation of cells with sets of principal stresses.
 
     Args:
         problem: The bodies.
@@ -348,7 +348,7 @@ def work_of_cells(
     profile: Floats | None = None,
     size: Callable[[Floats], Floats] = lambda values: np.linalg.norm(values, axis=1),
 ) -> Floats:
-    """Return an upper bound of ∫ f‖s‖ over each cell, for s and f that are linear in the cell.
+    """Return an upper bound on ∫ f‖s‖ over each cell, for s and f that are linear in the cell.
 
     Args:
         volumes: Volumes of the cells, shape (num_cells,).
@@ -402,7 +402,7 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
 
 
 def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions: int) -> Floats:
-    """Return upper bounds of the dissipation of cells. Not collective.
+    """Return upper bounds on the dissipation of cells. Not collective.
 
     Args:
         problem: Problem with v = ru as the unknown (:mod:`ring_flux`).
@@ -470,7 +470,7 @@ class SlipWork:
     """The dissipation by slip, and sums for the same surfaces.
 
     Attributes:
-        power: Upper bound of ∫c‖w_t‖, summed over all ranks.
+        power: Upper bound on ∫c‖w_t‖, summed over all ranks.
         squares: Sum of ∫(‖w_t‖/h)² over layers whose thickness is the size h of the facet. It
             corresponds to ∫‖ε(v)‖² in cells.
         why_not: Reasons why the dissipation may be larger, or why the slip is inadmissible, as

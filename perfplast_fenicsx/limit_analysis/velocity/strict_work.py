@@ -1,4 +1,4 @@
-"""Compute the upper bound of a mechanism, and the share of each cell in the gap of the bounds.
+"""Compute the upper bound from a mechanism, and each cell's share of the gap between the bounds.
 
 In a straight cell, the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So the
 integral of the norm is at most the integral of its linear interpolation on any subdivision of the
@@ -254,7 +254,7 @@ class _Cost:
     """Sums over the cells of all ranks that determine an upper bound.
 
     Attributes:
-        dissipation: Upper bound of the bodies' dissipation.
+        dissipation: Upper bound on the bodies' dissipation.
         allowed: Part of the dissipation that rounding may add, including the dissipation of points
             at rest.
         lost: Sum over cells of the volume times the mean size of rates that must vanish.
@@ -340,7 +340,7 @@ def gap_shares(
     stress: Floats,
     rates: MechanismRates | None = None,
 ) -> Floats:
-    """Return upper bounds of the shares η_T of the cells that this rank owns. Collective.
+    """Return upper bounds on the shares η_T of the cells that this rank owns. Collective.
 
     Args:
         problem: The bodies and their loads, on straight cells.

@@ -1,1 +1,1 @@
-"""Objects that a problem assembles once: spaces, loads, prescribed motion and glued rows."""
+"""Assemble the data that a problem needs once: spaces, loads, prescribed motion and glued rows."""

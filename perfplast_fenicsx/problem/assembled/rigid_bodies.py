@@ -1,6 +1,6 @@
 """Model rigid bodies in levels by rows B u = 0: a few nodes determine all other nodes of a body.
 
-A body has three motions q in plane meshes and six in space. Components that supports hold, and
+A body has three motions q in plane meshes and six in 3D. Components that supports hold, and
 directions at up to three nodes, determine q. All other components are linear functions of these.
 The rows do no work on rigid motions, so the row forces balance on each body, and the loads reach
 its supports, contacts and ties.

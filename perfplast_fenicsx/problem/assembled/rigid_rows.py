@@ -1,7 +1,7 @@
-"""Assemble rigid surfaces as rows B u = 0: all nodes follow two nodes, or three in space.
+"""Assemble rigid surfaces as rows B u = 0: all nodes follow two nodes, or three in 3D.
 
 The leading nodes a, b, c are far apart. Their free unknowns are u_a, the components of u_b across
-a–b and, in space, the component of u_c out of the plane a, b, c: 3 or 6 in all. The displacement of
+a–b and, in 3D, the component of u_c out of the plane a, b, c: 3 or 6 in all. The displacement of
 each other node on the surface is linear in these unknowns:
 
     u(x) = u_a + ω × (x − a)   with   ω = W (u_a, u_b, u_c)
@@ -32,7 +32,7 @@ class Leaders:
     Attributes:
         number: Global block dofs of the leaders, shape (2,) or (3,).
         x: Coordinates of the leaders, shape (2, 2) or (3, 3).
-        frame: Unit vectors along a–b, across a–b and, in space, out of the plane of the leaders.
+        frame: Unit vectors along a–b, across a–b and, in 3D, out of the plane of the leaders.
     """
 
     number: Longs
@@ -58,7 +58,7 @@ class Leaders:
         return found
 
     def _turns(self) -> Floats:
-        """Return W, which gives the rotation from the leaders, shape (1 or 3, leaders, gdim)."""
+        """Return W, which maps the leaders' displacements to ω, shape (1 or 3, leaders, gdim)."""
         along, across = self.frame[:2]
         length = float(np.linalg.norm(self.x[1] - self.x[0]))
         if len(self.frame) == 2:

@@ -386,7 +386,7 @@ class Force(Load):
         value: The total force (force; in plane meshes per unit of depth), one number for each
             direction. It is distributed linearly, or acts on a rigid surface that is free to move.
         moment: Moment in addition to the force or without a force (moment; in plane meshes per unit
-            of depth): a number in plane meshes, one for each axis in space.
+            of depth): a number in plane meshes, one for each axis in 3D.
         point: Point where the force acts and about which the moment is taken (length). By default
             the origin for rigid surfaces, and the centroid for other surfaces.
         name: Name in messages.

@@ -95,8 +95,8 @@ class RigidSurface:
         on: Physical name of the surface.
         point: Centre of the rotation (length; 2 or 3 numbers); by default the origin.
         displacement: Displacement of ``point`` (length; 2 or 3 numbers); by default 0.
-        rotation: A number in plane meshes, one for each axis in space (rad); 0 if only a
-            displacement is given.
+        rotation: A number in plane meshes, one for each axis in 3D (rad); 0 if only a displacement
+            is given.
         components: Letters of x, y, z that the prescribed motion holds; by default all. If it holds
             only some of them, a bar that is twisted at its end can warp there.
         constant: Whether the motion is the same at any load factor; if not, ζ or a factor of stages
@@ -165,7 +165,7 @@ def turned(turn: Floats, arms: Floats) -> Floats:
     """Return the cross product of the rotation and the arms.
 
     Args:
-        turn: Rotation, shape (1,) in plane meshes, (3,) in space.
+        turn: Rotation, shape (1,) in plane meshes, (3,) in 3D.
         arms: Arms, shape (n, gdim).
     """
     if arms.shape[1] == 2:

@@ -63,7 +63,7 @@ def stiffness_of_nodes(problem: Problem) -> float:
 
 
 def stiffness_of_all(problem: Problem) -> float:
-    """Return ∫ 2μ/h²; this times the largest |u|² is a bound of :func:`jagged_norm2`.
+    """Return ∫ 2μ/h²; this times the largest |u|² bounds :func:`jagged_norm2`.
 
     Collective.
     """

@@ -29,8 +29,8 @@ def moment(problem: Problem, forces: Floats) -> Floats:
         forces: Forces on the nodes that this rank owns, shape (num_nodes, gdim).
 
     Returns:
-        Moment about x, y and z in space, shape (3,); about z per unit of depth in plane meshes,
-        shape (1,); empty for bodies of revolution, shape (0,).
+        Moment about x, y and z in 3D, shape (3,); about z per unit of depth in plane meshes, shape
+        (1,); empty for bodies of revolution, shape (0,).
     """
     gdim = problem.bodies.gdim
     if problem.tagged_mesh.axisymmetric:
@@ -235,8 +235,8 @@ class LoadResultant:
         constant: Whether the load acts in full at any load factor.
         force: One number for each direction (force; per unit of depth in plane meshes, for the full
             turn in axisymmetry).
-        moment: Moment about the origin (force × length): three numbers in space, one number in
-            plane meshes, none for bodies of revolution.
+        moment: Moment about the origin (force × length): three numbers in 3D, one number in plane
+            meshes, none for bodies of revolution.
     """
 
     name: str

@@ -58,8 +58,8 @@ def condense(
 ) -> Condensed:
     """Solve the contact QP for the undecided pairs only. Collective.
 
-    While all undecided pairs are held, each gets a unit jump in turn. This takes one solve per
-    pair, with one set-up.
+    All undecided pairs are held, and each of them in turn gets a unit jump. This takes one solve
+    per pair, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator.

@@ -4,8 +4,8 @@ minimise ½ δᵀAδ + rᵀδ + Σ c‖s + δ_t‖  subject to  δ_s ≤ room
 
 Each linearisation of friction gives a contact QP. In this QP, tangential jumps are held at sticking
 points; slipping points have forces and springs. If the linearisations do not converge, a dense
-program determines the solution. In space, or with many points, splitting approaches the solution
-instead, and the linearisations then continue from its result.
+program determines the solution. In 3D, or with many points, the splitting below approaches the
+solution instead, and the linearisations then continue from its result.
 
 The linearisation refers to the friction law ‖μ‖ ≤ c, μ = c s/‖s‖, and determines which points stick
 and which slip. Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any
@@ -331,7 +331,7 @@ class FrictionProgram:
         self._drag = DRAG
 
     def begin(self) -> None:
-        """Start a level with the full drag."""
+        """Start a level with the initial drag, the relative spring stiffness at slipping points."""
         self._drag = DRAG
 
     def set_operator(self, A: ContactOperator) -> None:

@@ -6,8 +6,8 @@ factors converges in a few iterations.
 The module also estimates the cost of a factorisation, and whether it fits into memory. The estimate
 uses MUMPS's analysis, which is fast.
 
-CHOLMOD replaces MUMPS where its factors are faster: on one rank, in space. CHOLMOD orders by METIS,
-which MUMPS in Debian cannot use. For lower bounds in space, a factorisation by CHOLMOD takes three
+CHOLMOD replaces MUMPS where its factors are faster: on one rank, in 3D. CHOLMOD orders by METIS,
+which MUMPS in Debian cannot use. For lower bounds in 3D, a factorisation by CHOLMOD takes three
 fifths of the time of MUMPS, and a solve takes half of the time. In plane meshes, with few
 operations per entry of the factors, MUMPS is faster (benchmarks/NOTEBOOK.md). CHOLMOD needs a
 positive definite matrix, and rounding errors may make a matrix indefinite.
@@ -190,7 +190,7 @@ class Factorisation:
 
     @property
     def worth(self) -> int:
-        """Return how many iterations with old factors cost as much as new factors; or 0."""
+        """Return how many iterations with old factors cost as much as new ones; 0 if few."""
         pc = self._ksp.getPC()
         if pc.getFactorSolverType() != "mumps":
             return 0

@@ -1,4 +1,6 @@
-"""Create B, which glues torn nodes, and map displacements and forces between bodies and pieces.
+"""Create the gluing matrix B, which joins the copies of torn nodes, and map vectors to pieces.
+
+:class:`TornBodies` maps displacements and forces between the bodies and their pieces.
 
 A node of the mesh has one copy in each of its pieces. At a free component, the m copies have m − 1
 orthonormal rows, the k-th of which is (1, …, 1, −k, 0, …)/√(k(k + 1)). At a supported component,

@@ -82,7 +82,7 @@ class BoundProgram:
             definite.
         comm: Communicator of the ranks that share the unknowns.
         lower: Bounds.
-        norm: ‖H‖, an upper bound of it, or a close estimate.
+        norm: ‖H‖, an upper bound on it, or a close estimate.
         x: Feasible iterate.
         gradient: Gradient Hx − b.
         products: Number of products with H so far.

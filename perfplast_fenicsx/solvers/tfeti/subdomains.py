@@ -213,7 +213,7 @@ class Factors:
 
 
 class TornStiffness:
-    """K without gluing and supports, only on this rank unless stated otherwise.
+    """K of this rank's pieces, without gluing and supports. Methods are local unless collective.
 
     Attributes:
         size: Number of torn unknowns on this rank.
