@@ -280,7 +280,7 @@ class AroundAxis:
 _ALL: tuple[Kinematics, ...] = (Space(), PlaneStrain(), PlaneStress(), Axisymmetric())
 
 KINDS = {one.name: one for one in _ALL}
-"""Space, plane strain, plane stress and axisymmetry, by the names in case files."""
+"""Kinematics by the names in case files: 3D, plane strain, plane stress and axisymmetry."""
 
 
 def _radius(domain: Any) -> Any:

@@ -165,7 +165,7 @@ SIDES = {
     "lower": ("#3b6ea5", "carried for certain", "stands with F = "),
     "upper": ("#d62020", "carried at most", "falls at F = "),
 }
-"""Colour, label of the bound of the loads, and label of the factor of safety from this bound."""
+"""Colour, label of the bound on the loads, and label of the factor of safety from this bound."""
 
 
 def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:

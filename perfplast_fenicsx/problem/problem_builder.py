@@ -28,7 +28,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.tables import notebook_table
 
 Declared = Support | Load | Contact | Obstacle | Tie | RigidSurface | Initial
-"""Everything that a problem may contain beside its mesh and its materials."""
+"""Everything that a problem may contain besides its mesh and its materials."""
 
 ARGUMENTS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("supports", (Support,)),

@@ -36,7 +36,7 @@ from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes, stretc
 from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
-"""Bounds of the stress on a regular simplex, by dimension. The first factor multiplies the largest
+"""Bounds on the stress in a regular simplex, by dimension. The first factor multiplies the largest
 traction times area, summed over the facets; the second factor multiplies the body force. A test
 computes both factors.
 """

@@ -35,7 +35,7 @@ from perfplast_fenicsx.proof.remainder import Shapes, stretches_of
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
-"""Bounds of gradients on a regular simplex, by dimension. The first factor multiplies the largest
+"""Bounds on gradients in a regular simplex, by dimension. The first factor multiplies the largest
 divergence of zero mean; the second factor multiplies the length of a bump's vector a. A test
 computes both factors.
 """

@@ -73,7 +73,7 @@ LONGEST = 1.5
 """Largest length of a stretched step; a step of length 2 is too long where bodies bend."""
 
 STRETCHABLE = 0.1
-"""A step is stretched if |φ'(1)| is at least this fraction of |φ'(0)|, until less is left. The
+"""A step is stretched as long as φ' is negative and |φ'| exceeds this fraction of |φ'(0)|. The
 yielded zone grows from step to step, so steps of length 1 are too short."""
 
 

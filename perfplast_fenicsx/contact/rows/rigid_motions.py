@@ -214,7 +214,7 @@ def _direction(d: Floats, axis: str) -> str:
 
 
 AWAY = 1e-6
-"""Work on a motion (relative to its largest possible value) or mean opening above the level of
+"""Work in a motion (relative to its largest possible value), or mean opening, above the level of
 rounding errors."""
 
 

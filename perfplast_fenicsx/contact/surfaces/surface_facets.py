@@ -378,7 +378,7 @@ Facets = npt.NDArray[np.void]
 """Rows of :func:`facet_type`."""
 
 STRAIGHT = 1e-12
-"""Relative to its size, the midside nodes of a straight facet deviate by at most this much."""
+"""Largest distance of a straight facet's midside nodes from midpoints, relative to its size."""
 
 EDGES = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}
 """Vertices at the ends of each edge of a facet, in the order of the midside nodes."""

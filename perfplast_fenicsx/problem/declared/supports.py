@@ -81,7 +81,7 @@ class Support:
 
 
 Turn = float | Sequence[float]
-"""A rotation or moment: a number in plane meshes, one for each axis in space."""
+"""A rotation or moment: a number in plane meshes, one for each axis in 3D."""
 
 
 @dataclass(frozen=True)
