@@ -130,7 +130,7 @@ class Triangulation:
             where = place_of(x[used[np.argmax(apart)]])
             raise InputError(
                 f"'{self.name}' has two values at the point {where}, where its field jumps; give "
-                "one there, and a separate body on each side of the jump."
+                "one value there, and a separate body on each side of the jump."
             )
 
     def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
@@ -321,7 +321,8 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
     if values is None or len(values) != len(points):
         given = ", ".join(known) or "none"
         raise InputError(
-            f"'{path.name}' has no array '{name}' with one number for each point; it has {given}."
+            f"'{path.name}' has no array '{name}' with one number for each point; arrays in the "
+            f"file: {given}."
         )
     found = [int(kind) for kind in np.unique(kinds) if kind not in LOWER]
     if len(found) != 1 or found[0] not in SIMPLICES:

@@ -277,8 +277,8 @@ def read_points(path: Path, column: str) -> PointValues:
             numbers[line] = [float(row[names.index(name)]) for name in wanted]
         except (ValueError, IndexError) as error:
             raise InputError(
-                f"'{path.name}': row {line + 2} has no number in one of the columns"
-                f" {', '.join(wanted)}; give one in each."
+                f"'{path.name}': row {line + 2} has no number in one of the columns "
+                f"{', '.join(wanted)}; give one number in each."
             ) from error
     if not np.isfinite(numbers).all():
         raise InputError(f"'{path.name}' has an entry that is not finite; give numbers.")

@@ -119,7 +119,7 @@ def open_page(folder: str) -> str:
     page = Path(folder) / PAGE
     if not page.is_file():
         raise InputError(
-            f"the folder '{folder}' has no {PAGE}; write it with perfplast mesh DRAWING -o "
+            f"the folder '{folder}' contains no {PAGE}; write it with perfplast mesh DRAWING -o "
             f"{folder}."
         )
     address = address_of(folder)

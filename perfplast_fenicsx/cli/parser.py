@@ -201,7 +201,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     """
     for argument in arguments:
         if not argument.isprintable() and any("\udc80" <= c <= "\udcff" for c in argument):
-            raise InputError(f"the argument '{argument}' is not UTF-8; give it another name.")
+            raise InputError(f"the argument '{argument}' is not UTF-8; give a name in UTF-8.")
     ours, petsc = list(arguments), []
     if "--" in ours:
         split = ours.index("--")

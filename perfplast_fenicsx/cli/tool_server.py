@@ -113,7 +113,8 @@ class Tools:
         log = where / "run.log"
         if not log.is_file() and where not in self._running:
             raise InputError(
-                f"'{folder}' has no run.log, so no run was started in it; call the tool run first."
+                f"'{folder}' has no run.log, so no run was started in it; call the tool 'run' "
+                "first."
             )
         process = self._running.get(where)
         alive = process.poll() is None if process is not None else is_held(log)

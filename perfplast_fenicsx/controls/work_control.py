@@ -73,7 +73,7 @@ class WorkControl:
             check_values(self.values, "works")
             for key in ("limit_tolerance", "limit_method", "design"):
                 if getattr(self, key) is not None:
-                    raise InputError(f"{key} needs until = 'limit'; remove it.")
+                    raise InputError(f"{key} applies only to until = 'limit'; remove {key}.")
         else:
             tolerance = TOLERANCE if self.limit_tolerance is None else self.limit_tolerance
             check_tolerance(tolerance)

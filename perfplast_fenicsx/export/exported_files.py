@@ -64,7 +64,7 @@ def export(
         except OSError as error:
             reason = error.strerror or str(error)
             raise InputError(
-                f"'{path}' cannot be written ({reason}); give another folder to -o."
+                f"'{path}' cannot be written ({reason}); give another folder with -o."
             ) from error
         written.append(path)
         say(str(path))

@@ -241,7 +241,7 @@ def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Fl
     """
     for at in given:
         if len(at) != 2 or not np.isfinite(at).all():
-            raise InputError(f"{what} has the point {list(at)}; give two numbers, [x, y].")
+            raise InputError(f"{what} contains the point {list(at)}; give two numbers, [x, y].")
         for value in at:
             check_magnitude(f"a coordinate of {what}", value)
     points = np.array(given, dtype=np.float64).reshape(-1, 2)
@@ -250,7 +250,8 @@ def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Fl
     same = np.flatnonzero((points[1:] == points[:-1]).all(axis=1))
     if same.size:
         raise InputError(
-            f"{what} repeats the point {place_of(points[same[0]])}; remove one of them."
+            f"{what} contains the point {place_of(points[same[0]])} twice in a row; remove one of "
+            "the two."
         )
     return points
 
@@ -339,8 +340,8 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
         if at_ends[worst] < -10 * ROUNDING * size:
             x = places[worst[0] + worst[1]]
             raise InputError(
-                f"{below} is {-at_ends[worst]:.6g} above {above} at x = {x:.6g}; list strata from "
-                "the surface downwards; they must not cross."
+                f"{below} is {-at_ends[worst]:.6g} above {above} at x = {x:.6g}; list the strata "
+                "from the surface downwards, and do not let them cross."
             )
         if at_ends.max() <= 10 * ROUNDING * size:
             raise InputError(f"{above} and {below} are the same line; remove this stratum.")

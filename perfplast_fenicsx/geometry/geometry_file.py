@@ -43,7 +43,7 @@ def check_trust(path: Path, trust: bool) -> None:
     """
     if is_script(path) and not trust:
         raise InputError(
-            f"'{path}' is a script, with which gmsh may execute any command and write any file; "
+            f"'{path}' is a script, through which gmsh may execute any command and write any file; "
             "give --trust if you know its contents, or export the geometry as STEP."
         )
 

@@ -191,8 +191,9 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
         raise InputError(f"'{error.filename}' cannot be read: {error.strerror}.") from error
     if mesh.exists() and before is None:
         raise InputError(
-            f"'{mesh}' would be made from '{source}', but a mesh file of another origin already "
-            "has this name; move it, or give it as file under [mesh] instead of [geometry]."
+            f"'{mesh}' would be generated from '{source}', but a mesh file of another origin "
+            "already has this name; move it, or give it as file under [mesh] instead of "
+            "[geometry]."
         )
     scripted = is_script(source) and READS_OTHERS.search(content)
     if before != _fingerprint(content, options) or scripted:

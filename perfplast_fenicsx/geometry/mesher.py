@@ -174,7 +174,7 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
     for name in names:
         if name not in known:
             raise InputError(
-                f"without has '{name}', but there is no such body; {nearest(name, known)}"
+                f"without names '{name}', but there is no such body; {nearest(name, known)}"
             )
     kept = [part for part in parts if part.name not in names]
     if not kept:

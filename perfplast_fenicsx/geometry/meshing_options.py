@@ -85,8 +85,8 @@ class NamedFace:
             raise InputError(f"faces of '{self.name}' is empty; give at least one name.")
         if self.angle is not None and (self.point is None or not 0 < self.angle < 90):
             raise InputError(
-                f"angle = {self.angle:g} of '{self.name}' must lie between 0 and 90 degrees and "
-                "needs the key point; correct it, or remove it."
+                f"angle = {self.angle:g} of '{self.name}' must lie between 0 and 90 degrees, and "
+                "the key 'point' must be given with it; correct this, or remove the angle."
             )
         if self.radius is not None and not (self.radius > 0 and math.isfinite(self.radius)):
             raise InputError(
@@ -95,8 +95,8 @@ class NamedFace:
             )
         if self.about is not None and self.radius is None:
             raise InputError(
-                f"'{self.name}' has the key about, which needs the key radius; give "
-                "radius, or remove about."
+                f"the face '{self.name}' has the key 'about', but no key 'radius'; give radius, or "
+                "remove about."
             )
 
 

@@ -99,8 +99,8 @@ def sewn(path: Path, count: int) -> tuple[list[int], list[str]]:
                 return _alone(solids), _left_out(whole)
     raise InputError(
         f"'{path}' has {count} faces and curves, but no solid, and the faces enclose no volume, "
-        f"even if gaps up to {gaps[-1]:g} of their size are closed; sew them to solids in the CAD "
-        "system."
+        f"even if gaps up to {gaps[-1]:g} times the size of the whole model are closed; sew the "
+        "faces into solids in the CAD system."
     )
 
 

@@ -82,8 +82,8 @@ def check_resolution(rtol: float, solver: WorkNewton) -> None:
     finest = 10 * max(SLIDES, solver.options.tolerance)
     if rtol < finest:
         raise InputError(
-            f"limit_tolerance = {rtol:g} is too small to distinguish bodies that slide from bodies"
-            f" at rest with Coulomb's friction; give {finest:g} or more."
+            f"limit_tolerance = {rtol:g} is too small: with Coulomb's friction, it cannot "
+            f"distinguish sliding bodies from bodies at rest; give {finest:g} or more."
         )
 
 
@@ -447,7 +447,7 @@ def _chosen(method: str | None, problem: Problem, follows: bool) -> LimitMethod:
     if method is None:
         return LimitMethod.PATH if follows else method_for(problem)
     if method not in list(LimitMethod):
-        raise InputError(f"method = '{method}' of a limit load: {nearest(method, LimitMethod)}")
+        raise InputError(f"method = '{method}' is unknown; {nearest(method, LimitMethod)}")
     if follows and method == LimitMethod.INTERIOR_POINT:
         raise InputError(
             "solver, on_level, search and reached are arguments of a loading path, which the "

@@ -243,7 +243,7 @@ def _check(
         if one is not None:
             meant = one.in_system(system)
             raise InputError(
-                f"young = {given[0]:g} and {strength} = {given[2]:g} are those of "
+                f"young = {given[0]:g} and {strength} = {given[2]:g} are the values for "
                 f"'{one.name}' in {SYSTEMS[other].stress}, but [units] gives stresses in "
                 f"{SYSTEMS[system].stress}; write young = {meant.young:g} and {strength} = "
                 f"{getattr(meant, strength):g}."

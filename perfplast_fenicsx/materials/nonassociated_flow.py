@@ -98,9 +98,9 @@ def check_dilatancy(ground: Ground) -> None:
         )
     if psi == 0 and stand == "radenkovic":
         raise InputError(
-            "dilatancy_angle = 0 has no lower bound by Radenkovic, because the weaker ground of "
-            "the pair would have no strength; give a larger angle, or nonassociated = 'davis-a' "
-            "for an estimate."
+            "dilatancy_angle = 0 does not permit a lower bound by Radenkovic's theorem, because "
+            "the weaker ground of the pair would have no strength; give a larger angle, or "
+            "nonassociated = 'davis-a' for an estimate."
         )
 
 

@@ -24,7 +24,7 @@ from perfplast_fenicsx.errors import LARGEST, InputError, place_of
 
 NO_GMSH = (
     "gmsh's Python module cannot be loaded; install it (pip install gmsh, or Debian's package "
-    "python3-gmsh), then test it with perfplast doctor"
+    "python3-gmsh), then test it with perfplast doctor."
 )
 
 
@@ -101,7 +101,7 @@ def read_content(path: Path) -> Content:
                 check=False,
             )
         except OSError as error:
-            raise InputError(f"gmsh cannot be started to read '{path}': {error}") from error
+            raise InputError(f"gmsh cannot be started to read '{path}': {error}.") from error
         if b"    import gmsh" in done.stderr:  # the line at which the program failed
             raise InputError(NO_GMSH)
         if not target.exists() or done.returncode:
@@ -109,14 +109,14 @@ def read_content(path: Path) -> Content:
             if done.returncode < 0:
                 end = signal.strsignal(-done.returncode) or end
             raise InputError(
-                f"gmsh cannot read '{path}': it crashed ({end.lower()}), so the file is damaged;"
-                " save the mesh again"
+                f"gmsh cannot read '{path}': it crashed ({end.lower()}), so the file is damaged; "
+                "save the mesh again."
             )
         with np.load(target) as arrays:
             about = json.loads(str(arrays["about"]))
             if about["fault"] is not None:
                 fault = about["fault"].replace(str(alone), str(path))
-                raise InputError(f"gmsh cannot read '{path}': {fault}")
+                raise InputError(f"gmsh cannot read '{path}': {fault.rstrip('.')}.")
             blocks = [
                 Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
                 for number, (dim, entity, groups, kind) in enumerate(about["blocks"])
@@ -142,19 +142,19 @@ def _check_header(path: Path) -> None:
     try:
         mode = path.stat().st_mode
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise InputError(f"mesh file '{path}' is not a regular file; save the mesh from gmsh")
+            raise InputError(f"mesh file '{path}' is not a regular file; save the mesh from gmsh.")
         with path.open("rb") as file:
             head = file.read(11)
     except FileNotFoundError as error:
-        raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}") from error
+        raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}.") from error
     except (OSError, ValueError) as error:  # names that no file can have raise a ValueError
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"mesh file '{path}' cannot be read: {reason}") from error
+        raise InputError(f"mesh file '{path}' cannot be read: {reason}.") from error
     if not head.startswith((b"$MeshFormat", b"$Comments")):
         remedy = REMEDIES.get(path.suffix.lower(), "save the mesh from gmsh as .msh")
-        raise InputError(f"'{path}' is not a gmsh .msh file; {remedy}")
+        raise InputError(f"'{path}' is not a gmsh .msh file; {remedy}.")
 
 
 # polynomial degree by gmsh's element type, for each dimension
@@ -249,7 +249,7 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     if not volumes:
         entity = _ENTITY[gdim]
         raise InputError(
-            f"'{path}' has no physical {entity}; define a physical {entity} for each body in gmsh"
+            f"'{path}' has no physical {entity}; define a physical {entity} for each body in gmsh."
         )
     names = _names(content, path, gdim - 1)
     blocks = [block for block in content.blocks if block.dim == gdim]
@@ -268,11 +268,14 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     if not np.isin(used, tags).all():
         raise InputError(
             f"elements in '{path}' refer to nodes that the file does not contain; save the whole "
-            "mesh"
+            "mesh."
         )
     points = coordinates[order[np.searchsorted(tags[order], used)]]
     if gdim == 2 and np.ptp(points[:, 2]) > 1e-12 * np.ptp(points):
-        raise InputError(f"'{path}' is read as a plane mesh, but its nodes have different z")
+        raise InputError(
+            f"'{path}' is read as a plane mesh, but its nodes have different z coordinates; draw "
+            "the model in a plane z = constant."
+        )
     cells = np.searchsorted(used, cells)
     _check_cells(path, points, cells, gdim)
     _check_facets(path, points, cells, gdim)
@@ -281,7 +284,7 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
     if doubled:
         raise InputError(
             f"{doubled} of the {len(facets)} named surface elements in '{path}' occur twice, in "
-            "different surfaces; mesh the model again"
+            "different surfaces; mesh the model again."
         )
     on_cells = np.isin(facets, used).all(axis=1)
     return GmshMesh(
@@ -305,7 +308,7 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     if wrong.size:
         raise InputError(
             f"'{path}' has {wrong.size} nodes with coordinates such as"
-            f" {place_of(points[wrong[0]])}; save the mesh again"
+            f" {place_of(points[wrong[0]])}; save the mesh again."
         )
     first = points[cells[:, 0], :gdim]
     edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
@@ -321,7 +324,7 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
         at = place_of(first[np.argmax(flat)])
         raise InputError(
             f"{np.count_nonzero(flat)} cells in '{path}' have no volume, the first at {at}; mesh "
-            "the bodies again"
+            "the bodies again."
         )
 
 
@@ -348,10 +351,10 @@ def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
     """Return the dimension of the mesh, after checking it against ``gdim`` if given."""
     dims = [block.dim for block in content.blocks]
     if not dims:
-        raise InputError(f"'{path}' has no elements; mesh the model in gmsh before you save it")
+        raise InputError(f"'{path}' has no elements; mesh the model in gmsh before you save it.")
     if max(dims) < 2 or gdim not in (None, max(dims)):
         needed = _SIMPLEX[gdim] if gdim else "triangles or tetrahedra"
-        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]}, but {needed} are needed")
+        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]}, but {needed} are needed.")
     return max(dims)
 
 
@@ -368,7 +371,7 @@ def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
         if name in names:
             raise InputError(
                 f"physical {_ENTITY[dim]}s {names[name]} and {tag} of '{path}' are both named "
-                f"'{name}'; join them in one group"
+                f"'{name}'; join them into one group."
             )
         names[name] = tag
     return names
@@ -382,7 +385,7 @@ def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs]
         names = ", ".join(content.types[kind][0] for kind in sorted(types))
         raise InputError(
             f"'{path}' has elements of type {names}, but all must be {_SIMPLEX[dim]} of one "
-            "degree, 1 or 2; mesh the model again"
+            "degree, 1 or 2; mesh the model again."
         )
     kind = types.pop() if types else min(SIMPLICES[dim])
     size = content.types[kind][1] if blocks else dim + 1
@@ -406,8 +409,8 @@ def _body_of(block: Block, content: Content, path: str | Path) -> int:
         known = {tag: name or str(tag) for of, tag, name in content.groups if of == block.dim}
         names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
         raise InputError(
-            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups "
-            f"{names}; a body can have only one name"
+            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups {names}; a "
+            "body can have only one name."
         )
     return block.groups[0] if block.groups else 0
 

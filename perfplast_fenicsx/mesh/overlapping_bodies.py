@@ -220,7 +220,7 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
                 f"the body '{names[one]}' is cut inside: {count} of its outer facets have a cell "
                 f"of the same body on their other side, which has other nodes (one is at {place}); "
                 "merge the nodes (in gmsh: Coherence, or remove duplicate nodes), or name the "
-                "facets of an intended cut"
+                "facets of an intended cut."
             )
         told.append(
             f"'{names[one]}' touches '{names[other]}' at {count} facets without a name, one at "

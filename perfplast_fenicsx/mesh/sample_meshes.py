@@ -176,7 +176,7 @@ def _check_size(comm: MPI.Intracomm, boxes: Sequence[Box]) -> None:
     if not enough:
         raise InputError(
             f"{float(cubes * len(TETRAHEDRA)):.3g} tetrahedra need more than the "
-            f"{available / 2**30:.3g} GiB of available memory; give a smaller n"
+            f"{available / 2**30:.3g} GiB of available memory; give a smaller n."
         )
 
 
@@ -241,7 +241,7 @@ def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
     _check_n("punch", n)
     if n % 2:
         raise InputError(
-            f"builder 'punch' has n = {n}; n must be even, because the punch is ½ wide"
+            f"builder 'punch' has n = {n}; n must be even, because the punch is ½ wide."
         )
     half = n // 2
     return structured_mesh(
@@ -316,7 +316,7 @@ def stacked_blocks(
     ):
         raise InputError(
             f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers "
-            "between 1e-6 and 1e6, because the blocks are 1 wide"
+            "between 1e-6 and 1e6, because the blocks are 1 wide."
         )
     middle, top = float(heights[0]), float(heights[0]) + float(heights[1])
     return structured_mesh(
@@ -373,4 +373,4 @@ def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
 
 def _check_n(builder: str, n: object) -> None:
     if isinstance(n, bool) or not isinstance(n, Integral) or n < 1:
-        raise InputError(f"builder '{builder}' has n = {n!r}; n must be a positive whole number")
+        raise InputError(f"builder '{builder}' has n = {n!r}; n must be a positive whole number.")

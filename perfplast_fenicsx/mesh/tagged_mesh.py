@@ -283,7 +283,7 @@ class TaggedMesh:
             wrong = np.setdiff1d(self.cell_tags.values, tags)
             found = np.unique(np.concatenate(self.mesh.comm.allgather(wrong))).tolist()
             told = f" (no volume has the tags {str(found)[1:-1]} of the mesh)" if found else ""
-            raise InputError(f"{missing} cells belong to no named volume{told}; name every body")
+            raise InputError(f"{missing} cells belong to no named volume{told}; name every body.")
 
 
 def _numbers(kind: str, names: Mapping[str, Tags]) -> dict[str, tuple[int, ...]]:
@@ -354,10 +354,11 @@ def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Ta
         if name in others:
             other = "surface" if kind == "volume" else "volume"
             raise InputError(
-                f"'{name}' is a {other} of this mesh, but a {kind} is needed here: {known}"
+                f"'{name}' is a {other} of this mesh, but a {kind} is needed here; known {kind}s: "
+                f"{known}."
             )
         raise InputError(
-            f"'{name}' is not a {kind} of this mesh; it has {known}{_hint(name, tags)}"
+            f"'{name}' is not a {kind} of this mesh; known {kind}s: {known}{_hint(name, tags)}."
         )
     return tags[name]
 
@@ -430,7 +431,7 @@ def read_gmsh(comm: MPI.Intracomm, path: str | Path, gdim: int | None = None) ->
     if found != data.facet_count:
         raise InputError(
             f"{data.facet_count - found} of the {data.facet_count} named surface elements of "
-            f"'{path}' are not facets of cells, or occur twice; save the whole mesh again"
+            f"'{path}' are not facets of cells, or occur twice; save the whole mesh again."
         )
     check_sides(mesh)
     return tagged_mesh

@@ -151,9 +151,9 @@ def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keywo
     so_far.times[other] += 1
     if so_far.times[other] > MOST_TIMES or so_far.times.total() > MOST_INCLUDED:
         raise InputError(
-            f"'{path}', line {keyword.number}: *INCLUDE of '{name}' exceeds the limit "
-            f"of {MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} of all files; put their "
-            "lines into one file."
+            f"'{path}', line {keyword.number}: *INCLUDE of '{name}' exceeds the limit of "
+            f"{MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} of all files; put the "
+            "included lines into one file."
         )
     so_far.open.append(other)
     yield from _keywords(other, so_far)

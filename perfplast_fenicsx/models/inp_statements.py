@@ -140,8 +140,8 @@ class Statements:
 def missing(what: str, name: str) -> InputError:
     """Return the error for a keyword that refers to a missing set or surface."""
     return InputError(
-        f"{what} refers to '{name}', which the file does not have; export the model with all sets "
-        "and surfaces, or correct the name."
+        f"{what} refers to '{name}', which the file does not contain; export the model with all "
+        "sets and surfaces, or correct the name."
     )
 
 

@@ -132,7 +132,10 @@ def _elements(kinds: Any, found: GroupedMesh) -> Longs:
         if "FAM" in kinds[name]:
             own = np.asarray(kinds[name]["FAM"][()], dtype=np.int64)
         if len(own) != len(nodes):
-            raise InputError(f"elements {name} have {len(own)} families; the file is damaged.")
+            raise InputError(
+                f"there are {len(nodes)} elements {name}, but {len(own)} family numbers for them; "
+                "the file is damaged."
+            )
         found.blocks.append(Block(kind, found.count, nodes))
         families.append(own)
     return np.concatenate(families)

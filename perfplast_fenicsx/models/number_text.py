@@ -73,7 +73,7 @@ def _numbers(text: str, kind: type[np.generic], what: str) -> np.ndarray:
             return np.fromstring(text, dtype=kind, sep=" ")
         except (DeprecationWarning, ValueError) as error:
             raise InputError(
-                f"{what} have text where numbers are expected; the file is damaged."
+                f"{what} contain text where numbers are expected; the file is damaged."
             ) from error
 
 

@@ -325,8 +325,8 @@ def _drawing(path: Path) -> Iterator[Path]:
     except ImportError as error:
         package = (error.name or str(error)).split(".")[0]
         raise InputError(
-            f"'{path}' was not drawn: {package} is not installed; install Debian's package"
-            f" python3-{package}, or use pip install {package}."
+            f"'{path}' was not drawn: {package} is not installed; install the Debian package "
+            f"python3-{package}, or use pip install {package}."
         ) from error
     except OSError as error:
         reason = error.strerror or str(error)

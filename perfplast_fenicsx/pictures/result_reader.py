@@ -165,8 +165,8 @@ class ResultReader:
         for name in EARLIER:
             if (self.path / name).exists():
                 raise InputError(
-                    f"the folder '{path}' has {name}, so its results come from an earlier version, "
-                    "which this version cannot read; run the case again."
+                    f"the folder '{path}' contains {name}, so its results come from an earlier "
+                    "version, which this version cannot read; run the case again."
                 )
         for name in ("summary.json", "path.csv", "scene.json"):
             if not (self.path / name).is_file():

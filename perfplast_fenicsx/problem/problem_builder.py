@@ -209,6 +209,6 @@ def _argument_of(one: Declared) -> str:
         if isinstance(one, kinds):
             return name
     raise InputError(
-        f"a {type(one).__name__} is no part of a problem; add supports, loads, contacts, obstacles,"
-        " ties, rigid surfaces, bolts, temperatures or initial stresses."
+        f"a {type(one).__name__} is not part of a problem; add supports, loads, contacts, "
+        "obstacles, ties, rigid surfaces, bolts, temperatures or initial stresses."
     )

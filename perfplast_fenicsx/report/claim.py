@@ -70,13 +70,13 @@ def claim_of(folder: str | Path) -> Claim:
     strength, body = limit.get("strength"), limit.get("body") or {}
     if limit.get("envelope"):
         raise InputError(
-            f"'{folder}' has an envelope, which is not a single claim; check each direction with "
-            "python3 -m perfplast_fenicsx.proof."
+            f"'{folder}' contains an envelope, which is not a single claim; check each direction "
+            "with python3 -m perfplast_fenicsx.proof."
         )
     if strength and strength.get("estimate"):
         raise InputError(
-            f"'{folder}' has Davis' estimate of a factor of safety, which proves no bound for "
-            "nonassociated ground, so there is no claim."
+            f"'{folder}' contains only Davis' estimate of a factor of safety, which proves no "
+            "bound for nonassociated ground, so there is no claim."
         )
     names = {"lower": STANDS, "upper": FALLS} if strength else {"lower": PROOF, "upper": PROOF}
     found = {kind: proofs.get(name, {}).get(kind) for kind, name in names.items()}

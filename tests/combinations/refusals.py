@@ -19,7 +19,7 @@ REFUSALS: Mapping[str, str] = {
         " accompany it"
     ),
     "is associated": f"{STAYS}: real slip is not normal to the friction cone",
-    "normals are averaged": f"{TO_COME}: obstacles that consist of planes",
+    "normals on curved": f"{TO_COME}: obstacles that consist of planes",
     "superposes the elastic stresses": (
         f"{STAYS}: superposition of elastic stresses is not valid for bodies in contact"
     ),

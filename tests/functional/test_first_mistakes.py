@@ -84,7 +84,7 @@ REFUSED = [
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\models\\block.msh"'), "C:/models/block.msh"),
     (('builder = "two_blocks"\nn = 2', 'file = "C:\\temp\\new.msh"'), "\\ is an escape"),
     (('builder = "two_blocks"\nn = 2', "file = 'parts\\new.msh'"), "write / for \\"),
-    (('"top"', '"upper"'), "but a surface is needed here: left"),
+    (('"top"', '"upper"'), "but a surface is needed here; known surfaces: left"),
     (("material.upper", "material.top"), "'top' is a surface of this mesh"),
     (('components = "xyz"', 'components = "yz"'), "the body 'lower' (translation in x"),
 ]

@@ -122,7 +122,7 @@ class Hostile:
     more: str = ""
 
 
-SCRIPT = "is a script, with which gmsh"
+SCRIPT = "is a script, through which gmsh"
 NOT_RUN = "is a program, which perfplast never runs"
 NO_MESH = "is not a gmsh .msh file"
 
@@ -171,7 +171,10 @@ HOSTILE = {
     "mesh as Python": Hostile("a.py", MESH, table="mesh"),
     "name as command": Hostile("x;touch PWNED;.msh.gz", "\x1f\x8b", NO_MESH, table="mesh"),
     "names as commands": Hostile(
-        "a.msh", mesh_file("$(touch PWNED)", "`touch PWNED`"), "it has $(touch PWNED)", table="mesh"
+        "a.msh",
+        mesh_file("$(touch PWNED)", "`touch PWNED`"),
+        "volumes: $(touch PWNED)",
+        table="mesh",
     ),
     "one more key": Hostile("a.msh", MESH, "no key 'run'", table="mesh", more="run = 'b.sh'"),
     "include": Hostile("a.msh", MESH, "no key 'include'", table="mesh", more="include = 'b.toml'"),

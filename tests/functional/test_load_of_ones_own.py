@@ -107,7 +107,7 @@ def test_strict_bounds_refuse_it(
     case = write_case(comm, shared_tmp_path / "case.toml", text)
     assert main(["run", str(case), "-o", str(shared_tmp_path / "r")]) == BAD_INPUT
     err = comm.bcast(capsys.readouterr().err)
-    assert "the load on 'top' is a suction, and strict bounds accept tractions" in err
+    assert "the load on 'top' is a suction, but strict bounds accept tractions" in err
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ REFUSED = {
     ),
     "a tolerance finer than slip": (
         BLOCKS + CONTACT + "coulomb = 0.3\n" + LIMIT + "limit_tolerance = 1e-12\n",
-        "is too small to distinguish bodies",
+        "cannot distinguish sliding bodies",
     ),
 }
 """Files that ``check`` and ``run`` both refuse, without a solution."""

@@ -136,7 +136,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
         ({"regions": [Region("a", [[0, 0], [4, 0, 1], [4, 4]])]}, r"the point \[4, 0, 1\]"),
         (
             {"regions": [Region("a", [[0, 0], [0, 0], [4, 0], [4, 4]])]},
-            r"repeats the point \(0, 0\)",
+            r"contains the point \(0, 0\) twice",
         ),
         ({"regions": [Region("a", square(0, 0))] * 2}, "'a' is given 2 times"),
         ({"regions": [Region("Soft clay", square(0, 0))]}, "such as 'soft_clay'"),

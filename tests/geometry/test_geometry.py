@@ -399,7 +399,7 @@ def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
     found = survey_of(step, mesh, MeshingOptions(size=8.0, without=gone))
     assert {body.name for body in found.bodies} == bodies - set(gone)
     assert not {name for joint in found.joints for name in joint.bodies} & set(gone)
-    with pytest.raises(InputError, match="without has 'lid'"):
+    with pytest.raises(InputError, match="without names 'lid'"):
         survey_of(step, mesh, MeshingOptions(without=["lid"]))
     with pytest.raises(InputError, match="without lists all bodies"):
         survey_of(step, mesh, MeshingOptions(without=sorted(bodies)))

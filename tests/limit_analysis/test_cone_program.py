@@ -125,7 +125,7 @@ def test_clarabel_finds_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_the_solver_has_a_name_that_is_known() -> None:
     with (
-        pytest.raises(InputError, match="conic = 'clarabell' of a limit load"),
+        pytest.raises(InputError, match="conic = 'clarabell' is unknown"),
         conic_solver("clarabell"),
     ):
         pass

@@ -373,7 +373,7 @@ def test_pores_do_no_work() -> None:
 @pytest.mark.parametrize(
     ("problem", "words"),
     [
-        (lambda read: tubes(read, 0.02), ["apart across the axis", "without this gap"]),
+        (lambda read: tubes(read, 0.02), ["radial gap", "without this gap"]),
         (lambda _: wet(disc(1, SOIL)), ["pore pressure", "dilates", "control = 'work'"]),
     ],
 )

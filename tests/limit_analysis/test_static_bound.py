@@ -463,5 +463,5 @@ def test_loads_of_unknown_kinds_are_no_tractions() -> None:
     found = strict_lower_bound(problem)
     assert found.bound.value is None
     assert found.bound.why_not == ("a load is of a kind that strict bounds do not support",)
-    with pytest.raises(InputError, match="is a Wind, and strict bounds accept"):
+    with pytest.raises(InputError, match="is a Wind, but strict bounds accept"):
         limit_bounds(problem)

@@ -55,7 +55,9 @@ def test_copied_numbers(name: str) -> None:
             if SYSTEMS[other].stress == SYSTEMS[system].stress:
                 check_units(*rounded, other)
                 continue
-            with pytest.raises(InputError, match=f"those of '{name}' in {SYSTEMS[system].stress}"):
+            with pytest.raises(
+                InputError, match=f"values for '{name}' in {SYSTEMS[system].stress}"
+            ):
                 check_units(*rounded, other)
 
 
@@ -69,7 +71,7 @@ def test_copied_soils(soil: Soil) -> None:
             if SYSTEMS[other].stress == SYSTEMS[system].stress:
                 check_soil_units(*rounded, other)
                 continue
-            with pytest.raises(InputError, match=f"those of '{soil.name}' in .* write young = "):
+            with pytest.raises(InputError, match=f"values for '{soil.name}' in .* write young = "):
                 check_soil_units(*rounded, other)
 
 

@@ -236,10 +236,10 @@ def test_unknown_names(comm: MPI.Intracomm) -> None:
     tagged_mesh = build(comm, "two_blocks", n=1)
     no_surface = message(lambda: tagged_mesh.facets("topp"))
     assert no_surface.startswith("'topp' is not a surface")
-    assert no_surface.endswith(" left, lower_top, top, upper_bottom")
+    assert no_surface.endswith(" left, lower_top, top, upper_bottom.")
     no_volume = message(lambda: tagged_mesh.cells("middle"))
     assert no_volume.startswith("'middle' is not a volume")
-    assert no_volume.endswith(" lower, upper")
+    assert no_volume.endswith(" lower, upper.")
 
 
 def test_untagged_cells(comm: MPI.Intracomm) -> None:

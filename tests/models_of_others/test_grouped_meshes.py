@@ -167,7 +167,7 @@ BROKEN_TEXT = {
         unv_text().replace("1.0000000000000000D+00", "inf                   "),
         "not finite",
     ),
-    "unv of faces alone": (unv_text().replace(f"{115:10}", f"{999:10}"), "surfaces in space"),
+    "unv of faces alone": (unv_text().replace(f"{115:10}", f"{999:10}"), "only shells"),
     "unv with a group cut off": (unv_text().removesuffix("    -1\n")[:-30] + "\n    -1\n", "group"),
 }
 
@@ -184,7 +184,7 @@ def test_broken_unv_is_one_sentence(tmp_path: Path, fault: str) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (("CHEXA ", "CHEXB "), "surfaces in space"),
+        (("CHEXA ", "CHEXB "), "only shells"),
         (("GRID    11              0.0", "GRID    11              zero"), "not numbers"),
         (("GRID    11              0.0", "GRID    11      7       0.0"), "coordinate system 7"),
         (("CHEXA   1       1       11", "CHEXA   1       1       99"), "no node 99"),
@@ -221,7 +221,7 @@ def _spoil(path: Path, what: str) -> None:
     ("what", "says"),
     [
         ("node", "nodes that do not exist"),
-        ("family", "7 families"),
+        ("family", "7 family numbers"),
         ("place", "finite coordinates"),
         ("places", "no nodes"),
         ("mesh", "no mesh"),

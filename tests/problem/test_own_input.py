@@ -227,7 +227,7 @@ def with_parts() -> TaggedMesh:
     ("contacts", "ties", "part"),
     [
         ([PAIR, Contact("lower_top_part", "upper_bottom_part")], [], "contact 2 ('lower_top_part'"),
-        ([Contact("upper_bottom", "lower_top_part"), PAIR], [], "of both surfaces with contact 1"),
+        ([Contact("upper_bottom", "lower_top_part"), PAIR], [], "on both surfaces with contact 1"),
         ([PAIR], [Tie("lower_top_part", "upper_bottom_part")], "tie 1 ('lower_top_part', "),
         ([], [Tie("lower_top", "lower_top_part")], "the two surfaces share facets"),
     ],

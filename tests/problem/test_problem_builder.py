@@ -92,7 +92,7 @@ def test_wrong_steps_are_refused_at_once(build: ProblemBuilder) -> None:
         build.add(BodyForce("top", (0.0, 0.0, -1.0)))
     with pytest.raises(InputError, match="'tap' is not a surface"):
         build.add(Contact("top", "tap"))
-    with pytest.raises(InputError, match="a VonMises is no part of a problem"):
+    with pytest.raises(InputError, match="a VonMises is not part of a problem"):
         build.add(STEEL)  # type: ignore[arg-type]
     assert build.materials == {}
     assert build.declared == []

@@ -141,7 +141,7 @@ def proven(bounds: BodyBounds, path: Path) -> None:
 @pytest.mark.parametrize(
     ("load", "message"),
     [
-        (Bearing("bore", (0.0, 1.0)), "no pressure on 'bore' has the force"),
+        (Bearing("bore", (0.0, 1.0)), "no pressure on 'bore' has the resultant"),
         (Bearing("bore", (0.0, 0.0)), "the bearing force on 'bore' is zero"),
         (Bearing("bores", (0.0, 1.0)), "'bores'"),
         (Force("bores", (0.0, 1.0)), "'bores'"),

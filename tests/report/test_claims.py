@@ -135,7 +135,7 @@ def test_directions_that_an_edited_file_claims(
     with pytest.raises(InputError, match=r"direction_060\.00\.h5 proves"):
         read_proven(folder, again=True)
     (tmp_path / direction_file(angles)).unlink()
-    with pytest.raises(InputError, match="has no proof of this bound"):
+    with pytest.raises(InputError, match="contains no proof of this bound"):
         read_proven(folder, again=True)
 
 
@@ -171,7 +171,7 @@ def test_points_of_an_envelope(factor: float, fine: bool) -> None:
 
 def test_a_point_of_no_direction() -> None:
     limit = claims_of_envelope(np.array([[1.0, 1.0]]), [0.0, 90.0])
-    with pytest.raises(InputError, match="lies on none of the directions"):
+    with pytest.raises(InputError, match="not lie in any"):
         check_claims(limit, {})
 
 

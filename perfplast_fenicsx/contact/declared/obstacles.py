@@ -18,8 +18,8 @@ class _NamedFriction(FrictionTerms):
         super().__post_init__()
         if self.rubs and not self.name:
             raise InputError(
-                f"the obstacle at '{self.on}' has friction but no name, and results list "
-                "its force by name; give name = ..., or remove the friction."
+                f"the obstacle at '{self.on}' has friction but no name, under which results list "
+                "its force; give name = ..., or remove the friction."
             )
 
 

@@ -375,7 +375,7 @@ def choose_side(
         raise InputError(
             f"{place}: supports or ties hold {chosen.lost} nodes of '{chosen.host.name}', and no "
             "neighbouring node can take over their contact forces; remove held nodes from this "
-            f"surface, or choose '{chosen.guest.name}' by the key hosts."
+            f"surface, or choose '{chosen.guest.name}' with the key hosts."
         )
     return chosen
 

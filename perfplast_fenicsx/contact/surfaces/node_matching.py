@@ -218,7 +218,7 @@ def normals_and_gaps(
         raise NoPartners(
             f"{place}: {matching.alone} nodes have no separate partner on the other surface{away}; "
             "choose formulation = 'mortar', or mesh the two surfaces with the same nodes, for "
-            "instance by BooleanFragments in gmsh and then write_split."
+            "instance with BooleanFragments in gmsh and then write_split."
         )
     primary, secondary = matching.primary, matching.secondary
     facing = np.einsum("ni,ni->n", primary["normal"], secondary["normal"])
@@ -246,7 +246,7 @@ def normals_and_gaps(
         raise NoPartners(
             f"{place}: {shifted} nodes have no partner opposite them (sideways shift up to"
             f" {farthest:.3g}); choose formulation = 'mortar', or mesh the two surfaces with the"
-            " same nodes, for instance by BooleanFragments in gmsh and then write_split."
+            " same nodes, for instance with BooleanFragments in gmsh and then write_split."
         )
     if contact.gap is not None:
         return normal, given_gap(comm, place, contact, primary["x"], size)

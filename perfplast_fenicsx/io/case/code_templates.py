@@ -151,8 +151,8 @@ def check_filled_in(table: Mapping[str, object], place: str) -> None:
         elif isinstance(value, str) and value.startswith(OPEN.strip()):
             where = value.removeprefix(OPEN.strip()).strip() or "the number is missing"
             raise InputError(
-                f"{place}: {key} is not filled in ({where}); give a number from the edition of the "
-                "code that applies."
+                f"{place}: {key} is not filled in ({where}); give a number from the applicable "
+                "edition of the code."
             )
 
 

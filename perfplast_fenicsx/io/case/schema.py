@@ -220,7 +220,7 @@ def parse(text: str, name: str) -> Table:
         table = tomllib.loads(text)
     except RecursionError as error:
         raise InputError(
-            f"{name} is nested too deeply to be read; a case needs only a few brackets."
+            f"{name} is nested too deeply to be read; a case needs only a few levels of nesting."
         ) from error
     except ValueError as error:  # also a TOMLDecodeError
         # this advice is for programmers, not for authors of cases
@@ -238,7 +238,8 @@ def parse(text: str, name: str) -> Table:
             entries += [(key, item) for item in value]
         elif isinstance(value, int) and value not in int64:
             raise InputError(
-                f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but integers "
-                "have 64; write a smaller integer, or a number with an exponent such as 1e30."
+                f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but at most "
+                "64 are possible; write a smaller integer, or a number with an exponent such as "
+                "1e30."
             )
     return table

@@ -297,19 +297,19 @@ class _Given:
         for body, density in self.said.saturated.items():
             if self.gravity is None or body not in self.gravity.density:
                 raise InputError(
-                    f"saturated has '{body}', which has no density in [gravity]; give the density "
-                    "of this body above the water table in [gravity]."
+                    f"saturated names '{body}', which has no density in [gravity]; give the "
+                    "density of this body above the water table in [gravity]."
                 )
             bulk = self.gravity.density[body]
             more = density - bulk
             if more < 0:
                 raise InputError(
-                    f"saturated has {density:g} for '{body}', less than its density {bulk:g} in "
+                    f"saturated gives {density:g} for '{body}', less than its density {bulk:g} in "
                     "[gravity]; swap the two numbers."
                 )
             if density > MOST_WATER * bulk:
                 raise InputError(
-                    f"saturated has {density:g} for '{body}', {density / bulk:.3g} times its "
+                    f"saturated gives {density:g} for '{body}', {density / bulk:.3g} times its "
                     f"density {bulk:g} in [gravity]; give both in the same unit, because "
                     "'acceleration' multiplies both."
                 )
@@ -366,7 +366,7 @@ class _Given:
     ) -> PorePressure:
         """Return the pore pressure in a body as a share of the weight of the ground above."""
         if not 0 <= share <= 1:
-            raise InputError(f"ru has {share:g} for '{body}'; give a number from 0 to 1.")
+            raise InputError(f"ru = {share:g} for '{body}'; give a number from 0 to 1.")
         x = np.concatenate([line[:, 0] for line, _ in above])
         terms = []
         for line, more in above:
@@ -411,7 +411,7 @@ class _Given:
         little = 1e-9 * float(np.ptp(x))
         if line[0, 0] > x.min() + little or line[-1, 0] < x.max() - little:
             raise InputError(
-                f"{what} reaches from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the ground "
+                f"{what} extends from x = {line[0, 0]:.6g} to {line[-1, 0]:.6g}, but the ground "
                 f"from {x.min():.6g} to {x.max():.6g}; extend the line across the whole ground."
             )
         if not any(_deepest(corners, line, True)[0] > 0 for corners in self.shapes.values()):

@@ -143,7 +143,7 @@ def check_claim(
     again = "run the case again"
     half = halves.get(kind)
     if half is None:
-        raise InputError(f"{said} has no proof of this bound; {again}.")
+        raise InputError(f"{said} contains no proof of this bound; {again}.")
     if half.proven is None:
         raise InputError(f"{said} does not prove this bound ({'; '.join(half.faults)}); {again}.")
     excess = claimed - half.claimed if kind == "lower" else half.claimed - claimed
@@ -189,7 +189,7 @@ def _in_directions(envelope: Mapping[str, Any]) -> Iterator[tuple[str, str, floa
             best = int(np.argmax(np.abs(along)))
             if not abs(along[best]) >= (1 - parallel) * np.linalg.norm(point):
                 raise InputError(
-                    "summary.json has an envelope point that lies on none of the directions; run "
-                    "the case again."
+                    "summary.json has an envelope point that does not lie in any of the "
+                    "directions; run the case again."
                 )
             yield direction_file(directions[best]), "lower", float(along[best])

@@ -174,8 +174,8 @@ def _check(folder: ResultFolder, found: Sequence[Proven]) -> None:
             off = float(np.linalg.norm(one.carried - along * ray))
             if off > 1e-9 * abs(along):
                 raise InputError(
-                    f"{KNOWN} has a point outside the direction {one.angles} (degrees); start "
-                    "again with -o DIR --force."
+                    f"{KNOWN} contains a point that does not lie in the direction {one.angles} "
+                    "(degrees); start again with -o DIR --force."
                 )
             check_claim(KNOWN, name, "lower", along, halves)
         if one.side is not None:

@@ -143,6 +143,6 @@ def _with_rows(block: Block) -> MatrixBlock:
     if isinstance(block, MatrixBlock):
         return block
     raise InputError(
-        f"the cones of {type(block).__name__} cannot be written as rows of a matrix, which this"
-        " solver needs; remove conic, or give the class the methods rows and from_rows."
+        f"the cones of {type(block).__name__} cannot be written as rows of a matrix, as this "
+        "solver requires; remove conic, or give the class the methods rows and from_rows."
     )

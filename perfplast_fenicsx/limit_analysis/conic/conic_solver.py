@@ -71,7 +71,7 @@ def conic_solver(name: str) -> Iterator[None]:
         InputError: If there is no such solver.
     """
     if name not in SOLVERS:
-        raise InputError(f"conic = '{name}' of a limit load: {nearest(name, SOLVERS)}")
+        raise InputError(f"conic = '{name}' is unknown; {nearest(name, SOLVERS)}")
     before = _CHOSEN.set(name)
     try:
         yield

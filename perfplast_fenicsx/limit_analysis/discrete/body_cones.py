@@ -258,7 +258,7 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
             raise InputError(
                 f"cohesion = 0 in volume '{name}': in 3D and in axisymmetry the interior point "
                 "method needs a cohesion for law = 'mohr-coulomb'; give a cohesion, such as a "
-                "thousandth of the constant pressures, or of the weight times the height."
+                "thousandth of the constant pressures, or of the unit weight times the height."
             )
         if cone is None:
             raise InputError(
@@ -287,9 +287,9 @@ def check_cones_are_provable(problem: Problem) -> None:
         cone = _cone_of(material, size, flat, problem.tagged_mesh.is_thin)
         if cone is not None and not _is_provable(cone):
             raise InputError(
-                f"strict bounds have no proof for the yield set of {material.law.__name__} (volume"
-                f" '{name}'); ask for the limit load of the mesh (control = 'work', until ="
-                " 'limit')."
+                f"strict bounds cannot be proven for the yield set of {material.law.__name__} "
+                f"(volume '{name}'); compute only the limit load of the mesh (control = 'work', "
+                "until = 'limit')."
             )
 
 
@@ -391,7 +391,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
         raise InputError(
             f"a number of {type(material).__name__} varies in space, but its yield set is not "
             "proportional to this number, as limit loads by the interior point method and strict "
-            "bounds require; give numbers, and a separate body for each layer."
+            "bounds require; give constant numbers, and a separate body for each layer."
         )
     return replace(found, profile=profiles.pop(), friction=friction)
 

@@ -93,8 +93,8 @@ class Weakening:
             if on is None:
                 raise InputError(
                     f"the tensile strength of '{name}' is below the apex of its cone only after "
-                    f"strengths are divided by {factor:.6g}; give a smaller one, or remove it for "
-                    "this curve."
+                    f"strengths are divided by {factor:.6g}; give a smaller tensile strength, or "
+                    "remove it for this curve."
                 )
             set_parameters(mesh, {name: material}, on.numbers)
         friction = problem.friction
@@ -112,8 +112,8 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
         if divided_by is None:
             raise InputError(
                 f"the material of '{name}' ({type(material).__name__}) has no strength that can be "
-                "divided; for a factor of safety give a material with the method divided_by, as "
-                "those in perfplast_fenicsx.materials have."
+                "divided; for a factor of safety give a material with the method divided_by, such "
+                "as the materials of perfplast_fenicsx.materials."
             )
         found[name] = divided_by(factor if is_divided(material) else 1.0)
     return found

@@ -301,7 +301,7 @@ def _ties(problem: Problem, knots: _Knots) -> Constraints:
     return stacked(V, parts)
 
 
-CURVED = "on curved contact surfaces normals are averaged, or are those of a curved obstacle"
+CURVED = "normals on curved contact surfaces are averages, or belong to a curved obstacle"
 
 ENTERS = "the mechanism enters contact between nodes"
 

@@ -207,9 +207,9 @@ def check_elastic(materials: Mapping[str, object]) -> None:
     rigid = sorted(name for name, of in materials.items() if isinstance(of, Rigid))
     if rigid:
         raise InputError(
-            f"the body '{rigid[0]}' has law = 'rigid' and so no elastic stresses, which control = "
-            "'shakedown' superposes; give it law = 'elastic' with a young that is 1e5 times that "
-            "of the adjacent bodies."
+            f"the body '{rigid[0]}' has law = 'rigid' and therefore no elastic stresses, which "
+            "control = 'shakedown' superposes; give law = 'elastic', and make young 1e5 times as "
+            "large as in the adjacent bodies."
         )
 
 
@@ -275,7 +275,7 @@ class LoadDomain:
         if len(ranges) > most:
             raise InputError(
                 f"there are {len(ranges)} ranges, and so {2 ** len(ranges)} corners; give at most "
-                f"{most}, or only the corners that occur, as corners = [...]."
+                f"{most} ranges, or only the corners that occur, as corners = [...]."
             )
         for name, given in ranges.items():
             if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
@@ -299,7 +299,7 @@ class LoadDomain:
         names = tuple(dict.fromkeys(name for corner in corners for name in corner))
         rows = [[float(corner.get(name, 0.0)) for name in names] for corner in corners]
         if not np.isfinite(np.array(rows)).all():
-            raise InputError("corners has a factor that is not finite; give numbers.")
+            raise InputError("corners contains a factor that is not finite; give finite numbers.")
         different = sorted(set(map(tuple, rows)))
         if len(different) < 2:
             raise InputError(

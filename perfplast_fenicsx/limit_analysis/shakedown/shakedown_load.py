@@ -163,8 +163,8 @@ class ShakedownLoad(NotebookResult):
         names, corners = self.domain.names, self.domain.corners
         if len(names) > 2:
             raise InputError(
-                f"plot draws domains of one or two loads, but {len(names)} vary; to_dataframe() has"
-                " all corners."
+                f"plot draws domains of one or two loads, but {len(names)} vary; to_dataframe() "
+                "returns all corners."
             )
         flat = np.column_stack([corners, np.zeros(len(corners))])[:, :2]
         turn = np.arctan2(*(flat - flat.mean(axis=0)).T[::-1])

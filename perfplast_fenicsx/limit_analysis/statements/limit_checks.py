@@ -35,7 +35,7 @@ def check_something_yields(materials: Iterable[object], joints: bool) -> None:
         raise InputError(
             "nothing can yield: all bodies are elastic or rigid, so there is no limit load; give a "
             "law with a yield stress to the bodies that may collapse, or bound the load of bodies "
-            "that collapse by their contacts (control = 'bounds')."
+            "that collapse at their contacts (control = 'bounds')."
         )
 
 
@@ -107,14 +107,14 @@ def check_loads(problem: Problem) -> None:
     Raises:
         InputError: If ζ moves supports or obstacles, or there is no load.
     """
-    what = "strict bounds and the interior point method are for loads"
+    what = "strict bounds and the interior point method need loads that grow"
     if problem.motion.driven:
         raise InputError(
-            f"the load factor moves supports or obstacles, and {what}; fix the supports and "
+            f"the load factor moves supports or obstacles, but {what}; fix the supports and "
             "obstacles."
         )
     if not _is_loaded(problem):
-        raise InputError(f"there is no load, and {what}; give a load.")
+        raise InputError(f"there is no load, but {what}; give a load.")
 
 
 def idle_pores(problem: Problem) -> list[str]:

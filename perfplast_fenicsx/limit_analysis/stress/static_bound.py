@@ -391,7 +391,7 @@ def check_straight(problem: Problem) -> None:
     """
     prevents = bound_body(problem).prevents
     if prevents is not None and BENT in prevents:
-        raise InputError(f"{prevents}, and {BOUNDED}")
+        raise InputError(f"{prevents}, but {BOUNDED}")
 
 
 def form_that_fits(problem: Problem) -> StaticForm | None:

@@ -371,8 +371,9 @@ def declared_loads(
         value = fitting(f"value of the force on '{load.on}'", load.value, V.mesh.geometry.dim)
         if not np.delete(value, surface.axes(V.mesh.geometry.dim)).any():
             raise InputError(
-                f"the force on '{load.on}' acts only along {surface.held}, where held fixes the "
-                "surface; give the force a component along which the surface is free, or remove it."
+                f"the force on '{load.on}' has only components in directions in which held = "
+                f"'{surface.held}' fixes the surface; give the force a component in another "
+                "direction, or remove it."
             )
     dead, live = (work_vector(V, tagged_mesh, part) for part in (constant, growing))
     case = LoadCase.of(dead, live, bcs)

@@ -109,7 +109,7 @@ def _check(tagged_mesh: TaggedMesh, materials: Mapping[str, Material]) -> None:
         if not isinstance(material, Material):
             raise InputError(
                 f"the material of volume '{name}' is {material!r}, which has neither a law nor "
-                "parameters; give a material of perfplast_fenicsx.materials."
+                "parameters; give a material from perfplast_fenicsx.materials."
             )
         plane = tagged_mesh.mesh.geometry.dim == 2 and not tagged_mesh.axisymmetric
         if getattr(material.law, "plane_strain_only", False) and not plane:
@@ -165,7 +165,7 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         if not np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0:
             raise InputError(
                 f"{what} has an elastic stiffness that is not positive definite "
-                f"({_shown(numbers)}), so some strain has no energy; give young > 0 and poisson "
+                f"({_shown(numbers)}), so some strains store no energy; give young > 0 and poisson "
                 "between -1 and 1/2, or valid elastic constants of its law."
             )
 

@@ -218,7 +218,7 @@ class _Body:
         if comm.allreduce(apart, MPI.MAX) > rounding * most:
             message = (
                 "supports move nodes of a body with law = 'rigid', but not as a rigid motion; give "
-                "them values of a translation and a rotation, or remove all but one of them."
+                "values that together form a rigid motion, or remove all but one of these supports."
             )
         raise_together(comm, message)
         holder = supported.holder[nodes]

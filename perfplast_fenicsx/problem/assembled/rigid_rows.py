@@ -97,7 +97,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     """Return the leaders of a surface; they do not depend on the number of ranks. Collective.
 
     Raises:
-        InputError: For an unknown name, or if the nodes lie in a point or on a line.
+        InputError: For an unknown name, or if the nodes coincide or lie on a line.
     """
     nodes = surface_nodes_of(V, tagged_mesh, surface)
     gdim, comm = V.mesh.geometry.dim, V.mesh.comm
@@ -132,9 +132,9 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
         chosen, places = [a, b, c], [x_a, x_b, x_c]
         frame = [along, across, np.cross(along, across)]
     if not (length > in_line * size and height > in_line * size):
-        kind = "a point" if gdim == 2 else "a line"
+        kind = "coincide" if gdim == 2 else "lie on a line"
         raise InputError(
-            f"the nodes of the rigid surface '{surface}' lie in {kind}, so their rotation is "
+            f"the nodes of the rigid surface '{surface}' {kind}, so the rotation of the surface is "
             "undefined; name a larger surface."
         )
     return Leaders(np.array(chosen), np.array(places), np.array(frame))

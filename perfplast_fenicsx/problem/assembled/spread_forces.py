@@ -60,9 +60,9 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
             break
         a, found, slope = a + share * step, trial, steep
     raise InputError(
-        f"no pressure on '{load.on}' has the force {force.tolist()}: a pin presses only normal to "
-        "its axis, on facets that face the force; correct the force, or give it as force "
-        "= [...], which may also pull."
+        f"no pressure on '{load.on}' has the resultant {force.tolist()}: a pin presses only normal "
+        "to its axis, on facets that face the force; correct the force, or give it as force = "
+        "[...], which may also pull."
     )
 
 

@@ -105,8 +105,8 @@ class Given:
                     )
                     if both and {*names} != {*others}:
                         raise InputError(
-                            f"{place} shares facets of both surfaces with {other}; list "
-                            "each facet in one contact or tie only."
+                            f"{place} shares facets on both surfaces with {other}; list each facet "
+                            "in one contact or tie only."
                         )
                     if both:
                         raise InputError(

@@ -55,8 +55,8 @@ class Bolt:
         rises = len(self.shank) == 2 and self.shank[0] < self.shank[1]
         if not rises or not all(map(math.isfinite, self.shank)):
             raise InputError(
-                f"{where} has shank = {list(self.shank)}, which is not a range along the "
-                "axis; give the positions of its beginning and its end, the smaller one first."
+                f"{where} has shank = {list(self.shank)}, which is not a range along the axis; "
+                "give the positions of its start and end, the smaller one first."
             )
 
     @property

@@ -199,8 +199,8 @@ class ForceBelow(BodyForce):
         if divided.any():
             at = place_of(corners[np.argmax(divided)].mean(axis=0))
             raise InputError(
-                f"the line below which '{self.on}' has another weight divides cells, one of them "
-                f"at {at}; give a mesh with edges along the line, or draw the ground in the "
+                f"the line below which '{self.on}' has a different weight divides cells, one of "
+                f"them at {at}; give a mesh with edges along the line, or draw the ground in the "
                 "case with [[region]]."
             )
         below: npt.NDArray[np.bool_] = high.max(axis=1) > noticed
@@ -518,7 +518,7 @@ def check_bounded(load: Load) -> None:
     if not is_bounded(load):
         kind = kind_of(load).replace("_", " ")
         what = "force per volume that is a formula" if type(load) is BodyForce else kind
-        raise InputError(f"the load on '{load.on}' is a {what}, and {BOUNDED}")
+        raise InputError(f"the load on '{load.on}' is a {what}, but {BOUNDED}")
 
 
 def scaled(load: Load, factor: float) -> Load:

@@ -51,9 +51,9 @@ class Support:
         wanted = AXES[:gdim] if self.components == AXES else self.components
         if not wanted or set(wanted) - set(AXES[:gdim]) or len(set(wanted)) < len(wanted):
             raise InputError(
-                f"components = '{self.components}' of the support on '{self.on}' is not a "
-                f"choice of the letters in '{AXES[:gdim]}'; write for instance components "
-                "= 'x', or 'normal' for the normal of a flat surface."
+                f"components = '{self.components}' of the support on '{self.on}' does not consist "
+                f"of different letters from '{AXES[:gdim]}'; write for instance components = 'x', "
+                "or 'normal' for the normal of a flat surface."
             )
         return sorted(AXES.index(letter) for letter in wanted)
 
@@ -135,8 +135,8 @@ class RigidSurface:
             set(self.held) - set(AXES[:gdim]) or len(set(self.held)) < len(self.held)
         ):
             raise InputError(
-                f"held = '{self.held}' of the rigid surface '{self.on}' is not a choice of the"
-                f" letters in '{AXES[:gdim]}'; write for instance held = 'x'."
+                f"held = '{self.held}' of the rigid surface '{self.on}' does not consist of "
+                f"different letters from '{AXES[:gdim]}'; write for instance held = 'x'."
             )
         told = Support(self.on, self.held if self.free else self.components)
         if told.guides:

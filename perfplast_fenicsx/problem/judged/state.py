@@ -145,7 +145,7 @@ def check_slip_is_true(problem: Problem) -> None:
     for it in (*problem.given.contacts, *problem.given.obstacles):
         if it.associated:
             raise InputError(
-                f"the friction at '{it.on}' is associated, which separates slipping surfaces and "
-                "applies only to bounds for the body; give control = 'bounds', or remove "
+                f"the friction at '{it.on}' is associated, so slipping surfaces separate, which is "
+                "supported only in bounds for the body; give control = 'bounds', or remove "
                 "associated."
             )

@@ -90,8 +90,8 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
     least = comm.allreduce(int(label.max(initial=-1)) + 1)
     if exactly and wanted < least:
         raise InputError(
-            f"subdomains = {wanted} is less than the number of parts of bodies, {least}, on "
-            f"{comm.size} ranks; give {least} or more, use fewer ranks, or remove subdomains."
+            f"subdomains = {wanted} is less than {least}, the number of connected parts of bodies "
+            f"on {comm.size} ranks; give {least} or more, use fewer ranks, or remove subdomains."
         )
     pieces = np.empty(owned, dtype=np.int32)
     begun = 0

@@ -82,7 +82,7 @@ def test_loads_in_words() -> None:
             'system = "in-kip-ksi"',
             "gives stresses in ksi; write .* 34.0839",
         ),
-        ('length = "m"\nstress = "kPa"', r"those of 's235' in MPa, .* in kPa"),
+        ('length = "m"\nstress = "kPa"', r"values for 's235' in MPa, .* in kPa"),
         ("mass = 1", "no key 'mass'"),
     ],
 )
