@@ -43,7 +43,7 @@ LINKED = "libgl1 libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1"
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a test.
+    """The result of one test of ``perfplast doctor``.
 
     Attributes:
         verdict: "ok", "none" for an optional component that is not installed, or "FAULT".

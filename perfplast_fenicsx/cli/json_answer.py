@@ -131,7 +131,7 @@ class Answer:
     error: dict[str, str] | None = None
 
     def refuse(self, error: InputError) -> None:
-        """Store an error in the input."""
+        """Store the error that the command has found in its input."""
         self.error = error.table()
 
     def fail(self, code: str, message: str) -> None:

@@ -67,7 +67,7 @@ def check_free(output: Path, force: bool) -> None:
 
 
 def fill(output: Path, made: Path, case: str) -> None:
-    """Write the output folder.
+    """Write the mesh, the case and its schema, the picture and the page into the output folder.
 
     Args:
         output: The folder.

@@ -176,7 +176,7 @@ def generate(
 
 
 def _generate(dim: int, parts: Sequence[Part]) -> None:
-    """Mesh with the first algorithm that gives good elements, otherwise with the best one.
+    """Mesh with the first algorithm that gives good elements, or else with the best algorithm.
 
     Raises:
         InputError: If no algorithm makes elements (with the message of the first), or if all make

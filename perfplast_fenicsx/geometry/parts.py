@@ -193,7 +193,7 @@ ENTITY = ("point", "curve", "surface", "volume")
 
 @dataclass(frozen=True)
 class Part:
-    """A body of gmsh's model.
+    """A body of gmsh's model, with its names.
 
     Attributes:
         name: Name in the mesh.

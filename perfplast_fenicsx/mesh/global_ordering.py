@@ -21,7 +21,7 @@ from perfplast_fenicsx.parallel import exchange_rows, send_rows
 
 
 class Ordering:
-    """An order of distributed entities by a key.
+    """An order of distributed cells or nodes by a key.
 
     Attributes:
         first: Number of the first entity in this rank's block.
@@ -78,7 +78,7 @@ class Ordering:
 
 @dataclass(frozen=True)
 class Block:
-    """This rank's rows of an array.
+    """This rank's rows of a distributed array.
 
     Attributes:
         values: The rows, shape (count, ...); the other dimensions are the same on every rank.

@@ -15,7 +15,7 @@ class LinearField:
     """
 
     def __init__(self, corners: Floats, values: Floats) -> None:
-        """Store the function.
+        """Store the vertices of the cells and the values of the function.
 
         Args:
             corners: Vertices of the cells, shape (num_cells, d + 1, d).
@@ -64,7 +64,7 @@ class LinearField:
 
 
 def _shares(cells: Floats, points: Floats) -> Floats:
-    """Return barycentric coordinates.
+    """Return the barycentric coordinates of points in cells.
 
     Args:
         cells: Vertices, shape (n, d + 1, d).

@@ -141,7 +141,7 @@ class CellSearch:
     """Finds cells by position; cells of about the same size are in one tree."""
 
     def __init__(self, x: Floats) -> None:
-        """Build the trees.
+        """Build search trees, one for each class of cell sizes.
 
         Args:
             x: Vertices of the cells, shape (num_cells, gdim + 1, gdim).

@@ -77,7 +77,7 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Refined:
-    """A finer mesh.
+    """A finer mesh, with the parent of each cell.
 
     Attributes:
         tagged_mesh: The finer mesh, in a new distribution without ghost cells.

@@ -213,7 +213,7 @@ class UsedSurfaces:
         return self.use(name.upper(), facets)
 
     def area(self, name: str) -> float:
-        """Return the area of a surface in use."""
+        """Return the area of a surface to which keywords refer."""
         return float(self._find.areas(self._named.facets(name)).sum())
 
     def divided(self, taken: Sequence[str]) -> tuple[list[str], Longs, Longs, dict[str, list[str]]]:
@@ -244,7 +244,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True, eq=False)
 class InpBody:
-    """A body.
+    """A body that a section of the file defines.
 
     Attributes:
         name: Name in the case.

@@ -201,7 +201,7 @@ def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _normals(points: Floats, facets: Longs, dim: int) -> Floats:
-    """Return normals whose lengths are the areas of facets, all on the side of the first one."""
+    """Return normals of facets, with areas as lengths, all on the side of the first normal."""
     p = points[facets]
     if dim == 2:
         along = p[:, 1] - p[:, 0]

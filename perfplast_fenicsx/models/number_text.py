@@ -91,7 +91,7 @@ class NumberIndex:
         self._sorted, self._first, self._what = ids[self._order], first, what
 
     def of(self, numbers: Longs, missing_is_fine: bool = False) -> Longs:
-        """Return the indices for numbers; of a repeated number, the index of the last one."""
+        """Return the indices for numbers; for a number given twice in the part, its last index."""
         if not len(self._sorted):
             if numbers.size and not missing_is_fine:
                 raise InputError(

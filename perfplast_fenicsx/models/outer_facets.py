@@ -25,7 +25,7 @@ class OuterFacets:
     """
 
     def __init__(self, cells: Longs, num_points: int) -> None:
-        """Find the outer facets.
+        """Find the facets that belong to only one cell.
 
         Args:
             cells: Corners of all simplices, shape (m, dim + 1).
@@ -92,7 +92,7 @@ NONE: Longs = np.zeros(0, dtype=np.int64)
 
 
 class ElementFacets:
-    """Finds outer facets by elements or nodes."""
+    """Finds outer facets by the faces of elements, by flat elements or by nodes."""
 
     def __init__(
         self, points: Floats, blocks: Sequence[Block], outer: OuterFacets, dim: int

@@ -72,7 +72,7 @@ BENT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class SolidCells:
-    """Simplices of a model.
+    """The simplices into which the solid elements of a model are divided.
 
     Attributes:
         dim: 3, or 2 if there are only flat elements.

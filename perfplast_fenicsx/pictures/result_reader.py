@@ -199,7 +199,7 @@ class ResultReader:
 
     @property
     def scene(self) -> Scene:
-        """Return the surroundings of the bodies."""
+        """Return the scene of the run: names, loads, contacts and units."""
         return self.named.scene
 
     @cached_property
@@ -316,7 +316,7 @@ class ResultReader:
         return StoredFlow(points, cells, pressure, head, saturation, axis)
 
     def _arrays(self, name: str, *places: str) -> list[npt.NDArray[Any]]:
-        """Return arrays of a VTKHDF file."""
+        """Return arrays of a VTKHDF file, by their paths in the file."""
 
         def read(path: Path) -> list[npt.NDArray[Any]]:
             with stored_file(path, BESIDE) as file:

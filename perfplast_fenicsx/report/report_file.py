@@ -24,7 +24,7 @@ MARK = "<!-- what the run is doing -->"
 
 
 class Reporting(StrEnum):
-    """Options for when a run writes its report."""
+    """When a run writes its report: never, at its end, or repeatedly."""
 
     NEVER = ""
     AT_END = "--report"

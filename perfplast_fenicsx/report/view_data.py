@@ -385,7 +385,7 @@ def view_mesh(surface: Surface, order: Longs) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Packer:
-    """Reads states of the skin and packs them."""
+    """Reads the fields of levels on the skin of the bodies, and packs them."""
 
     reader: ResultReader
     order: Longs

@@ -86,7 +86,7 @@ class Anderson:
         self._smallest = np.inf
 
     def restart(self) -> None:
-        """Clear the stored iterations."""
+        """Clear the stored images and residuals of earlier iterations."""
         self._images.clear()
         self._residuals.clear()
         self._smallest = np.inf

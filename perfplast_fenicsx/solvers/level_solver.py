@@ -169,7 +169,7 @@ class LevelSolver(Stepper, ABC):
         lender: "LevelSolver | None" = None,
         subdivision: Subdivision | None = None,
     ) -> None:
-        """Compile the forms and create the solvers, or share the solvers of another one.
+        """Compile the forms and create the solvers, or share the solvers of another algorithm.
 
         Collective.
 

@@ -90,7 +90,7 @@ class NodeToNode:
 
 
 def _pair_type(gdim: int) -> np.dtype:
-    """Return the structured type of a pair.
+    """Return the structured NumPy type of a pair of nodes.
 
     Its fields are the ``host`` as a local block dof on its rank, the ``guest`` as a global block
     dof, the ``gap`` and the unit ``normal`` out of the primary surface. Further fields are the

@@ -294,7 +294,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Side:
-    """The result of choosing the host surface.
+    """The chosen host surface of a contact, with its rows and its distances from the guest.
 
     Attributes:
         host: The host surface.

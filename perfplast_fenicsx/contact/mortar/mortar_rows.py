@@ -198,7 +198,7 @@ def integrate(
 
 
 def _chunks(first: Longs) -> list[slice]:
-    """Return slices of a sorted list, at least one, split only between different entries."""
+    """Return slices (at least one) of a sorted list, which keep equal entries together."""
     borders = [0]
     chunk = 50_000  # number of pairs of pieces that are clipped together
     while borders[-1] < len(first):
@@ -296,7 +296,7 @@ def _at(group: Longs, count: int, values: Floats) -> Floats:
 
 
 def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) -> Floats:
-    """Return M, corrected so that its sums over guests equal the sums of the hosts.
+    """Return M, corrected so that its sums over guests equal the required sums ``own``.
 
     The correction is constant on a facet; it is large only where M_e is almost singular.
 

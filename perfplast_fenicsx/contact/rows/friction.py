@@ -140,7 +140,7 @@ class Friction:
 
 
 def norms(vectors: Floats) -> Floats:
-    """Return the norm of each row."""
+    """Return the Euclidean norm of each row of an array."""
     lengths: Floats = np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
     return lengths
 

@@ -90,7 +90,7 @@ def make_basis(
     num_ties: int = 0,
     num_sliding: int = 0,
 ) -> JumpBasis:
-    """Return the basis with T and M. Collective.
+    """Return the jump basis, with its maps T and M. Collective.
 
     Args:
         V: Displacement space.

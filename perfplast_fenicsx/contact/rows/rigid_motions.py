@@ -46,7 +46,7 @@ class RigidMotions:
         constraints: Constraints,
         ties: Constraints | None = None,
     ) -> None:
-        """Compute B R. Collective.
+        """Compute B R, the jumps of the rows in the rigid motions of all bodies. Collective.
 
         Args:
             V: Displacement space.

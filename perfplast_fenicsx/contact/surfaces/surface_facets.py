@@ -263,7 +263,7 @@ SurfaceNodes = npt.NDArray[np.void]
 
 
 def surface_node_type(gdim: int) -> np.dtype:
-    """Return the structured type of a node.
+    """Return the structured NumPy type of a surface node.
 
     Its fields are the coordinates ``x`` (3 numbers), the ``rank`` that owns the node, the local
     block dof ``node`` on that rank and the global number ``number``. Further fields are the
@@ -391,7 +391,7 @@ _SPLIT = {
 
 
 def facet_type(gdim: int, nodes: int, points: int) -> np.dtype:
-    """Return the structured type of a facet.
+    """Return the structured NumPy type of a surface facet.
 
     Its field ``x`` contains the coordinates of the facet's geometry points. For each node of the
     facet, further fields are the coordinates ``at``, the outward unit ``normal`` of the face, the

@@ -126,7 +126,7 @@ def read_combinations(tables: Sequence[tuple[str, Table]]) -> list[Combination]:
 
 
 def designed_for(loading: Control, place: str) -> Control:
-    """Return a control for combinations; its design load is ζ = 1 unless it has another one.
+    """Return a control for combinations; its design load is ζ = 1 unless the case gives another.
 
     Raises:
         InputError: If the control computes no limit load, or no load factor for comparison.

@@ -157,7 +157,7 @@ def read_ground(top: Document, case: Path) -> DrawnGround | None:
 def read_geometry(
     table: Table, mesh: Table, place: str, ground: DrawnGround | None = None
 ) -> GeometryFile | GroundInCase:
-    """Return the geometry.
+    """Return the geometry from which the mesh of a case is made.
 
     Args:
         table: ``[geometry]``.

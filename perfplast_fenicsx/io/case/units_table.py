@@ -51,7 +51,7 @@ def odd_magnitudes(
 
 
 def read_units(table: Table, materials: Mapping[str, Material], name: str) -> Units:
-    """Return the units.
+    """Return the units of a case, after checks against its materials.
 
     Args:
         table: The parsed TOML table.

@@ -347,7 +347,7 @@ class Checkpoints:
         self._bit = _bits(problem)
 
     def write(self, saved: Saved) -> None:
-        """Write a new checkpoint; the existing one becomes the previous one. Collective.
+        """Write a new checkpoint; the existing file becomes the previous checkpoint. Collective.
 
         Raises:
             InputError: If the file cannot be written; existing checkpoints are then unchanged.
@@ -404,7 +404,7 @@ class Checkpoints:
         raise nothing_left(self._folder, faults)
 
     def _read(self, header: Header, path: Path, stages: LoadingHistory | None) -> Saved:
-        """Return the content of a checkpoint.
+        """Return the content of one checkpoint file.
 
         Raises:
             InputError: If the file is damaged.

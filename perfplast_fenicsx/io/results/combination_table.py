@@ -19,7 +19,7 @@ Rows = list[dict[str, Any]]
 
 
 def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> Rows:
-    """Write the table. Not collective.
+    """Write ``combinations.csv``, with a row for each combination. Not collective.
 
     Args:
         folder: Folder that contains the folders of the combinations.

@@ -120,7 +120,7 @@ class OutputFields:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Compile the expressions. Collective."""
+        """Compile the expressions of all fields. Collective."""
         self._problem, self._e = problem, fem.Function(problem.S)
         mesh, e, s = problem.tagged_mesh.mesh, self._e, fem.Function(problem.S)
         cell, size = mesh.basix_cell(), problem.S.dofmap.index_map_bs

@@ -22,7 +22,7 @@ from perfplast_fenicsx.mesh.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class Spaces:
-    """V_h, S_h and their common quadrature rule.
+    """The spaces V_h of displacements and S_h of stresses, with their common quadrature rule.
 
     Strains of linear elements are constant in a cell, so S_h is DG0 for them. Strains of quadratic
     elements are evaluated at the points of a rule of degree 2 (3 points in a triangle, 4 in a

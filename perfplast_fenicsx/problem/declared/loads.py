@@ -102,7 +102,7 @@ class Traction(SpreadLoad):
     total: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return t·v."""
+        """Return the work of the traction per area, t·v."""
         import ufl
 
         return ufl.inner(value, v)
@@ -129,7 +129,7 @@ class Pressure(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return −p n·v."""
+        """Return the work of the pressure per area, −p n·v."""
         import ufl
 
         return ufl.inner(-value * ufl.FacetNormal(tagged_mesh.mesh), v)
@@ -156,7 +156,7 @@ class BodyForce(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return f·v."""
+        """Return the work of the force per volume, f·v."""
         import ufl
 
         return ufl.inner(value, v)
@@ -231,7 +231,7 @@ class PorePressure(SpreadLoad):
     constant: bool = True
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return p div v."""
+        """Return the work of the pore pressure per volume, p div v."""
         from perfplast_fenicsx.mesh.kinematics import divergence
 
         if tagged_mesh.is_thin:
@@ -447,7 +447,7 @@ class CosinePressure(SpreadLoad):
     constant: bool = False
 
     def work(self, value: Any, v: Any, tagged_mesh: "TaggedMesh") -> Any:
-        """Return −max(0, −a·n) n·v."""
+        """Return the work of the pressure per area, −max(0, −a·n) n·v."""
         import ufl
 
         normal = ufl.FacetNormal(tagged_mesh.mesh)

@@ -201,7 +201,7 @@ class QuadratureFields:
         return self._plastic_volume() / self._volume
 
     def initial_work(self) -> float:
-        """Return ⟨σ, e₀⟩. Collective."""
+        """Return the work ⟨σ, e₀⟩ of the stress on the initial strain. Collective."""
         return 0.0 if self._initial is None else self._initial()
 
     def size(self) -> float:

@@ -31,7 +31,7 @@ stress exerts on nodes. It prevents rounding errors from serving as references."
 
 @dataclass(frozen=True)
 class Rubbed:
-    """Friction in a state.
+    """Forces, slip and dissipation of friction in a state.
 
     Attributes:
         forces: Friction forces μ at the points hosted by this rank, shape (num_places, gdim − 1).

@@ -44,7 +44,7 @@ def moment(problem: Problem, forces: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Resultants:
-    """Resultants by source, and their imbalance.
+    """The resultants of the forces on the bodies by source, and the imbalance of their sum.
 
     Attributes:
         forces: Force of each source, one number for each direction. In plane strain it is per unit

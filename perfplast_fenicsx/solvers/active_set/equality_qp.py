@@ -164,7 +164,7 @@ class EqualityProgram:
         return self._solve(begun, begun.held, False)
 
     def correct(self, previous: Solution, held: PairFlags) -> Solution:
-        """Return the solution with other held pairs, by correcting a previous one. Collective.
+        """Return the solution with other held pairs, by correcting a previous solution. Collective.
 
         The correction continues until the residual is as small as for the first solution.
 
@@ -199,7 +199,7 @@ class EqualityProgram:
         self._rhs.array[self._closed(model, held)] = 0
 
     def _closed(self, model: QuadraticModel, held: PairFlags) -> Ints:
-        """Return all held unknowns."""
+        """Return the local owned indices of the held pairs' jumps and of the given unknowns."""
         return np.concatenate([self.index[held], model.given.index])
 
     def _solve(self, start: Solution, held: PairFlags, correction: bool) -> Solution:

@@ -81,7 +81,7 @@ class Slip:
 
 
 def stuck(shape: tuple[int, ...]) -> Slip:
-    """Return the linearisation in which no point slips.
+    """Return the linearisation of friction in which no point slips.
 
     Args:
         shape: Shape of the jumps.
@@ -90,7 +90,7 @@ def stuck(shape: tuple[int, ...]) -> Slip:
 
 
 def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip:
-    """Return the linearisation at given jumps.
+    """Return the linearisation of friction at given jumps.
 
     Args:
         jumps: Jumps s, shape (num_places, gdim − 1).
@@ -211,7 +211,7 @@ def condense_friction(
 ) -> tuple[Slip, PairFlags, int]:
     """Solve the contact QP with friction for all pairs and points at once. Collective.
 
-    The function solves one linear system for each of them, with one set-up.
+    The function solves one linear system for each pair and each point, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator without springs.

@@ -57,7 +57,7 @@ Reason = PETSc.SNES.ConvergedReason
 
 @dataclass(frozen=True)
 class Found:
-    """The result of SNES-VI.
+    """The result of one solve by SNES-VI.
 
     Attributes:
         solution: The last equality-constrained solution, before its projection.
@@ -139,7 +139,7 @@ class VariationalInequality:
         self._most_iterations = self._snes.max_it
 
     def _create(self) -> PETSc.SNES:
-        """Create the SNES. Collective."""
+        """Return a new SNES-VI solver with its callbacks and options. Collective."""
         me, comm = weakref.proxy(self), self._program.comm
         sizes = self._x.getSizes()
         jacobian = PETSc.Mat().createPython((sizes, sizes), _Jacobian(self), comm=comm)

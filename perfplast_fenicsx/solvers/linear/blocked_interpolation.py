@@ -167,7 +167,7 @@ class BlockedInterpolation:
 
 @dataclass(frozen=True)
 class _Called:
-    """The functions that PETSc calls."""
+    """The callbacks of the PETSc matrix, which apply the interpolation."""
 
     interpolate: Callable[[PETSc.Vec, PETSc.Vec], None]
     restrict: Callable[[PETSc.Vec, PETSc.Vec], None]
@@ -196,7 +196,7 @@ class _Interpolation:
         self._room = of.reals(room_of(both[1]) * of.columns)
 
     def fill(self, rows: Rows) -> None:
-        """Set the entries."""
+        """Set the entries of the blocks."""
         self._of.fill(rows)
 
     def interpolate(self, x: Floats, y: Floats) -> None:

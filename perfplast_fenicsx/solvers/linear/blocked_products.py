@@ -369,7 +369,7 @@ class BlockedProducts:
         self.matrix.setUp()
 
     def fill(self, A: PETSc.Mat) -> None:
-        """Copy the entries of a matrix that has the pattern of the first one. Collective."""
+        """Copy the entries of a matrix with the same pattern as the first matrix. Collective."""
         here, there, _ = own_rows(A)
         self._here.fill(here)
         if self._there is not None and there is not None:
@@ -396,7 +396,7 @@ class BlockedProducts:
 
 @dataclass(frozen=True)
 class _Called:
-    """The functions that PETSc calls."""
+    """The callback of the PETSc matrix, which multiplies a vector."""
 
     product: Callable[[PETSc.Vec, PETSc.Vec], None]
 
@@ -414,7 +414,7 @@ class _Products:
         self._x, self._y = of.reals(width * of.columns), of.reals(width * of.rows)
 
     def fill(self, rows: Rows) -> None:
-        """Set the entries."""
+        """Set the entries of the blocks."""
         self._of.fill(rows)
 
     def take(self, x: Floats) -> None:

@@ -23,7 +23,7 @@ class ContactRows:
     """The rows in which A differs from K."""
 
     def __init__(self, problem: Problem) -> None:
-        """Find the rows. Collective."""
+        """Find the rows in which A differs from K. Collective."""
         self._T = problem.basis.T
         self._whole = every_column(self._T)
         nodes = np.flatnonzero(_near(problem.V, _moved(self._T)))

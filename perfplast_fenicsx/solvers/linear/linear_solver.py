@@ -196,7 +196,7 @@ class LinearSolver:
         return True
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, rtol: float, correction: bool = False) -> None:
-        """Solve for x. Collective.
+        """Solve A x = b with the held unknowns at zero. Collective.
 
         Args:
             b: Right-hand side; entries at held unknowns must be zero.
@@ -300,7 +300,7 @@ class LinearSolver:
         return True
 
     def _replace(self, method: Method) -> None:
-        """Switch to another method."""
+        """Replace the current method of the solver by another method."""
         self._method.destroy()
         self._method = method
 

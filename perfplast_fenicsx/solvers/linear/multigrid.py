@@ -80,7 +80,7 @@ class Multigrid:
 
     @phase("linear set-up")
     def renew(self, flow: PETSc.Vec | None) -> None:
-        """Form the coarse operators. Collective.
+        """Form the coarse operators from the current matrix. Collective.
 
         Args:
             flow: A solution in the jump basis that becomes an additional motion of every aggregate;

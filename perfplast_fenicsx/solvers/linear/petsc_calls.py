@@ -52,7 +52,7 @@ Indices = npt.NDArray[np.integer]
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows in compressed storage.
+    """Rows of a sparse matrix in compressed storage (CSR).
 
     Attributes:
         pointer: Start of each row's entries, shape (num_rows + 1,).
@@ -66,7 +66,7 @@ class Rows:
 
 
 def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
-    """Return the rows of this rank.
+    """Return this rank's rows of a matrix, with columns of other ranks apart.
 
     Args:
         A: Matrix of type "aij".

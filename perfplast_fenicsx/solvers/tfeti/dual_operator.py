@@ -112,11 +112,11 @@ class CoarseProblem:
         return lifted
 
     def off(self, multipliers: Floats) -> Floats:
-        """Return Qλ = Gᵀ(GGᵀ)⁻¹Gλ. Collective."""
+        """Return the unbalanced part Qλ = Gᵀ(GGᵀ)⁻¹Gλ of row forces. Collective."""
         return self.lift(self.solve(self.balance(multipliers)))
 
     def project(self, multipliers: Floats) -> Floats:
-        """Return Pλ = λ − Qλ. Collective."""
+        """Return the balanced part Pλ = λ − Qλ of row forces. Collective."""
         return multipliers - self.off(multipliers)
 
 

@@ -53,7 +53,7 @@ class Gluing:
 
 
 def make_gluing(problem: Problem, pieces: Subdomains) -> Gluing:
-    """Return B and its data. Collective.
+    """Return the gluing matrix B of the pieces, with its data. Collective.
 
     Args:
         problem: The bodies.

@@ -57,7 +57,7 @@ class Split:
 
 
 def split(gradient: Floats, x: Floats, lower: Floats, longest: float) -> Split:
-    """Return the parts of a gradient.
+    """Return the free, the chopped and the reduced part of a gradient.
 
     Args:
         gradient: Gradient at x.
@@ -180,7 +180,7 @@ FIRST_BALANCE, SHRINK = 10.0, 0.1
 
 @dataclass(frozen=True)
 class DualProgram:
-    """The program to be minimised.
+    """The dual program to be minimised, with bounds and equalities.
 
     Attributes:
         comm: Communicator of the ranks that share the unknowns.

@@ -166,7 +166,7 @@ class TfetiProgram:
     """
 
     def __init__(self, problem: Problem, pieces: Subdomains, linear: LinearSolver) -> None:
-        """Glue the pieces. Collective.
+        """Create the gluing matrix, the dual operator and the preconditioner. Collective.
 
         Args:
             problem: The bodies.
@@ -339,7 +339,7 @@ class TfetiProgram:
         return self._program(asked, every, lower, np.maximum(self.multipliers, lower))
 
     def _run(self, program: TornProgram, rtol: float) -> None:
-        """Solve a dual. Collective.
+        """Solve a dual program until its tolerance is met. Collective.
 
         Raises:
             LinearFailure: If the dual cannot be solved.
