@@ -193,10 +193,10 @@ class OverlapPoints:
     Attributes:
         host: Number of the host facet, shape (n,).
         guest: Number of the guest facet, shape (n,).
-        own: Shape functions N of the host at the points, shape (n, q, nodes of a facet).
-        other: Shape functions of the guest, same shape.
-        x: Coordinates on the host, shape (n, q, gdim).
-        normal: Normal of the host, interpolated between its nodes, same shape as ``x``.
+        own: Shape functions N of the host facet at the points, shape (n, q, nodes of a facet).
+        other: Shape functions of the guest facet, same shape.
+        x: Coordinates on the host facet, shape (n, q, gdim).
+        normal: Normal of the host facet, interpolated between its nodes, same shape as ``x``.
         weight: Quadrature weights that include the length or area of the host facet, shape (n, q).
     """
 
@@ -332,7 +332,7 @@ def rendezvous(
 
 
 def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tuple[Longs, Longs]:
-    """Return pairs of pieces for which the normal of the host may meet the guest.
+    """Return pairs of pieces for which a normal of the host piece may meet the guest piece.
 
     Args:
         host: Pieces of the surface with the multipliers.

@@ -301,8 +301,8 @@ class Side:
         guest: The other surface.
         facing: Opposite facets of both surfaces.
         rows: The sets of rows, one set for each array of flags that ``Able`` returns.
-        distances: Distances from the nodes of the host to the guest.
-        covered: Covered fraction of the host and of the guest.
+        distances: Distances from the nodes of the host surface to the guest surface.
+        covered: Covered fraction of the host surface and of the guest surface.
     """
 
     host: Surface
@@ -345,7 +345,7 @@ def choose_side(
 
     Raises:
         InputError: If the surfaces are nowhere opposite each other, or if supports or ties hold
-            hosts.
+            host nodes.
     """
     measures = [surface.measure(comm) for surface in surfaces]
     for surface in surfaces:
@@ -483,7 +483,7 @@ class Mortar:
         return replace(found, in_mean=True, remarks=(self._remark(V, chosen),))
 
     def _remark(self, V: fem.FunctionSpace, chosen: Side) -> str:
-        """Return a remark on the chosen host, and on the error of straight facets. Collective."""
+        """Return a remark on the host surface and on the error of straight facets. Collective."""
         comm, gdim = V.mesh.comm, V.mesh.geometry.dim
         count = comm.allreduce(len(chosen.rows[0].place))
         missed = comm.allreduce(float(chosen.distances.slack.max(initial=0)), MPI.MAX)
@@ -511,7 +511,7 @@ class Mortar:
         return gap if self.contact.interference else np.maximum(gap, 0.0)
 
     def _gap_at_nodes(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:
-        """Return the gap at each node of the host (length), inf where nothing is opposite.
+        """Return the gap at each node of the host surface (length), inf where nothing is opposite.
 
         Collective.
         """

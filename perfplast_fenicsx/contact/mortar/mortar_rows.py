@@ -109,15 +109,15 @@ def dual_factors(mass: Floats, d: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Integrals:
-    """Integrals over the facets on this rank, for the nodes of the hosts.
+    """Integrals over the host facets on this rank, for the nodes of these facets.
 
     Attributes:
         host: Number of the host facet of each pair of facets, shape (num_pairs,).
         guest: Number of the guest facet of each pair, same shape.
-        M: ∫φ_i N_l for each pair, shape (num_pairs, nodes of a host, nodes of a guest).
-        along: ∫φ_i n N_l with the host's normal n, shape (num_pairs, nodes of a host, gdim, nodes
-            of a guest). None if not requested, or if Ñ = N, because coefficients are then nodal
-            values.
+        M: ∫φ_i N_l for each pair, shape (num_pairs, nodes of a host facet, nodes of a guest facet).
+        along: ∫φ_i n N_l with the host facet's normal n, shape (num_pairs, nodes of a host facet,
+            gdim, nodes of a guest facet). None if not requested, or if Ñ = N, because coefficients
+            are then nodal values.
         d: ∫Ñ_i over the covered part of each host facet, shape (num_hosts, nodes).
         full: ∫Ñ_i over the whole host facet, same shape.
         covered: Covered length or area of the pieces of each host facet, shape (num_hosts,).
@@ -213,9 +213,9 @@ _Sums = tuple[Longs, Floats]
 
 @dataclass(frozen=True)
 class _Products:
-    """Integrals ∫ÑN and ∫ÑnN for pairs of facets, and ∫ÑÑ, ∫Ñ and ∫1 for hosts, over some pieces.
+    """Integrals over some pieces: ∫ÑN and ∫ÑnN for pairs of facets; ∫ÑÑ, ∫Ñ, ∫1 for host facets.
 
-    The integrals ∫ÑnN exist only for hosts with a varying normal n.
+    The integrals ∫ÑnN exist only for host facets with a varying normal n.
     """
 
     mixed: _Sums
@@ -304,7 +304,7 @@ def _balanced(M: Floats, mixed: Floats, of_host: Longs, d: Floats, own: Floats) 
         M: Integrals ∫φ_i N_l or ∫φ_i n N_l for each pair, shape (num_pairs, i, ..., l).
         mixed: Integrals ∫Ñ_i N_l for each pair.
         of_host: Number of the host facet in each pair.
-        d: Integrals ∫Ñ_i for each host.
+        d: Integrals ∫Ñ_i for each host facet.
         own: Required sums of M, shape (num_hosts, i, ...).
     """
     missing = own - _at(of_host, len(d), M.sum(axis=-1))

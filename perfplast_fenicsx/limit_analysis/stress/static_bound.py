@@ -124,7 +124,7 @@ class StaticIteration(InteriorIteration):
     """The iteration of a lower bound, which at the end measures equilibrium row by row.
 
     During the iteration, unbalanced forces are relative to the loads. At the end, they must be
-    small relative to the strengths. Both measures differ if hydrostatic pressures are large, and
+    small relative to the strengths. The two measures differ if hydrostatic pressures are large, and
     where a weak body touches a strong body.
     """
 

@@ -264,7 +264,7 @@ def condense_friction(
 
 
 def moves_of(S: Floats, G: Floats, bound: Floats, is_place: np.ndarray) -> Floats:
-    """Return by how much pairs open (negative) and points slip, shape (n,).
+    """Return the openings of pairs (as negative numbers) and the slips of points, shape (n,).
 
     Args:
         S: Force on each unknown for a unit jump of each unknown, shape (n, n).
