@@ -18,7 +18,7 @@ from perfplast_fenicsx.report.page import VIEW
 from perfplast_fenicsx.report.tables import scrolled
 from perfplast_fenicsx.report.view_data import view_mesh
 
-SETUP = ("toml", "case_check", "case_marks", "setup")
+SETUP = ("toml", "case_check", "case_marks", "face_families", "setup")
 """Script files of the forms, read in this order after the scripts of the view."""
 
 BAND = 0.006

@@ -241,14 +241,15 @@ def test_clicks_make_the_case_of_the_tutorial(
 
 
 def bored_block() -> None:
-    """Put a pyramid into a block that has a bore of radius 0.3 and a rounded edge of radius 1."""
+    """Put a pyramid into a block with two bores of radius 0.3 and a rounded edge of radius 1."""
     pyramid_in_block()
     occ = gmsh.model.occ
     occ.synchronize()
     block = max(occ.getEntities(3), key=lambda body: occ.getMass(*body))
     (edge,) = gmsh.model.getEntitiesInBoundingBox(1.9, -2.1, -2.1, 2.1, -1.9, 2.1, dim=1)
     ((_, rounded),) = occ.fillet([block[1]], [edge[1]], [1.0])
-    occ.cut([(3, rounded)], [(3, occ.addCylinder(-1.5, -1.5, -3, 0, 0, 6, 0.3))])
+    bores = [(3, occ.addCylinder(x, x, -3, 0, 0, 6, 0.3)) for x in (-1.5, 1.5)]
+    occ.cut([(3, rounded)], bores)
 
 
 @pytest.fixture(scope="module")
@@ -666,7 +667,9 @@ def test_a_bore_is_told_from_a_shaft(faulty: tuple[Path, str], browser: Any) -> 
     page = SetupPage(browser, faulty[0])
     data = json.loads(page("document.getElementById('data').textContent"))
     words = data["faces"]["words"].values()
-    (bore,) = [line for line in words if "cylindrical, bore, R 0.3, along z" in line]
+    bore, other = [line for line in words if "cylindrical, bore, R 0.3, along z" in line]
+    if "centre (-1.5, -1.5" not in bore:
+        bore, other = other, bore
     assert len([line for line in words if "cylindrical, convex, R 1, along z" in line]) == 1
     name = bore.split(":")[0]
     assert f"{name}: bore, R 0.3, along z" in page("document.getElementById('choose').innerText")
@@ -680,6 +683,31 @@ def test_a_bore_is_told_from_a_shaft(faulty: tuple[Path, str], browser: Any) -> 
     assert away[:, 0] == pytest.approx(0.048, abs=0.02)
     assert np.ptp(arrows[..., 2], axis=1) == pytest.approx(0, abs=1e-3)
     assert sorted({round(z, 2) for z in arrows[:, 0, 2].tolist()}) == [-2, 0, 2]
+
+
+def test_faces_are_chosen_by_radius_and_by_angle(faulty: tuple[Path, str], browser: Any) -> None:
+    """The rounded edge continues two sides, and an angle of 135 degrees reaches all outside."""
+    page = SetupPage(browser, faulty[0])
+    faces = page("JSON.parse(document.getElementById('data').textContent).setup.faces")
+    bores = [face["name"] for face in faces if face["round"].startswith("bore, R 0.3")]
+    (edge,) = [face["name"] for face in faces if face["round"].startswith("convex, R 1")]
+    chosen = "document.getElementById('chosen').textContent"
+    page.press(bores[0], "Choose all 2 faces: bore, R 0.3")
+    assert {*page(chosen).removeprefix("Chosen: ").split(", ")} == {*bores}
+    assert page("document.getElementById('wider').children.length") == 0
+    page.press("Choose nothing")
+    page.press(edge, "Choose the faces that continue these")
+    names = {*page(chosen).removeprefix("Chosen: ").split(", ")}
+    assert {name[-6:].strip("_") for name in names - {edge}} == {"x_high", "y_low"}
+    assert page.part("told").text == "2 more faces are chosen"
+    page.type("edge-angle", "twenty")
+    page.press("Choose the faces that continue these")
+    assert page.part("edge-fault").text == "Angle: is not a number above 0 and below 180."
+    page.type("edge-angle", "135")
+    page.press("Choose the faces that continue these")
+    outside = {face["name"] for face in faces if face["name"].endswith(("_low", "_high"))}
+    assert len(outside) == 6  # the other faces lie in the cavity
+    assert {*page(chosen).removeprefix("Chosen: ").split(", ")} == {*outside, *bores, edge}
 
 
 FORMULAS = (

@@ -148,20 +148,47 @@ function paintFaces() {
   offerTogether();
 }
 
-/** Offer the names of several faces, of which a part is chosen, such as the other half of a bore. */
+/** The faces that are chosen by their own names. */
+const chosenFaces = () => setup.faces.filter(({ name }) => chosen.has(name));
+
+/** Offer names of several faces, of which a part is chosen, and more faces like the chosen ones. */
 function offerWider() {
-  const numbers = new Set(setup.faces.filter(({ name }) => chosen.has(name)).map(({ number }) => number));
-  const wider = setup.sets.filter(({ name, faces }) => !chosen.has(name) && faces.some((one) => numbers.has(one)));
-  part("wider").replaceChildren(...wider.map(({ name, faces }) => {
-    const button = made("button", { type: "button" }, `Choose ${name}, ${faces.length} faces`);
+  const given = chosenFaces();
+  const wider = setup.sets.filter(({ name, faces }) => !chosen.has(name) && given.some(({ number }) => faces.includes(number)));
+  const named = wider.map(({ name, faces }) => [`Choose ${name}, ${faces.length} faces`, () => {
+    setup.faces.filter((face) => faces.includes(face.number)).forEach((face) => chosen.delete(face.name));
+    chosen.add(name);
+  }]);
+  const round = roundFamilies(setup.faces, given).filter(([, faces]) => faces.some(({ name }) => !chosen.has(name)))
+    .map(([words, faces]) => [`Choose all ${faces.length} faces: ${words}`, () => faces.forEach(({ name }) => chosen.add(name))]);
+  part("wider").replaceChildren(...[...named, ...round].map(([words, choose]) => {
+    const button = made("button", { type: "button" }, words);
     button.addEventListener("click", () => {
-      setup.faces.filter((face) => faces.includes(face.number)).forEach((face) => chosen.delete(face.name));
-      toggle(name);
+      choose();
+      part("add-fault").textContent = "";
+      paintFaces();
       part("clear").focus(); // this button is gone
     });
     return button;
   }));
+  part("growing").hidden = setup.dim === 2 || !given.length || !painter;
 }
+
+let angles = null; // between the faces, at their common edges
+
+part("grow").addEventListener("click", () => {
+  const most = Number(part("edge-angle").value.trim() || NaN);
+  const fits = most > 0 && most < 180;
+  part("edge-fault").textContent = fits ? "" : "Angle: is not a number above 0 and below 180.";
+  if (!fits) return;
+  angles ??= anglesAtEdges(painter.mesh);
+  const before = chosen.size;
+  continued(setup.faces, chosenFaces(), angles, most).forEach(({ name }) => chosen.add(name));
+  paintFaces();
+  const more = chosen.size - before;
+  part("told").textContent = more
+    ? `${more} more ${more === 1 ? "face is" : "faces are"} chosen` : `No other face continues these over edges of up to ${most}°`;
+});
 
 /** Draw the marks of the case, and say in words what they show. */
 function drawMarks() {
