@@ -34,7 +34,7 @@ def main(arguments: Sequence[str]) -> int:
                 status = status or int(bool(checked.faults))
         if PAIR in arguments:
             if len(paths) != 2:
-                raise ProofError(f"{PAIR} takes the two files of a factor of safety.")
+                raise ProofError(f"{PAIR} needs the two files of a factor of safety.")
             pair = check_pair(paths[0], paths[1], found)
             print(pair)
             status = status or int(bool(pair.faults))

@@ -326,7 +326,7 @@ class _Joints:
         if (body.held.any(axis=1) | guided)[times > 0].any():
             self.reason = "supports hold facets in contact"
         if len(body.rigid) or body.is_revolved:
-            self.reason = "blocks have rigid plates on surfaces, or are of revolution"
+            self.reason = "blocks are glued to rigid plates, or are bodies of revolution"
         facets, axes = np.nonzero(body.held)
         d = body.dim
         self._held = np.repeat(np.append(facets, np.flatnonzero(guided)), d)

@@ -148,7 +148,7 @@ class Body:
             raise ProofError("vertices, loads or normals are not finite.")
         self.cones.check(self.components)
         if not ((self.cone >= -1) & (self.cone < len(self.cone_bound))).all():
-            raise ProofError("cone names cones that do not exist.")
+            raise ProofError("cone contains numbers of cones that do not exist.")
         self._check_strength()
         units = np.append(self.obstacle_normals, self.guided[self.guided.any(axis=1)], axis=0)
         if not (np.abs(np.linalg.norm(units, axis=1) - 1) <= 1e-12).all():
@@ -366,7 +366,7 @@ class Body:
 
     def _check_facets(self) -> None:
         if not self._found[1]:
-            raise ProofError("facets are not those that bound the cells.")
+            raise ProofError("facets are not the outer facets of the cells.")
         one, other = self.sides[0].T
         if not (np.einsum("fi,fi->f", self.normals_of(one), self.normals_of(other)) < 0).all():
             raise ProofError("two cells lie on one side of a facet: cells are folded.")

@@ -114,7 +114,7 @@ class Pair:
         if self.faults:
             return f"factor of safety: not proven for the same bodies: {'; '.join(self.faults)}"
         between = f"{self.carried:.9g} to {self.not_carried:.9g} is proven"
-        return f"factor of safety: {between}; both files are of the same bodies"
+        return f"factor of safety: {between}; both files describe the same bodies"
 
 
 def check(path: str | Path) -> dict[str, Checked]:
@@ -211,7 +211,9 @@ def check_pair(
     verdicts = (check(below), check(above)) if found is None else found
     for path, kind, of in zip((below, above), ("lower", "upper"), verdicts, strict=True):
         if set(of) != {kind}:
-            raise ProofError(f"'{path}' is not only the {kind} half of a factor of safety.")
+            raise ProofError(
+                f"'{path}' does not contain only the {kind} half of a factor of safety."
+            )
         with stored_file(path) as file, np.errstate(all="ignore"):
             arrays = stored_arrays(file, kind)
         body = Body.of(arrays)
@@ -222,13 +224,13 @@ def check_pair(
     (lower, less, carried), (upper, more, not_carried) = halves
     faults = [fault for half in (lower, upper) for fault in half.faults]
     if not faults and not (lower.proven or 0.0) >= 1.0:
-        faults.append("the stress does not bear the loads once")
+        faults.append("the stress does not carry the loads with the factor 1")
     if not faults and not (np.inf if upper.proven is None else upper.proven) <= 1.0:
-        faults.append("the loads do not make the mechanism collapse")
+        faults.append("the loads with the factor 1 do not drive the mechanism")
     with np.errstate(all="ignore"):
         faults += differences(less, more)
     if not faults and not carried <= not_carried:
-        faults.append("the factor at which the loads are carried is above the other one")
+        faults.append("the factor of the lower file is above the factor of the upper file")
     return Pair(carried, not_carried, tuple(faults))
 
 
@@ -246,7 +248,7 @@ def factor_of(path: str | Path, kind: str) -> float:
         with stored_file(path) as file:
             return number_of("strength_factor", file[kind].attrs["strength_factor"])
     except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError) as fault:
-        raise ProofError(f"'{path}' has no strength_factor of a {kind} half.") from fault
+        raise ProofError(f"'{path}' has no strength_factor for its {kind} half.") from fault
 
 
 def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:

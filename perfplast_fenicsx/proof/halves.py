@@ -37,9 +37,9 @@ def differences(lower: Body, upper: Body) -> list[str]:
         upper: The bodies of the upper half.
     """
     if lower.dim != upper.dim:
-        return ["one half is plane, and the other in space"]
+        return ["one half has plane bodies, and the other has bodies in 3D"]
     if lower.is_revolved != upper.is_revolved:
-        return ["one half has bodies of revolution, but the other has not"]
+        return ["only one half has bodies of revolution"]
     facets = shared_facets(lower, upper)
     a, b = facets.first, facets.second
     places = lower.vertices[lower.facets[a]].mean(axis=1)
@@ -60,9 +60,9 @@ def differences(lower: Body, upper: Body) -> list[str]:
         *_told("the halves have different loads", loaded),
     ]
     if not _same_plates(lower, upper):
-        found.append("the halves have different rigid surfaces, or different loads on these")
+        found.append("the halves have different rigid surfaces, or different loads on them")
     if not _same_contacts(lower, upper):
-        found.append("the halves have different contacts, or the upper one has less friction")
+        found.append("the halves have different contacts, or the upper half has less friction")
     return found
 
 

@@ -34,7 +34,7 @@ def check_parabolas(curvature: Floats, tension: Floats, m: int) -> None:
         raise ProofError("cone_curvature or its bound is not positive and finite.")
     check_sizes("cone_curvature", curvature)
     if not ((curvature <= 1e12 * tension) & (tension <= 1e12 * curvature)).all():
-        raise ProofError("cone_curvature is too far from the tensile strength.")
+        raise ProofError("cone_curvature differs too much from the tensile strength.")
 
 
 def gauges(curvature: Floats, tension: Floats, stress: Floats) -> Floats:

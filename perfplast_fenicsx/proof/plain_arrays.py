@@ -84,7 +84,7 @@ def number_of(name: str, values: Any) -> float:
     """
     array = np.asarray(values)
     if array.shape != () or array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
-        raise ProofError(f"{name} is not one real number.")
+        raise ProofError(f"{name} is not a single real number.")
     if not np.isfinite(array):
         raise ProofError(f"{name} is not finite.")
     return float(array)

@@ -162,7 +162,7 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     known = ~some | mechanism.rigid | keeps | takes
     known[some] |= body.cones.grows[body.cone[some]]
     if not known.all():
-        reasons.append("a cone leaves a stress free that is not the mean stress")
+        reasons.append("a cone does not bound a stress other than the mean stress")
     cost = float((body.steepness * more)[more > 0].sum() * (1 + 1e-9))
     dissipation = (of_cells.total + cost + mechanism.slip) * (1 + 64 * U)
     works = [_work(body, of, mechanism, rates, shapes) for of in _loads(body)]
@@ -174,7 +174,9 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     least, most = work - work_off, work + work_off
     bound = None
     if not least > 0 or not np.isfinite(excess):
-        reasons.append("the loads do no work" if not work > 0 else "residuals cost all the work")
+        reasons.append(
+            "the loads do no work" if not work > 0 else "residuals exceed the work of the loads"
+        )
     else:
         bound = excess / (least if excess > 0 else most)
         bound = float(np.nextafter(bound, np.inf)) if excess else 0.0

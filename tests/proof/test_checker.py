@@ -264,7 +264,7 @@ def flat(them: Arrays) -> None:
     ("change", "word"),
     [
         (swap_a_node, "not continuous"),
-        (torn, "bound the cells"),
+        (torn, "not the outer facets"),
         (flat, "no volume"),
         (add("cells", (0, 0), 10**6), "do not exist"),
         (times("cone_bound", -1.0), "is negative"),

@@ -235,11 +235,11 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     "a quick weak cell hides moved supports": (
         alone("upper", in_turn(moved(0, 1.0), free_cell(1e-40, 1e20))),
-        "cost all the work",
+        "exceed the work",
     ),
     "a quick weak cell hides volume": (
         alone("upper", in_turn(lambda them: swollen(them, -1.0), free_cell(1e-40, 1e20))),
-        "cost all the work",
+        "exceed the work",
     ),
     "all elastic, hardly loaded": (
         alone("lower", in_turn(make("cone", ELASTIC), times("traction", 1e-12))),
@@ -378,7 +378,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
                 for name in ("facets", "surface", "held", "traction")
             ]
         ),
-        "bound the cells",
+        "not the outer facets",
     ),
     "a facet twice": (both(put("facets", 0, -1)), "do not exist"),
     # both halves are of different bodies

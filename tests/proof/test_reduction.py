@@ -145,7 +145,7 @@ PAIRS: dict[str, tuple[str, Callable[[Arrays], None], str]] = {
     "other supports": ("upper", held_elsewhere, "supports"),
     "other surfaces": ("upper", renamed, "surfaces"),
     "strengths that stay": ("upper", with_kept_cells, "weaker bodies"),
-    "too little of the load": ("lower", half_as_much, "does not bear"),
+    "too little of the load": ("lower", half_as_much, "does not carry"),
     "too much dissipation": ("upper", scaled("bound", 2.0), ""),
 }
 

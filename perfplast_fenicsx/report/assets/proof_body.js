@@ -71,7 +71,7 @@ function bodyOf(A) {
   body.glued = range(f).map((i) => glued.has(body.surface[i]));
   body.onAxis = range(f).map(onAxis);
   body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
-  all(body.cone, (c) => c >= -1 && c < body.cones.length, "cone names cones that do not exist");
+  all(body.cone, (c) => c >= -1 && c < body.cones.length, "cone contains numbers of cones that do not exist");
   body.blocks = body.cone.every((c) => c < 0); // no cell can yield
   if (body.blocks && (revolved ||
     !(pairs || planes))) refuse("no cell can yield, so nothing limits the load");

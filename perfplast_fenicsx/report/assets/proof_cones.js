@@ -85,7 +85,7 @@ function parabola(c, k, m) {
   const gentlest = 0.01;
   if (m !== 3) refuse("cone_curvature is given for bodies that are not in plane strain");
   if (!(k > 0 && k < 1e60 && c > 0)) refuse("cone_curvature or its bound is not positive and finite");
-  if (!(k <= 1e12 * c && c <= 1e12 * k)) refuse("cone_curvature is too far from the tensile strength");
+  if (!(k <= 1e12 * c && c <= 1e12 * k)) refuse("cone_curvature differs too much from the tensile strength");
   const weak = ((k + Math.sqrt(k * k + 2 * k * c)) / (2 * k * c)) * UP; // as σ₁ ≤ 1 and R² ≤ 1/2
   const sizes = (v) => { const e = principal(v, 0); return [e[0] + e[2], e[2] - e[0]]; };
   return {

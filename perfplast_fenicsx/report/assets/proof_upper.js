@@ -308,7 +308,7 @@ function bent(body, flow, rows, resting) {
     for (const mover of movers.values()) if (mover.moves && !(whole && more)) apply(mover);
   }
   const bad = jumps.findIndex((row) => enters(row) > 0);
-  if (bad >= 0) refuse("bodies penetrate each other, or open too little for their slip");
+  if (bad >= 0) refuse("bodies penetrate each other, or separate too little for their slip");
   const slip = jumps.reduce((sum, row) => {
     if (!(row.c > 0)) return sum;
     const v = jumpOf(row).map((y) => num(y, ev)), along = v.reduce((y, z, i) => y + z * row.unit[i], 0);
@@ -393,7 +393,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     errors += off * steep;
     if (own.grows) lacks[c] =
       Math.max(...rates.filter((_, k) => !rho || rho[k] > 0).map(own.short)) + off * own.alert;
-    else if (!own.keeps && !own.takes) refuse("a cone leaves a stress free that is not the mean stress");
+    else if (!own.keeps && !own.takes) refuse("a cone does not bound a stress other than the mean stress");
   }
   const left = undone(body, { Q, flow, rows }, changes, eg, keeps, takes);
   let cost = 0;

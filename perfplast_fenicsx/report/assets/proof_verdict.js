@@ -73,10 +73,10 @@ async function verdictOnPair(below, above, lower, upper) {
     if (!(upper.upper.proven <= 1)) refuse("the loads with the factor 1 do not drive the mechanism");
     compare(...parts.map(({ body }) => body));
     const [carried, not] = parts.map(({ factor }) => factor);
-    if (!(carried <= not)) refuse("the factor of the lower file is above that of the upper file");
+    if (!(carried <= not)) refuse("the factor of the lower file is above the factor of the upper file");
     return { carried, not,
-      sentence: `Factor of safety: between ${shown(carried)} and ${shown(not, true)}; both files are`
-        + " of the same bodies." };
+      sentence: `Factor of safety: between ${shown(carried)} and ${shown(not, true)}; both files describe`
+        + " the same bodies." };
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     return { fault: error.message, sentence: `The factor of safety is not proven: ${error.message}.` };
