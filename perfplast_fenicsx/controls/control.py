@@ -135,7 +135,7 @@ class Given:
         """Refuse obstacles that move.
 
         Raises:
-            InputError: Naming the first moving obstacle.
+            InputError: If an obstacle moves; the message names the first such obstacle.
         """
         for obstacle in self.obstacles:
             if any(obstacle.move):
@@ -281,7 +281,7 @@ class Control(Protocol):
         """Refuse declarations that do not fit the control.
 
         Raises:
-            InputError: Naming the declaration that does not fit.
+            InputError: If a declaration does not fit; the message names it.
         """
 
     def remarks(self, problem: Problem) -> Sequence[str]:
@@ -295,7 +295,7 @@ class Control(Protocol):
             solver: The algorithm of ``[solve]``; None for the interior point method.
 
         Raises:
-            InputError: Naming the declaration that does not fit.
+            InputError: If a declaration does not fit; the message names it.
         """
 
     def answer(self, lower: float | None, upper: float | None) -> str:
@@ -394,7 +394,7 @@ def check_values(
         falling: Condition, in words, under which the values may decrease.
 
     Raises:
-        InputError: Naming the first invalid value.
+        InputError: If a value is not valid; the message names the first such value.
     """
     if not values:
         raise InputError(f"values is empty; give at least one of the {what}.")

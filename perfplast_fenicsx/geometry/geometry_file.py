@@ -39,7 +39,7 @@ def check_trust(path: Path, trust: bool) -> None:
         trust: Whether the user allows scripts.
 
     Raises:
-        InputError: Naming the file.
+        InputError: If the file is refused; the message names it.
     """
     if is_script(path) and not trust:
         raise InputError(
@@ -52,7 +52,7 @@ def check_file(path: Path) -> None:
     """Raise an error for a file that is not a geometry file.
 
     Raises:
-        InputError: Naming the file.
+        InputError: If the file is refused; the message names it.
     """
     suffix = path.suffix.lower()
     # suffixes of programs, which may create geometries, but are never run

@@ -26,7 +26,7 @@ class AlfeldSplit(TaggedMesh):
     """A mesh whose cells are parts of the cells of another mesh; the names are the same.
 
     Attributes:
-        parents: For each local cell the local index of its parent cell.
+        parents: Local index of the parent cell of each local cell.
     """
 
     parents: Ints = field(kw_only=True)

@@ -20,7 +20,7 @@ class Sides:
 
     Attributes:
         of_cell: Local facets of each owned cell, shape (n, tdim + 1); facet i is opposite vertex i.
-        count: For each local facet the number of its cells on all ranks, shape (num_facets,).
+        count: Number of cells, on all ranks, at each local facet, shape (num_facets,).
         signs: Sum over these cells: 1 for a cell on one side and −1 on the other, shape
             (num_facets,).
     """

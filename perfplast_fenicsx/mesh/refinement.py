@@ -81,7 +81,7 @@ class Refined:
 
     Attributes:
         tagged_mesh: The finer mesh, in a new distribution without ghost cells.
-        parents: For each owned cell the global index of its parent cell in the coarser mesh, shape
+        parents: Global index in the coarser mesh of each owned cell's parent cell, shape
             (num_cells,).
     """
 

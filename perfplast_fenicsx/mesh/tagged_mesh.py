@@ -39,7 +39,7 @@ class TaggedMesh:
 
     Attributes:
         mesh: Mesh of triangles or tetrahedra.
-        cell_tags: For each local cell, owned or ghost, the tag of its volume.
+        cell_tags: Tag of the volume of each local cell, owned or ghost.
         facet_tags: Tags of the named facets.
         volumes: Tags of the volumes by name, the same on all ranks.
         surfaces: Tag or tags of the surfaces by name, the same on all ranks. Surfaces with common

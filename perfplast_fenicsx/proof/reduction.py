@@ -142,7 +142,7 @@ def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
         arrays: Arrays of the half.
 
     Raises:
-        ProofError: As :func:`reduction_of`.
+        ProofError: As for :func:`reduction_of`.
     """
     found = reduction_of(body, arrays)
     if found is None:

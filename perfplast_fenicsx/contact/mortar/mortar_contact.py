@@ -411,11 +411,11 @@ class Mortar:
     """The rows (1/d_j) ∫φ_j (u_a − u_b)·n ≤ g_j, with a dual function φ_j for each host node j.
 
     The hosts are the nodes of one surface: the surface that the other surface covers, or the
-    surface with smaller facets if both or neither are covered. A dual function belongs to a smooth
-    face of the host surface, and n is the normal of this face at the node. On triangles of second
-    order, φ_j belongs to a Bernstein coefficient instead of a node, and n is the normal at each
-    point. The row is then the coefficient of the normal jump, and g_j is the coefficient of the gap
-    at the nodes.
+    surface with smaller facets if the surfaces cover each other or neither covers the other. A dual
+    function belongs to a smooth face of the host surface, and n is the normal of this face at the
+    node. On triangles of second order, φ_j belongs to a Bernstein coefficient instead of a node,
+    and n is the normal at each point. The row is then the coefficient of the normal jump, and g_j
+    is the coefficient of the gap at the nodes.
 
     Attributes:
         contact: The two surfaces.

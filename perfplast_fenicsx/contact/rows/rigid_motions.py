@@ -419,7 +419,7 @@ class FreeMotions:
         """Refuse motions on which these forces do work, and log the other motions. Collective.
 
         Raises:
-            InputError: With the names of bodies and motions.
+            InputError: If a force does work; the message names the bodies and the motions.
         """
         refusal = self.driven(forces)
         if refusal is not None:

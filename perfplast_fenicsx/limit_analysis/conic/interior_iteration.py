@@ -100,7 +100,7 @@ class Workspace:
         balance: Unbalanced forces.
         right: Right-hand side of a linear system.
         change: Change of the velocity.
-        motions: For each load with an unknown factor, the motion under a unit factor.
+        motions: The motion under a unit factor of each load with an unknown factor.
     """
 
     def __init__(self, program: ConicProgram) -> None:

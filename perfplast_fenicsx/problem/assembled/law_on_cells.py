@@ -137,7 +137,7 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         size: Number of components of Mandel vectors.
 
     Raises:
-        InputError: With the names of the volume and the material.
+        InputError: If a material is refused; the message names the volume and the material.
     """
     known = set[tuple[Any, ...]]()
     for name, material in materials.items():
@@ -242,7 +242,7 @@ def _check_positive(number: SpatialField, name: str, x: Floats) -> None:
     """Refuse a strength that is not positive at some point.
 
     Raises:
-        InputError: With the point at which the strength is lowest.
+        InputError: If the strength is refused; the message gives the point with the least strength.
     """
     values = number.profile.at(x, f"a strength of '{name}'")
     wrong = ~(values > 0)

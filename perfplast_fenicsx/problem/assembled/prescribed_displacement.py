@@ -135,7 +135,7 @@ def check_moved_surfaces(
         prescribed: u_D: the constant part and the part times ζ, shape (2, num_nodes, gdim).
 
     Raises:
-        InputError: With the name of the surface.
+        InputError: If a support moves such a node; the message names the surface.
     """
     message = None
     paired = la.vector(V.dofmap.index_map, 1)

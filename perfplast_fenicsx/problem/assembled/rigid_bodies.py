@@ -113,7 +113,7 @@ def check_touching(
     In each row of a contact or a tie, at least one body must be deformable.
 
     Raises:
-        InputError: With the names of the surfaces.
+        InputError: If such bodies touch or are guided; the message names the surfaces.
     """
     comm, fdim = V.mesh.comm, V.mesh.topology.dim - 1
     remedy = (

@@ -39,7 +39,7 @@ class Given:
             tagged_mesh: The mesh.
 
         Raises:
-            InputError: With the name of the declaration.
+            InputError: If a declaration is refused; the message names it.
         """
         for contact in self.contacts:
             if isinstance(contact, Tie):
@@ -83,7 +83,7 @@ class Given:
         A surface may touch several other surfaces, with one contact for each.
 
         Raises:
-            InputError: With the names of both contacts.
+            InputError: If contacts are refused; the message names them.
         """
         before: list[tuple[str, tuple[str, str], list[set[int]]]] = []
         given = [("contact", [(one.primary, one.secondary) for one in self.contacts])]

@@ -130,7 +130,7 @@ def check_memory(ksp: PETSc.KSP) -> Analysis | None:
         MUMPS's analysis; None for other solvers, whose memory the function does not check.
 
     Raises:
-        TooLarge: With the required and the available memory.
+        TooLarge: If it needs more; the message gives the required and the available memory.
     """
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":

@@ -151,7 +151,7 @@ def check_options(given: Mapping[str, str | None]) -> None:
             PETSc.
 
     Raises:
-        InputError: With the name of the option.
+        InputError: If there is such an option; the message names it.
     """
     by_kind: dict[str, dict[str, str]] = {}
     for name, value in given.items():
@@ -211,7 +211,7 @@ def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
         kind: One of :data:`SNES_VI`.
 
     Raises:
-        InputError: With the name of the option.
+        InputError: If there is such an option; the message names it.
     """
     for name, value in options.items():
         told = f"the PETSc option '-{kind}{name} {value}' cannot be used:"
