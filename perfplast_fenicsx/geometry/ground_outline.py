@@ -211,7 +211,7 @@ def script_of(outline: Outline, lines: Sequence[str], cracks: Mapping[str, Float
 
 
 def _follows(edge: Floats, chain: Floats) -> bool:
-    """Return whether an edge on a polyline has the direction of the polyline.
+    """Return whether an edge on a polyline runs in the direction of the polyline.
 
     Args:
         edge: Ends of the edge, shape (2, 2).

@@ -49,7 +49,7 @@ def _quadrature(dim: int, tag: int) -> tuple[Floats, Floats]:
 
 
 def missed_areas(dim: int, parts: Sequence[Part]) -> dict[int, float]:
-    """Return the relative error of the mesh's area of each large face.
+    """Return the relative error of the area of each large face in the mesh.
 
     In the plane, the faces are curves and the areas lengths. Faces with an unknown area are
     omitted.

@@ -132,7 +132,7 @@ class Survey:
     Attributes:
         dim: 3 for solids, 2 for a plane model.
         degree: Degree of the element geometry.
-        nodes: Number of nodes in the mesh; nodes on joints count on both sides.
+        nodes: Number of nodes in the mesh; nodes on joints are counted once for each side.
         bodies: The bodies, at least one.
         joints: Places where bodies touch.
         near: Pairs of bodies that nearly touch.

@@ -1,6 +1,6 @@
 """Pack the data of the page's view of the bodies: mesh, levels and mechanism.
 
-A page must be small enough to send by mail, so the page of a large run omits some levels.
+A page must be small enough to send by e-mail, so the page of a large run omits some levels.
 
 The module reads fields of a result file as numbers on the skin of the bodies. It reads a field in
 slabs of rows and keeps only the values on the skin. Single-process.

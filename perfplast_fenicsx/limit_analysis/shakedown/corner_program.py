@@ -1,6 +1,6 @@
 """Formulate shakedown as a limit load, with a cone at each point for each corner of the domain.
 
-The domain contains the factors of the varying loads (:class:`shakedown_load.LoadDomain`).
+The domain contains the factors of the varying loads (:class:`elastic_stresses.LoadDomain`).
 
 Let σ_k be the elastic stress at corner k, σ₀ the elastic stress from permanent loads, and ρ a
 residual stress in equilibrium with zero loads. Melan's theorem leads to the problem

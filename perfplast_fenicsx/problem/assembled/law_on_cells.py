@@ -303,7 +303,7 @@ class LawExpression:
 
 
 def _valid(value: Expr, on: LawOnCells) -> Expr:
-    """Return the merged expression, or 0 as a constant on the mesh: UFL's own 0 has no mesh."""
+    """Return the merged expression, or a constant 0 on the mesh, because UFL's 0 has no mesh."""
     if not isinstance(value, ufl.constantvalue.Zero):
         return merged(value)
     zero = np.zeros(value.ufl_shape, dtype=default_scalar_type)
