@@ -316,7 +316,8 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
         raise InputError(f"'{path.name}' cannot be read ({error}); give a .vtu file.") from error
     except (ElementTree.ParseError, ValueError, LookupError, zlib.error) as error:
         raise InputError(
-            f"'{path.name}' cannot be read as a .vtu file of one piece ({error}); write it again."
+            f"'{path.name}' cannot be read as a .vtu file of one piece ({error}); write the file "
+            "again."
         ) from error
     if values is None or len(values) != len(points):
         given = ", ".join(known) or "none"
@@ -332,7 +333,9 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
         )
     corners = SIMPLICES[found[0]]
     counts = np.diff(offsets, prepend=0)
-    damaged = InputError(f"'{path.name}' has cells whose points do not exist; write it again.")
+    damaged = InputError(
+        f"'{path.name}' has cells whose points do not exist; write the file again."
+    )
     if len(offsets) != len(kinds) or counts.sum() != len(nodes):
         raise damaged
     mine = np.flatnonzero(kinds == found[0])

@@ -116,8 +116,8 @@ class NotebookResult(ABC):
                 from matplotlib import pyplot
             except ImportError as error:
                 raise InputError(
-                    "plot needs matplotlib, which is not installed (pip install matplotlib);"
-                    " rows() has the numbers."
+                    "plot needs matplotlib, which is not installed (pip install matplotlib); "
+                    "rows() returns the numbers."
                 ) from error
             projection = "3d" if self.dimensions == 3 else None
             _, axes = pyplot.subplots(subplot_kw={"projection": projection}, layout="constrained")

@@ -400,13 +400,15 @@ def check_values(
         raise InputError(f"values is empty; give at least one of the {what}.")
     for value in values:
         if not math.isfinite(value):
-            raise InputError(f"values has {value}, but {what} must be finite numbers; correct it.")
+            raise InputError(
+                f"values contains {value}, but {what} must be finite numbers; correct this value."
+            )
     falls = len(values) > 1 and values[1] < values[0]
     for before, value in pairwise(values):
         if value == before or (value < before) != falls:
             raise InputError(
-                f"values has {value} after {before}, but {what} must increase ({falling}); sort "
-                "the values and give each value once."
+                f"values contains {value} after {before}, but {what} must increase ({falling}); "
+                "sort the values and give each value once."
             )
 
 
@@ -423,12 +425,13 @@ def check_rising(values: Sequence[float], what: str) -> None:
     for value in values:
         if value < 0:
             raise InputError(
-                f"values has {value}, but without constant loads {what} must be >= 0; correct it."
+                f"values contains {value}, but without constant loads {what} must be >= 0; correct "
+                "this value."
             )
     if len(values) > 1 and values[1] < values[0]:
         raise InputError(
-            f"values has {values[1]} after {values[0]}, but without constant loads {what} must "
-            "increase; sort the values and give each value once."
+            f"values contains {values[1]} after {values[0]}, but without constant loads {what} "
+            "must increase; sort the values and give each value once."
         )
 
 

@@ -67,10 +67,9 @@ class DisplacementControl(OfLevels):
                 )
         if not given.moving:
             raise InputError(
-                "control = 'displacement' finds no motion in this case; give a "
-                "[[support]] a value, an [[obstacle]] a move, a [[rigid_surface]] a "
-                "displacement or rotation, or a [[contact]] with interference constant = "
-                "false."
+                "control = 'displacement' needs a motion, but the case defines no motion; give a "
+                "[[support]] a value, an [[obstacle]] a move, a [[rigid_surface]] a displacement "
+                "or rotation, or a [[contact]] with interference constant = false."
             )
 
     def find(self, run: Run) -> None:

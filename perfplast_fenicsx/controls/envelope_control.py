@@ -84,11 +84,11 @@ class EnvelopeControl(OfBody):
                         f"{key} contains '{name}', which is not a load that grows; "
                         f"{nearest(name, known)}"
                     )
-        keys = " and ".join(self.named) if self.third is None else "first, second and third"
+        keys = " or ".join(self.named) if self.third is None else "first, second or third"
         for name in known:
             where = [key for key, names in self.named.items() if name in names]
             if len(where) != 1:
-                said = f"in both {where[0]} and {where[1]}" if where else f"in none of {keys}"
+                said = f"in both {where[0]} and {where[1]}" if where else f"not in {keys}"
                 raise InputError(
                     f"the load '{name}' is {said}; list it in one of {keys}, or give "
                     "constant = true to a permanent load."

@@ -81,7 +81,8 @@ def export(
                 write(name, csv_table(rows))
     if not written:
         raise InputError(
-            f"the folder '{folder}' has nothing to export yet: no fields, no levels, no limit load."
+            f"the folder '{folder}' contains nothing to export yet: no fields, no levels, no limit "
+            "load."
         )
     return written
 

@@ -223,7 +223,7 @@ class DrawnGround:
                 )
         if all(one.opening for one in self.regions) and not self.strata:
             raise InputError(
-                "there is no ground, because each region is an opening; draw the ground."
+                "there is no ground, because every region is an opening; draw the ground."
             )
 
 

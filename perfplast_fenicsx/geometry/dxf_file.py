@@ -73,8 +73,8 @@ def read_dxf(path: Path) -> DxfDrawing:
     curves, left_out = _curves(drawing, paths)
     if not curves:
         raise InputError(
-            f"'{path.name}' has no line in a layer that is on; draw each region as a closed line "
-            "in a layer with the name of the region."
+            f"'{path.name}' contains no line in a layer that is switched on; draw each region as a "
+            "closed line in a layer with the name of the region."
         )
     size = max(np.ptp(np.concatenate([p.control_vertices() for _, p in curves]), axis=0).tolist())
     of_layers: dict[str, list[Floats]] = {}

@@ -172,8 +172,7 @@ class MeshingOptions:
             )
         if not 0 <= self.overlap < 1:
             raise InputError(
-                f"overlap = {self.overlap:g} is not a share; give a number of at "
-                "least 0 and below 1."
+                f"overlap = {self.overlap:g} is not a valid share; give a number >= 0 and < 1."
             )
         if not 0 <= self.close_gaps < math.inf:
             raise InputError(

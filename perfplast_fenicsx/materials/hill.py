@@ -229,9 +229,9 @@ class Hill:
         least_ratio = 1e-6
         if not self.spectrum[1] > least_ratio * self.spectrum[0]:
             raise InputError(
-                f"r11 = {self.r11}, r22 = {self.r22}, r33 = {self.r33} leave some stress "
-                "unbounded, since one of them is too large compared with the others; each "
-                "1/r must be less than the sum of the other two."
+                f"r11 = {self.r11}, r22 = {self.r22}, r33 = {self.r33} leave some stresses "
+                "unbounded, because one ratio is too large compared with the others; each 1/r "
+                "must be less than the sum of the other two."
             )
 
     @property

@@ -172,8 +172,8 @@ class TaggedMesh:
         axis = ON_AXIS * float(np.linalg.norm(high - low))
         if low[0] < -axis:
             raise InputError(
-                f"the mesh reaches x = {low[0]:.4g}, but x is the radius in axisymmetry; give only "
-                "the half section, where x >= 0."
+                f"the mesh extends to x = {low[0]:.4g}, but x is the radius in axisymmetry; give "
+                "only the half section, where x >= 0."
             )
         radii[np.abs(radii) <= axis] = 0.0
         # these areas are lengths in the plane

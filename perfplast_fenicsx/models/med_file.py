@@ -79,7 +79,9 @@ def _line(error: Exception) -> str:
 def _mesh(file: Any) -> GroupedMesh:
     meshes = sorted(file["ENS_MAA"]) if "ENS_MAA" in file else []
     if not meshes:
-        raise InputError("the file has no mesh; export the mesh, not only the study or results.")
+        raise InputError(
+            "the file contains no mesh; export the mesh, not only the study or results."
+        )
     name, remarks = meshes[0], []
     if len(meshes) > 1:
         remarks.append(f"of the meshes {', '.join(map(repr, meshes))} only the first one is read")

@@ -171,8 +171,8 @@ class ResultReader:
         for name in ("summary.json", "path.csv", "scene.json"):
             if not (self.path / name).is_file():
                 raise InputError(
-                    f"the folder '{path}' has no {name}, so it has no results from this version; "
-                    "give the DIR of perfplast run, or run the case again."
+                    f"the folder '{path}' contains no {name}, so it has no results from this "
+                    "version; give the DIR of perfplast run, or run the case again."
                 )
 
     def __repr__(self) -> str:

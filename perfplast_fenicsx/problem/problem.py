@@ -246,9 +246,9 @@ class Problem:
         """
         if not self.as_declared:
             raise InputError(
-                "the loads of the problem were replaced after its declaration, so it cannot "
-                "be put on another mesh; give loads as Pressure, Traction, BodyForce or "
-                "PorePressure."
+                "the loads of the problem were replaced after its declaration, so the problem "
+                "cannot be transferred to another mesh; give loads as Pressure, Traction, "
+                "BodyForce or PorePressure."
             )
         found = Problem(tagged_mesh, **vars(self.given))
         return found if self.rigid_bodies is None else found.with_rigid_motions()

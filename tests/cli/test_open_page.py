@@ -40,5 +40,5 @@ def test_a_folder_without_a_page(
     assert main(["setup", str(shared_tmp_path)]) == BAD_INPUT
     if comm.rank == 0:
         told = capsys.readouterr().err
-        assert f"'{shared_tmp_path}' has no setup.html" in told
+        assert f"'{shared_tmp_path}' contains no setup.html" in told
         assert f"perfplast mesh DRAWING -o {shared_tmp_path}" in told

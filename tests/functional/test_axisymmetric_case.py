@@ -104,7 +104,7 @@ def test_bounds_are_strict_and_proven(
 @pytest.mark.parametrize(
     ("old", "new", "inner", "words"),
     [
-        ("young", "young", -0.1, ["[model]", "reaches x = -0.1", "x is the radius"]),
+        ("young", "young", -0.1, ["[model]", "extends to x = -0.1", "x is the radius"]),
         ('file = "ring.msh"', BUILDER, 1.0, ["[model]", "has tetrahedra", "remove kind"]),
         ('"axisymmetric"', '"axisymetric"', 1.0, ["[model]", "give 'plane-strain'"]),
         ('"y"\n', '"z"\n', 1.0, ["components = 'z'", "'xy'"]),

@@ -86,7 +86,7 @@ def test_water_in_the_weight_is_pushed_too(tmp_path: Path) -> None:
         (
             f"{SEISMIC}\ngravity.constant = false",
             LEFT,
-            r"'gravity' would grow with the sought coeff",
+            r"'gravity' would grow with the coeff",
         ),
         (f"{SEISMIC}\nloading.design = 1.0", LEFT, r"no key 'design'"),
     ],

@@ -150,10 +150,10 @@ def test_a_new_run_removes_what_was_exported(
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["{results}/fields"], "has no summary.json"),
+        (["{results}/fields"], "contains no summary.json"),
         (["{results}", "-o", "/dev/null/a"], "cannot be written"),
         (["{spoilt}", "--vtu"], "level_0001.vtkhdf' cannot be read"),
-        (["{bare}", "--vtu"], "has nothing to export yet"),
+        (["{bare}", "--vtu"], "contains nothing to export yet"),
     ],
 )
 def test_what_cannot_be_exported(

@@ -61,7 +61,7 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
     ),
     "a water table below the ground": (
         [("", WATER.replace("25", "15").replace("30", "16"))],
-        ["below the whole ground", "(20, 20)"],
+        ["entirely below the ground", "(20, 20)"],
     ),
     "a unit weight of water in other units": (
         [("m-kN-kPa", "mm-N-MPa"), ("", WATER + "unit_weight = 9.81\n")],

@@ -218,7 +218,7 @@ STAYS = Traction("top", (0.0, 0.0, 1.0), name="stays", constant=True)
         ([PULL], {}, "ranges is empty"),
         ([PULL], {"pull": [1.0, 1.0]}, r"\[1, 1\] is not a valid range for 'pull'"),
         ([PULL], {"pull": [1.0]}, r"\[1\] is not a valid range for 'pull'"),
-        ([PULL], {"pul": [0.0, 1.0]}, "'pul' varies, but there is no load"),
+        ([PULL], {"pul": [0.0, 1.0]}, "'pul' varies, but no load"),
         ([PULL, STAYS], {"stays": [0, 1], "pull": [0, 1]}, "'stays' varies, but it is a constant"),
         ([PULL, Pressure("top", 2.0)], {"pull": [0.0, 1.0]}, "the load 'top' has no range"),
         ([PULL], {str(i): [0.0, 1.0] for i in range(7)}, "there are 7 ranges"),
@@ -237,7 +237,7 @@ def test_more_is_refused(comm: MPI.Intracomm) -> None:
         with pytest.raises(InputError, match="that differ"):
             LoadDomain.of_corners(corners)
     ranges = LoadDomain.of_ranges({"pull": (0.0, 1.0)})
-    with pytest.raises(InputError, match=r"one cone of stresses.*'lower' \(Unknown\)"):
+    with pytest.raises(InputError, match=r"a single cone of stresses.*'lower' \(Unknown\)"):
         shakedown_load(block(comm, Unknown(2e5, 0.3, 1.0), [PULL]), ranges)
     with pytest.raises(InputError, match="cohesion = 0 in volume 'lower'"):
         shakedown_load(block(comm, MohrCoulomb(2e5, 0.3, 0.0, 20.0), [PULL]), ranges)

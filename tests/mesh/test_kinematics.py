@@ -83,7 +83,7 @@ def test_what_cannot_turn_is_refused_in_a_sentence() -> None:
     with pytest.raises(InputError, match=r"mesh of triangles, .*; give the half section"):
         blocks.turned()
     flat = replace(blocks, mesh=section(-0.1))
-    with pytest.raises(InputError, match=r"reaches x = -0\.1, but x is the radius"):
+    with pytest.raises(InputError, match=r"extends to x = -0\.1, but x is the radius"):
         flat.turned()
     for inner in (0.0, -1e-14, INNER):
         turned: TaggedMesh = replace(blocks, mesh=section(inner)).turned()

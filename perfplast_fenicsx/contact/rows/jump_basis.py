@@ -283,6 +283,6 @@ def _resolve(Q: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
             return T
         T.axpy(1.0, term)
     raise InputError(
-        "contacts or ties refer to each other around a ring of bodies; remove one of the "
-        "contacts or ties of the ring."
+        "contacts or ties refer to each other in a closed ring of bodies; remove one of these "
+        "contacts or ties."
     )

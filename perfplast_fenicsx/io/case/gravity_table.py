@@ -174,6 +174,6 @@ def _check_coefficient(k: float | None, sought: bool, loads: Iterable[Load]) -> 
     for load in loads if sought else ():
         if not load.constant:
             raise InputError(
-                f"the load '{load.name or load.on}' would grow with the sought coefficient; give "
-                "this load constant = true."
+                f"the load '{load.name or load.on}' would grow with the coefficient that is "
+                "sought; give this load constant = true."
             )

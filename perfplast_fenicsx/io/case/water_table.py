@@ -417,7 +417,7 @@ class _Given:
         if not any(_deepest(corners, line, True)[0] > 0 for corners in self.shapes.values()):
             lowest = int(np.argmin(y))
             raise InputError(
-                f"{what} lies below the whole ground, whose lowest point is "
+                f"{what} lies entirely below the ground, whose lowest point is "
                 f"{place_of((x[lowest], y[lowest]))}; correct it."
             )
         return line

@@ -79,7 +79,7 @@ def save_proof(bounds: BodyBounds | AdaptiveBounds, path: str | Path) -> dict[st
     low, high = judge(folder, folder.file(target.name), *both)
     if not (low.lower.strict or high.upper.strict):
         why = "; ".join((*low.lower.why_not, *high.upper.why_not))
-        raise InputError(f"these bounds have no proof ({why}); give strict bounds.")
+        raise InputError(f"these bounds have no proof ({why}); compute strict bounds.")
     found: dict[str, Checked] = comm.bcast(check(target) if comm.rank == 0 else {})
     return found
 

@@ -323,9 +323,9 @@ def check_whole_cones(problem: Problem) -> None:
                 "'mohr-coulomb'; give a cohesion, such as a thousandth of the constant pressures."
             )
         raise InputError(
-            "shakedown needs a yield set that is one cone of stresses, which is not true of"
-            f" '{name}' ({type(material).__name__}); give law = 'von-mises', 'tresca',"
-            " 'mohr-coulomb', 'drucker-prager', 'hill' or 'elastic'."
+            "shakedown needs a yield set that is a single cone of stresses, unlike the yield set "
+            f"of '{name}' ({type(material).__name__}); give law = 'von-mises', 'tresca', "
+            "'mohr-coulomb', 'drucker-prager', 'hill' or 'elastic'."
         )
 
 
@@ -389,7 +389,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
     larger = _of_numbers(material.law, twice, (size, flat, thin))
     if len(profiles) > 1 or not _is_twice(larger, found):
         raise InputError(
-            f"a number of {type(material).__name__} varies in space, but its yield set is not "
+            f"a number of {type(material).__name__} varies in space, but the yield set is not "
             "proportional to this number, as limit loads by the interior point method and strict "
             "bounds require; give constant numbers, and a separate body for each layer."
         )

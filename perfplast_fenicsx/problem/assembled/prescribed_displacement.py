@@ -175,9 +175,8 @@ def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats
     apart = float(np.abs(ties.jumps(u.x.petsc_vec)).max(initial=0))
     if V.mesh.comm.allreduce(apart, MPI.MAX) > ROUNDING * _farthest(V, prescribed):
         raise InputError(
-            "a support moves nodes of a tied surface, and the other surface would have to "
-            "follow; remove these nodes from the support or from the tie, or give the support "
-            "the value 0."
+            "a support moves nodes of a tied surface, so the other surface would have to follow; "
+            "remove these nodes from the support or from the tie, or give the support the value 0."
         )
 
 

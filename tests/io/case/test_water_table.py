@@ -107,7 +107,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
         ({"table": [[0, 5], [50, 5]]}, "from x = 0 to 50"),
         (
             {"table": [[0, -5], [60, -1]]},
-            "below the whole ground",
+            "entirely below the ground",
         ),
         ({"table": [[0, 5], [30, 6], [30, 7], [60, 7]]}, r"between \(30, 6\) and \(30, 7\)"),
         (
