@@ -318,7 +318,7 @@ def _edge_length(dim: int, tag: int) -> float:
 
 
 def regular_edge(dim: int, measure: float) -> float:
-    """Return the edge length of a regular simplex with a length, area or volume."""
+    """Return the edge length of a regular simplex with a given length, area or volume."""
     powers = {1: 1.0, 2: 4 / math.sqrt(3), 3: 6 * math.sqrt(2)}  # edge to the power dim, by measure
     return float((powers[dim] * measure) ** (1 / dim))
 

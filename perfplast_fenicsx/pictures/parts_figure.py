@@ -77,7 +77,7 @@ def rooms(seen: Longs) -> Room:
 
 
 def shared_out(views: Sequence[Room]) -> list[Room]:
-    """Return the faces to number in each view: where they have the most space, or enough space.
+    """Return the faces whose numbers each view shows: faces with the most space, or with enough.
 
     Args:
         views: Visible faces of each view.

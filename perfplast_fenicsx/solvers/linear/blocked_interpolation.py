@@ -134,7 +134,7 @@ class BlockedInterpolation:
         self.matrix.setUp()
 
     def fill(self, P: PETSc.Mat) -> None:
-        """Copy the entries of a matrix that has the pattern of the first one. Collective."""
+        """Copy the entries of a matrix with the same pattern as the first matrix. Collective."""
         here, there, _ = own_rows(P)
         self._here.fill(here)
         if self._there is not None and there is not None:
