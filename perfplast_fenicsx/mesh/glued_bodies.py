@@ -75,7 +75,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
 
 
 def _merged(pairs: Longs) -> Longs:
-    """Return two columns: the sorted numbers in pairs, and the least number in the group of each."""
+    """Return two columns: the sorted numbers in pairs, and the least number in each group."""
     numbers, at = np.unique(pairs, return_inverse=True)
     one, other = at.reshape(-1, 2).T
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(numbers),) * 2)
