@@ -375,9 +375,9 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
     if isinstance(value, Sequence) and all(_is_pair(row) for row in value):
         return DepthTable(tuple((float(row[0]), float(row[1])) for row in value))
     raise InputError(
-        'it is not a number, a formula such as "20 + 1.5*(12 - y)", a table of [coordinate, value] '
-        "pairs such as [[0.0, 30.0], [10.0, 20.0]], or a .csv or .vtu file such as { file = "
-        '"points.csv", column = "c" }; give one of them.'
+        'the value is not a number, a formula such as "20 + 1.5*(12 - y)", a table of [coordinate, '
+        "value] pairs such as [[0.0, 30.0], [10.0, 20.0]], or a .csv or .vtu file such as { file = "
+        '"points.csv", column = "c" }; give one of these.'
     )
 
 

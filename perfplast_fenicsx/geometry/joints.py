@@ -222,7 +222,7 @@ def take_apart(
     if {(dim, t) for part in parts for t in part.tags} - set(occ.getEntities(dim)):
         raise InputError(
             "meshed = 'apart': bodies of gmsh's built-in kernel cannot be separated; "
-            'begin the file with SetFactory("OpenCASCADE"), or mesh them together.'
+            'begin the file with SetFactory("OpenCASCADE"), or mesh the bodies together.'
         )
     before = {face: _measures(dim - 1, [face])[0] for s in seams for face in s.faces[0]}
     copies = []

@@ -124,7 +124,7 @@ def test_what_is_no_plane_of_symmetry_is_refused() -> None:
     refused(Support("inner", "normal"), "'inner'", "facets deviate by up to", "give letters")
     refused(Support("x0", "normals"), "components = 'normals'", "or 'normal'")
     moved = (Support("x0", "x", value=0.1),)
-    refused(Support("x0", "normal"), "'x0'", "normal differently", other=moved)
+    refused(Support("x0", "normal"), "'x0'", "different amount", other=moved)
     mesh, loads = cube(COMM, 1, octant=False, turned=2e-4), [Pressure("top", 1.0)]
     nearly = (Support("diagonal", "y"),)
     refused(Support("y0", "normal"), "within 0.011° of", "where it meets", other=nearly)

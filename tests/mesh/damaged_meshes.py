@@ -238,13 +238,13 @@ DAMAGED: dict[str, tuple[Make, str]] = {
     "other cells": (lambda d: blocks(d, 2, _up(d, -0.25), 5), "'a' and 'b' overlap"),
     "one inside the other": (lambda d: _inside(d, 0.05), "'a' and 'b' overlap"),
     "a ring over its own end": (_twisted, "'a' overlaps itself"),
-    "not glued": (lambda d: _unglued(blocks(d), 0), "'a' is cut inside"),
-    "not glued across": (lambda d: _unglued(blocks(d, 4), d - 1), "'a' is cut inside"),
+    "not glued": (lambda d: _unglued(blocks(d), 0), "'a' has an internal cut"),
+    "not glued across": (lambda d: _unglued(blocks(d, 4), d - 1), "'a' has an internal cut"),
     "a few not glued": (
         lambda d: _unglued(blocks(d, 4), 0, 4 if d == 2 else 20),
-        "'a' is cut inside",
+        "'a' has an internal cut",
     ),
-    "halves do not match": (_mixed, "'a' is cut inside"),
+    "halves do not match": (_mixed, "'a' has an internal cut"),
     "glued to a wrong node": (
         lambda d: _merged(
             blocks(d),

@@ -93,4 +93,4 @@ def test_refusals(read: Read, shared_tmp_path: Path) -> None:
     moves = tube(Support("inner", "normal", 1e-3))
     assert_refused(lambda: limit_bounds(moves), ["'inner'", "curved", "letters"])
     twice = Support("0_y1", "normal", 0.01), Support("0_x1", "y")
-    assert_refused(lambda: squeezed(*twice), ["'0_y1'", "along its normal differently"])
+    assert_refused(lambda: squeezed(*twice), ["'0_y1'", "different amount"])

@@ -63,7 +63,9 @@ def _all_different(values: list[Any], whole: str) -> tuple[Any, ...]:
     """Return the values as a tuple, after checking that no value is repeated."""
     for number, value in enumerate(values):
         if value in values[:number]:
-            raise InputError(f"--vary {whole}: the value {value} occurs twice; remove one of them.")
+            raise InputError(
+                f"--vary {whole}: the value {value} occurs twice; give each value once."
+            )
     return tuple(values)
 
 

@@ -146,9 +146,9 @@ def find_guides(
         new = np.flatnonzero(sizes > rounding)
         if (sizes[new] < least).any():
             message = (
-                f"components = 'normal' of the support on '{support.on}': where it meets "
-                f"other supports, its normal is within {np.degrees(sizes[new].min()):.2g}° "
-                "of the directions that they hold; remove one of the supports, or separate "
+                f"components = 'normal' of the support on '{support.on}': where it meets other "
+                f"supports, its normal is within {np.degrees(sizes[new].min()):.2g}° of the "
+                "directions that these supports hold; remove one of the supports, or separate "
                 "their surfaces."
             )
             new = new[sizes[new] >= least]
@@ -289,8 +289,8 @@ def _check_moves(
     comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
     if most[2] > rounding * most[:2].max():
         raise InputError(
-            f"components = 'normal' of the support on '{support.on}': another support moves "
-            "nodes of this surface along its normal differently; remove one of the supports, "
+            f"components = 'normal' of the support on '{support.on}': another support moves nodes "
+            "of this surface by a different amount along its normal; remove one of the supports, "
             "or separate their surfaces."
         )
 
