@@ -111,7 +111,7 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
         (RANGES, "corners = []", "corners has 0 corners that differ"),
         (RANGES, "corners = [{ pull = 1 }, { pull = inf }]", "a factor that is not finite"),
         (RANGES, "corners = [{ pull = 1, heat = 1 }]", "corners has 1 corner that differs"),
-        (RANGES, "ranges = { pul = [0, 1], heat = [0, 1] }", "'pul' varies, but there is no load"),
+        (RANGES, "ranges = { pul = [0, 1], heat = [0, 1] }", "'pul' varies, but no load"),
         (RANGES, "ranges = { stays = [0, 1], heat = [0, 1] }", "it is a constant load"),
         (RANGES + ", directions = 3", "ranges = { heat = [0, 1] }", "the load 'pull' has no range"),
         ("directions = 3", "directions = 2", "directions = 2 with 2 varying names"),
