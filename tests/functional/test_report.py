@@ -83,7 +83,7 @@ def change(folder: Path, **values: Any) -> None:
     ("spoil", "more", "part"),
     [
         (shutil.rmtree, [], "does not exist"),
-        (lambda path: (path / "scene.json").unlink(), [], "has no scene.json"),
+        (lambda path: (path / "scene.json").unlink(), [], "contains no scene.json"),
         (lambda path: (path / "summary.json").write_text("{"), [], "cannot be read"),
         (
             lambda path: (path / "summary.json").write_text("{}"),
@@ -106,7 +106,7 @@ def change(folder: Path, **values: Any) -> None:
             "kind of a material",
         ),
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
-        (lambda path: (path / "model.json").touch(), [], "has model.json, so its results"),
+        (lambda path: (path / "model.json").touch(), [], "contains model.json, so its results"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),
         (lambda path: None, ["-o", "/"], "is a folder; give -o"),
     ],
