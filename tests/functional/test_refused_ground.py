@@ -131,7 +131,7 @@ def test_a_run_says_what_its_numbers_are_of(
     soil = ground(PYRAMID + 'nonassociated = "davis-c"\n', dilatancy_angle=5.0)
     case = write_case(comm, shared_tmp_path / "case.toml", changed(soil))
     assert main(["run", str(case), "-o", str(shared_tmp_path / "levels")]) == SOLVED
-    told = "by Davis' C associated ground with cohesion 9.3739"
+    told = "Davis' method C replaces it by associated ground with cohesion 9.3739"
     if comm.rank == 0:
         assert told in capsys.readouterr().out
     bounds = changed(soil, ("values = [1.0]", 'control = "bounds"'))

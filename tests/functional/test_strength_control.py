@@ -18,8 +18,8 @@ from perfplast_fenicsx.cli.parser import BAD_INPUT, SOLVED
 from perfplast_fenicsx.cli.recorder import Recorder
 from perfplast_fenicsx.cli.signals import Interrupted
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.io.results import proof_file
 from perfplast_fenicsx.io.results.claims import check_factor, proofs_in
+from perfplast_fenicsx.limit_analysis.body import proof_arrays
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorStep
 from perfplast_fenicsx.outcome_words import factor_so_far
 from perfplast_fenicsx.pictures.result_reader import ResultReader
@@ -287,12 +287,12 @@ def test_a_side_that_the_checker_refuses_is_not_told(
     comm: MPI.Intracomm, slope: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The stress for the smaller factor is damaged. The program then claims no lower bound."""
-    honest = proof_file._stress
+    honest = proof_arrays._stress
 
-    def spoil(proof: proof_file.StressProof) -> proof_file.Blocks:
+    def spoil(proof: proof_arrays.StressProof) -> proof_arrays.Blocks:
         return honest(replace(proof, stress=np.full_like(proof.stress, np.nan)))
 
-    monkeypatch.setattr(proof_file, "_stress", spoil)
+    monkeypatch.setattr(proof_arrays, "_stress", spoil)
     results = slope / "results"
     quick = CASE.replace("path = true", "").replace("= 0.01", "= 0.09")
     case = write(comm, slope, quick.replace("adapt = { until = 0.2, cells = 300 }", ""))
