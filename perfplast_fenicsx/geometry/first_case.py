@@ -285,8 +285,8 @@ def _face(face: Face) -> str:
 
 
 def _set(one: NamedFaces) -> str:
-    faces = f" of {len(one.faces)} faces" if one.faces else ""
-    return f"#   {one.name:32} {one.why}{faces}, {one.area:.5g}\n"
+    faces = f"{len(one.faces)} faces, " if one.faces else ""
+    return f"#   {one.name:32} {one.why}; {faces}area {one.area:.5g}\n"
 
 
 def _quoted(text: str | list[str]) -> str:
