@@ -109,7 +109,7 @@ FORGED: dict[str, tuple[Forgery, str]] = {
     "one too few": (both(make("cone_curvature", lambda a: a[1:])), "the shape of"),
     "straight": (both(put("cone_curvature", 0, 0.0)), "not positive"),
     "infinite": (both(put("cone_curvature", 0, np.inf)), "not positive"),
-    "bent beyond rounding": (both(times("cone_curvature", 1e13)), "too far"),
+    "bent beyond rounding": (both(times("cone_curvature", 1e13)), "differs too much"),
     "with a slope": (both(put("cone_slope", (0, 0), 0.1)), "has a slope or a matrix"),
     "with a sine": (both(put("cone_sine", 0, 0.5)), "with a sine|has a slope"),
     "with a tension": (both(put("cone_tension", 0, 0.1)), "does not bound principal"),

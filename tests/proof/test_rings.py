@@ -163,7 +163,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "a stronger lower half": (low(times("cone_bound", 2.0)), "weaker"),
     "a rigid surface that turns": (both(rigid_surface), "in a direction other than the axis"),
     "pores that cancel": (both(pores_that_cancel), "pore|pressure"),
-    "volume that changes": (high(lambda it: swell(it)), "all the work"),
+    "volume that changes": (high(lambda it: swell(it)), "exceed the work"),
     "cones without a bound": (both(lambda it: loosen(it)), "no bound"),
     "no weight": (low(times("body_force", 0.0)), "equilibrium|different"),
     "a twist of the stress": (
