@@ -8,12 +8,11 @@
     problem = build.problem(degree=2)
 """
 
-import difflib
 from collections.abc import Iterator, Mapping
 
 from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.declared.obstacles import Cylinder, Obstacle, Plane, Sphere
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, nearest
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.initial import (
@@ -85,9 +84,7 @@ class Names:
         return f"Names({', '.join(self._names) or 'none'})"
 
     def _unknown(self, name: str) -> str:
-        near = difflib.get_close_matches(name, self._names, n=1)
-        known = f"did you mean '{near[0]}'?" if near else f"it has {', '.join(self._names)}."
-        return f"the mesh has no {self._kind} '{name}'; {known}"
+        return f"the mesh has no {self._kind} '{name}'; {nearest(name, self._names)}"
 
 
 class ProblemBuilder:
@@ -184,7 +181,8 @@ class ProblemBuilder:
         arguments: dict[str, list[Declared]] = {name: [] for name, _ in ARGUMENTS}
         for one in self.declared:
             arguments[_argument_of(one)].append(one)
-        return Problem(self.tagged_mesh, self.materials, degree=degree, **arguments)  # type: ignore[arg-type]
+        materials = dict(self.materials)  # later steps do not change the problem
+        return Problem(self.tagged_mesh, materials, degree=degree, **arguments)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         counts = f"{len(self.materials)} materials, {len(self.declared)} declarations"

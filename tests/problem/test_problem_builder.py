@@ -60,7 +60,9 @@ def test_steps_make_the_problem_of_a_script(build: ProblemBuilder) -> None:
     assert build.missing() == []
     bodies = dict.fromkeys(("lower", "upper"), STEEL)
     written = Problem(build.tagged_mesh, bodies, [support], [load], [contact], degree=1)
-    for name, value in vars(build.problem(degree=1).given).items():
+    given = build.problem(degree=1).given
+    build.material(Elastic(2e5, 0.3), "lower").add(load)  # later steps belong to other problems
+    for name, value in vars(given).items():
         expected = getattr(written.given, name)
         assert value == (list(expected) if isinstance(expected, tuple) else expected)
 
@@ -80,7 +82,7 @@ def test_what_is_missing_is_in_the_table(build: ProblemBuilder) -> None:
 def test_wrong_steps_are_refused_at_once(build: ProblemBuilder) -> None:
     with pytest.raises(AttributeError, match="no surface 'tap'; did you mean 'top'"):
         _ = build.surfaces.tap
-    with pytest.raises(InputError, match="no body 'wheel'; it has lower, upper"):
+    with pytest.raises(InputError, match="no body 'wheel'; known: lower, upper"):
         _ = build.bodies["wheel"]
     with pytest.raises(InputError, match="'uper' is not a volume"):
         build.material(STEEL, "lower", "uper")
