@@ -198,14 +198,15 @@ def factor_so_far(lower: float | None, upper: float | None, estimate: bool) -> s
         estimate: Whether both factors are for Davis' associated ground.
     """
     proven = "Davis' estimate of the" if estimate else "proven"
-    if lower is None and upper is None:
-        return "factor of safety so far: no proven bound"
-    if upper is None and lower is not None:
-        return f"factor of safety so far: {rounded_down(lower)} or more ({proven} lower bound)"
-    if lower is None and upper is not None:
-        return f"factor of safety so far: {rounded_up(upper)} or less ({proven} upper bound)"
-    both = f"{rounded_down(lower or 0.0)} ... {rounded_up(upper or 0.0)}"
-    return f"factor of safety so far: {both} ({proven} lower and upper bound)"
+    if lower is not None and upper is not None:
+        known = f"{rounded_down(lower)} ... {rounded_up(upper)} ({proven} lower and upper bound)"
+    elif lower is not None:
+        known = f"{rounded_down(lower)} or more ({proven} lower bound)"
+    elif upper is not None:
+        known = f"{rounded_up(upper)} or less ({proven} upper bound)"
+    else:
+        known = "no proven bound"
+    return f"factor of safety so far: {known}"
 
 
 def factor_words(

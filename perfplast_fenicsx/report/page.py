@@ -170,15 +170,17 @@ def _view(reader: ResultReader, view: View) -> str:
     remarks = "".join(f"<p>{escape(text)}</p>" for text in view.remarks)
     if view.data is None:
         return remarks
-    pictures = [one for one in FIGURES if one.file in ("mechanism.png", "fields.png")]
-    stills = [
-        captioned(image(file, one.title), one.title)
-        for one in sorted(pictures, key=lambda one: one.file, reverse=True)
-        if (file := reader.path / one.file).is_file()
-    ]
-    still = f'<div id="still"><p id="still-words">{NO_VIEW}</p>{"".join(stills[:1])}</div>'
+    picture = _picture(reader, "mechanism.png") or _picture(reader, "fields.png")
+    still = f'<div id="still"><p id="still-words">{NO_VIEW}</p>{picture}</div>'
     hidden = "<noscript><style>#view { display: none; }</style></noscript>"
     return remarks + still + hidden + asset("view.html")
+
+
+def _picture(reader: ResultReader, name: str) -> str:
+    """Return a stored picture with its caption; "" if the folder does not contain it."""
+    title = next(figure.title for figure in figures() if figure.file == name)
+    file = reader.path / name
+    return captioned(image(file, title), title) if file.is_file() else ""
 
 
 def _curve(reader: ResultReader) -> str:
@@ -245,8 +247,7 @@ def _water(reader: ResultReader) -> str:
         "pressure as given data.</p>"
     )
     figure = next(figure for figure in FIGURES if figure.file == "seepage.png")
-    file = reader.path / figure.file
-    picture = captioned(image(file, figure.title), figure.title) if file.is_file() else ""
+    picture = _picture(reader, figure.file)
     heads = ["surface", "inflow per unit of time", "outflow per unit of time"]
     return _section("water", figure.title, table(heads, rows) + note + picture)
 
@@ -255,9 +256,9 @@ def _pictures(reader: ResultReader) -> str:
     """Return the pictures that installed packages add; the page draws the built-in data itself."""
     added = [figure for figure in figures() if figure not in FIGURES]
     shown = [
-        f"<h3>{escape(figure.title)}</h3>{captioned(image(file, figure.title), figure.title)}"
+        f"<h3>{escape(figure.title)}</h3>{picture}"
         for figure in added
-        if (file := reader.path / figure.file).is_file()
+        if (picture := _picture(reader, figure.file))
     ]
     return _section("pictures", "More pictures", "".join(shown))
 

@@ -224,15 +224,20 @@ def test_what_cannot_be_is_one_sentence(
     assert named in one_line(comm, capsys)
 
 
-def test_a_wide_tolerance(
-    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], slope: Path
-) -> None:
-    """With a large tolerance, a run also solves a case that check accepts."""
+def coarse(comm: MPI.Intracomm, slope: Path) -> Path:
+    """Write a case with a coarse mesh, a large tolerance and no adaptation."""
     if comm.rank == 0:
         write_slope(slope / "slope.msh", size=1.0)
     comm.barrier()
     text = CASE.replace("path = true", "").replace("= 0.01", "= 0.3")
-    case = write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
+    return write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
+
+
+def test_a_wide_tolerance(
+    comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], slope: Path
+) -> None:
+    """With a large tolerance, a run also solves a case that check accepts."""
+    case = coarse(comm, slope)
     assert main(["check", str(case)]) == SOLVED
     assert main(["run", str(case), "-o", str(slope / "results")]) == SOLVED
 
@@ -245,11 +250,7 @@ def test_an_interrupted_search_prints_and_writes_its_bracket(
     undrawn: None,
 ) -> None:
     """Only proven factors count as proven, before and after the first bounds."""
-    if comm.rank == 0:
-        write_slope(slope / "slope.msh", size=1.0)
-    comm.barrier()
-    text = CASE.replace("path = true", "").replace("= 0.01", "= 0.3")
-    case = write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
+    case = coarse(comm, slope)
     told: list[float] = []
     factor, most = Recorder.factor, 0
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 import pytest
 from PIL import Image
 
@@ -188,23 +189,33 @@ def test_each_problem_has_a_small_picture() -> None:
     assert max(drawn.values()) < 2000 and sum(drawn.values()) < 100_000
 
 
+def drawn(
+    folder: Path,
+    vertices: npt.NDArray[np.float64],
+    cells: npt.NDArray[np.int64],
+    cones: list[int],
+) -> npt.NDArray[np.int64]:
+    """Draw four cells, of which the last two move, and return the pixels of the picture."""
+    half = {
+        "vertices": vertices,
+        "cells": cells,
+        "cone": np.array(cones),
+        "velocity": np.repeat([[0.0, 0.0], [1.0, 0.0]], 6, axis=0),
+        "nodes": np.repeat([0, 6], 2)[:, None] + np.arange(6),
+    }
+    with h5py.File(folder / "bounds.h5", "w") as file:
+        for name, values in half.items():
+            file[f"upper/{name}"] = values
+    draw(folder / "bounds.h5", folder / "picture.png")
+    with Image.open(folder / "picture.png") as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
 def test_a_picture_shows_what_moves(tmp_path: Path) -> None:
     """Two squares have different strengths, and the right square moves."""
     x, y = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0])
     cells = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
-    half = {
-        "vertices": np.column_stack([x.ravel(), y.ravel()]),
-        "cells": cells,
-        "cone": np.array([0, 0, 1, 1]),
-        "velocity": np.repeat([[0.0, 0.0], [1.0, 0.0]], 6, axis=0),
-        "nodes": np.repeat([0, 6], 2)[:, None] + np.arange(6),
-    }
-    with h5py.File(tmp_path / "bounds.h5", "w") as file:
-        for name, values in half.items():
-            file[f"upper/{name}"] = values
-    draw(tmp_path / "bounds.h5", tmp_path / "picture.png")
-    with Image.open(tmp_path / "picture.png") as image:
-        pixels = np.asarray(image.convert("RGB")).astype(int)
+    pixels = drawn(tmp_path, np.column_stack([x.ravel(), y.ravel()]), cells, [0, 0, 1, 1])
     rows, columns, _ = pixels.shape
     middle, third = rows // 2, columns // 3
     assert tuple(pixels[middle, third]) == tuple(COLOURS[0])
@@ -219,19 +230,8 @@ def test_a_small_moving_part_is_enlarged(tmp_path: Path) -> None:
     low = np.array([[0.0, 0.0], [wide, 0.0]])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     squares = corners * [wide, 0.4 * wide] + low[0], corners * side + low[1]
-    half = {
-        "vertices": np.concatenate(squares),
-        "cells": np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
-        "cone": np.zeros(4, dtype=int),
-        "velocity": np.repeat([[0.0, 0.0], [1.0, 0.0]], 6, axis=0),
-        "nodes": np.repeat([0, 6], 2)[:, None] + np.arange(6),
-    }
-    with h5py.File(tmp_path / "bounds.h5", "w") as file:
-        for name, values in half.items():
-            file[f"upper/{name}"] = values
-    draw(tmp_path / "bounds.h5", tmp_path / "picture.png")
-    with Image.open(tmp_path / "picture.png") as image:
-        pixels = np.asarray(image.convert("RGB"))
+    cells = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    pixels = drawn(tmp_path, np.concatenate(squares), cells, [0, 0, 0, 0])
     assert (pixels == COLOURS[-1]).all(axis=2).sum() > 100
     assert (pixels == COLOURS[0]).all(axis=2).sum() > 100
 

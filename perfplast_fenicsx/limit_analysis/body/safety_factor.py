@@ -42,7 +42,7 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     weakened,
 )
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import check_tolerance
-from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, StrengthPath
+from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Standing, StrengthPath
 from perfplast_fenicsx.materials.nonassociated_flow import by_davis
 from perfplast_fenicsx.outcome_words import factor_words, percent
 from perfplast_fenicsx.problem.problem import Problem
@@ -314,12 +314,12 @@ def _of_blocks(
 
 def _stands(bounds: BodyBounds) -> bool:
     """Return whether the loads are provably carried."""
-    return bounds.lower.strict and (bounds.lower.value or 0.0) >= 1
+    return Standing(*_strict(bounds)).stands
 
 
 def _falls(bounds: BodyBounds) -> bool:
     """Return whether the loads are provably not carried."""
-    return bounds.upper.strict and (bounds.upper.value or 0.0) < 1
+    return Standing(*_strict(bounds)).falls
 
 
 def _from_joints(

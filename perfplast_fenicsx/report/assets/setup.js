@@ -443,13 +443,17 @@ function offerTogether() {
   part("together").hidden = !(isLoad && chosen.size > 1 && canBeNamed());
   part("one-name").parentElement.hidden = !isOneLoad();
   if (part("one-name").dataset.typed === undefined) part("one-name").value = offeredName();
+  part("adds").textContent = chosen.size < 2 || choiceFault(KINDS[kind]) ? "" : addedTo(chosen.size, kind);
+}
+
+/** What the button adds for several chosen faces, in words; "" if this is one entry. */
+function addedTo(count, kind) {
+  if (kind === "support") return `Adds ${count} supports, one for each face.`;
+  if (!(kind in LOADS)) return "";
   const whole = OF_WHOLE_FACE.includes(kind);
-  const count = chosen.size;
-  part("adds").textContent = count < 2 || choiceFault(KINDS[kind]) ? ""
-    : kind === "support" ? `Adds ${count} supports, one for each face.`
-      : !isLoad ? ""
-        : isOneLoad() ? `Adds one load on ${count} faces${whole ? `: the ${kind === "moment" ? "moment" : "force"} is the total of all of them` : ""}.`
-          : `Adds ${count} loads, one for each face${whole ? `, each with the whole ${kind === "moment" ? "moment" : "force"}` : ""}.`;
+  const what = kind === "moment" ? "moment" : "force";
+  if (isOneLoad()) return `Adds one load on ${count} faces${whole ? `: the ${what} is the total of all of them` : ""}.`;
+  return `Adds ${count} loads, one for each face${whole ? `, each with the whole ${what}` : ""}.`;
 }
 part("one-load").addEventListener("change", offerTogether);
 part("one-name").addEventListener("input", ({ target }) => { target.dataset.typed = ""; });
