@@ -187,7 +187,7 @@ part("grow").addEventListener("click", () => {
   paintFaces();
   const more = chosen.size - before;
   part("told").textContent = more
-    ? `${more} more ${more === 1 ? "face is" : "faces are"} chosen` : `No other face continues these over edges of up to ${most}°`;
+    ? `${more} more ${more === 1 ? "face is" : "faces are"} chosen` : `No other face continues these over edges with angles of up to ${most}° in the mesh`;
 });
 
 /** Draw the marks of the case, and say in words what they show. */
