@@ -48,7 +48,7 @@ class Run:
     """The measurement of one load path, with its clocks."""
 
     def __init__(self, comm: MPI.Intracomm, arguments: argparse.Namespace) -> None:
-        """Store what to run; nothing is run yet."""
+        """Store the communicator and the arguments, and start the clock; nothing is solved yet."""
         self.comm, self.arguments = comm, arguments
         self.model: Model = MODELS[arguments.model]
         self.first_step: float | None = None
@@ -61,12 +61,12 @@ class Run:
         return self._clock - before
 
     def stepped(self, iteration: Iteration) -> None:
-        """Store the time of the first Newton step."""
+        """Store the time after the first Newton step; the solver calls this after each step."""
         if self.first_step is None:
             self.first_step = time.time()
 
     def warm_up(self) -> None:
-        """Load the compiled forms by a run of the smallest size."""
+        """Load the compiled forms by solving the smallest problem of this kind. Collective."""
         problem = self.model.problem(self.comm, self.model.smallest, self.arguments.degree)
         zeta = self.model.levels[0] / 2
         options = NewtonOptions(max_iterations=2, contact_solver=self.arguments.contact_solver)
@@ -132,14 +132,14 @@ class Run:
         return [elasticity.measure() for _ in range(count)]
 
     def _phases(self) -> dict[str, float]:
-        """Return the seconds of each phase so far, as the mean over ranks."""
+        """Return the seconds spent in each phase so far, averaged over the ranks. Collective."""
         spent = self.comm.allgather(seconds())
         return {name: sum(one[name] for one in spent) / self.comm.size for name in PHASES}
 
     def _detail(
         self, problem: Problem, memory: list[float], traffic: list[dict[str, Any]]
     ) -> list[dict[str, Any]]:
-        """Return sizes, memory and messages of each rank."""
+        """Return sizes, memory (MB) and numbers of messages of each rank. Collective."""
         index_map, block = problem.V.dofmap.index_map, problem.V.dofmap.index_map_bs
         mine = (
             index_map.size_local * block,
@@ -161,7 +161,10 @@ class Run:
 
 
 def _traffic() -> dict[str, Any]:
-    """Return PETSc's counts of messages and reductions of this rank in each phase."""
+    """Return PETSc's counts of messages, bytes and reductions on this rank, summed over phases.
+
+    Reductions are also given for each phase.
+    """
     events = {name: PETSc.Log.Event(f"perfplast {name}").getPerfInfo() for name in PHASES}
     keys = {"messages": "numMessages", "bytes": "messageLength", "reductions": "numReductions"}
     return {
@@ -173,7 +176,13 @@ def _traffic() -> dict[str, Any]:
 def _path_record(
     levels: list[Level], parts: dict[str, float], phases: dict[str, float]
 ) -> dict[str, Any]:
-    """Return counts of iterations on the path, and seconds by phase."""
+    """Return the iterations on the path, summed over levels, and the seconds of each phase.
+
+    Args:
+        levels: Levels of the path.
+        parts: Seconds for mesh and problem, solver, and path.
+        phases: Seconds of each phase, averaged over the ranks.
+    """
     reports = [level.report for level in levels]
     path_phases = {name: spent for name, spent in phases.items() if name != "contact set-up"}
     run = sum(parts.values())
@@ -207,7 +216,7 @@ def _changes(level: Level) -> int:
 
 
 def _unit_record(units: list[Unit], levels: list[Level], path: float) -> dict[str, Any]:
-    """Return E, and the time of the path in units of E."""
+    """Return E, and the time of the path in E; an empty record if E was not measured."""
     if not units:
         return {}
     unit = statistics.median(one.seconds for one in units)
@@ -223,7 +232,7 @@ def _unit_record(units: list[Unit], levels: list[Level], path: float) -> dict[st
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the measurement and write its record."""
+    """Measure the path that the command line describes, and write the record. Collective."""
     parser = argparse.ArgumentParser(description="One measured load path.")
     parser.add_argument("model", choices=MODELS)
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")

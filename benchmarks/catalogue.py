@@ -1,4 +1,4 @@
-"""The groups of jobs that ``make bench`` runs in turn."""
+"""The groups of jobs that ``make bench`` runs, one group after the other."""
 
 from dataclasses import dataclass, field
 
@@ -19,12 +19,12 @@ REFERENCES = {
 
 @dataclass(frozen=True)
 class Job:
-    """One command that runs in its own processes and writes a JSON record.
+    """A command that runs in its own processes and writes a JSON record.
 
     Attributes:
-        name: Name within its group.
+        name: Name of the job in its group.
         command: Arguments of ``python3``, without the output file.
-        ranks: Processes; 0 for a command that starts MPI itself.
+        ranks: Number of MPI ranks; 0 if the command itself starts MPI.
         peer: Python module or program that must be installed, or "" if none is needed.
         reference: α of the last level; None if it is not known.
     """
@@ -38,12 +38,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Group:
-    """Jobs that are compared with each other: they run in turn, ``rounds`` times.
+    """Jobs that are compared with each other; each round runs every job once.
 
     Attributes:
-        about: Description for the reader.
+        about: Description, which the terminal shows.
         jobs: The jobs, in the order of a round.
-        rounds: Number of rounds by default.
+        rounds: Default number of rounds.
     """
 
     about: str
@@ -54,14 +54,23 @@ class Group:
 def case(
     model: str, n: int, *options: str, ranks: int = 1, solver: str = "default", name: str = ""
 ) -> Job:
-    """Return a job that solves a load path by the program."""
+    """Return a job in which this program solves a load path.
+
+    Args:
+        model: Name in ``MODELS``.
+        n: Cubes per unit length.
+        options: Further arguments of ``benchmarks.case``.
+        ranks: Number of MPI ranks.
+        solver: Name of the linear solver in ``benchmarks.case``.
+        name: Name of the job; by default ranks and solver.
+    """
     label = name or f"{plural(ranks)}, {solver} solver"
     command = (*CASE, model, "--n", str(n), "--solver", solver, *options)
     return Job(label, command, ranks, reference=REFERENCES.get((model, n)))
 
 
 def one_level(n: int) -> tuple[Job, ...]:
-    """Return jobs for one level of the bolted assembly, by factorisation and by Total FETI."""
+    """Return jobs that solve one level of the bolted assembly by factors and by Total FETI."""
     options = ("--degree", "2", "--levels", "0.5", "--units", "0")
     return (
         case("bolted", n, *options, ranks=2, solver="direct"),
@@ -70,23 +79,23 @@ def one_level(n: int) -> tuple[Job, ...]:
 
 
 def limit(model: str, n: int, *options: str, ranks: int) -> Job:
-    """Return a job that computes a limit load by the program."""
+    """Return a job in which this program computes a limit load."""
     return Job(f"limit load, {plural(ranks)}", (*LIMIT, model, "--n", str(n), *options), ranks)
 
 
 def plural(ranks: int) -> str:
-    """Return the number of ranks in words."""
+    """Return the number of ranks with its noun, such as "2 ranks"."""
     return f"{ranks} rank{'s' if ranks > 1 else ''}"
 
 
 def getfem(n: int) -> Job:
-    """Return a job that solves the punch by GetFEM."""
+    """Return a job in which GetFEM solves the punch."""
     command = ("benchmarks/peers/getfem_punch.py", "--n", str(n))
     return Job("GetFEM", command, peer="getfem", reference=REFERENCES.get(("punch", n)))
 
 
 def plain(n: int, ranks: int, factor: str) -> Job:
-    """Return a job that solves the plate by the plain DOLFINx loop."""
+    """Return a job in which a plain DOLFINx loop solves the plate; ``factor`` is LU or Cholesky."""
     command = ("-m", "benchmarks.peers.plain_newton", "--n", str(n), "--factor", factor)
     name = f"plain UFL, MUMPS {factor}, {plural(ranks)}"
     return Job(name, command, ranks, reference=REFERENCES.get(("l_plate", n)))
@@ -100,13 +109,13 @@ def step42(ranks: int, refinements: int = 5) -> Job:
 
 
 def calculix(name: str, stiffer: int) -> Job:
-    """Return a job for CalculiX and the program on one ``.inp``; ``stiffer`` scales the modulus."""
+    """Return a job that compares CalculiX with this program; ``stiffer`` multiplies the modulus."""
     command = ("-m", "benchmarks.peers.calculix", name, "--stiffer", str(stiffer))
     return Job(f"{name}, {stiffer} E, both", command, 0, peer="calculix")
 
 
 def plate(n: int) -> tuple[Job, ...]:
-    """Return the jobs of the plate on 1 and 2 ranks, with those it is compared with."""
+    """Return jobs for the plate on 1 and 2 ranks, by this program and by plain DOLFINx loops."""
     return tuple(
         job
         for ranks in (1, 2)
@@ -119,7 +128,7 @@ def plate(n: int) -> tuple[Job, ...]:
 
 
 WORKS = ("--works", "0.016", "0.025", "0.066")
-"""Works of `two_blocks`, n = 8, at ζ = 60, 80, 100; finer meshes are loaded to the same works."""
+"""Works of `two_blocks` with n = 8 at ζ = 60, 80, 100; finer meshes use the same works."""
 
 GROUPS = {
     "start": Group(

@@ -69,12 +69,12 @@ class Elasticity:
     def __init__(
         self, problem: Problem, material: VonMises, extra_supports: Sequence[Support] = ()
     ) -> None:
-        """Compile the forms. Collective.
+        """Compile the forms of stiffness and load. Collective.
 
         Args:
             problem: The problem with the mesh, elements, supports and loads to use.
             material: Material of all bodies; its yield stress is not used.
-            extra_supports: Supports in addition to those of the problem.
+            extra_supports: Supports that are added to those of the problem.
         """
         V = problem.V
         gdim = V.mesh.geometry.dim

@@ -1,15 +1,18 @@
-"""Solve 55 small bodies, and compare their numbers with those on file.
+"""Compute bounds for 55 small problems, and compare them with stored bounds.
 
 ./fenicsx python3 -m benchmarks.frozen_bodies             # compare with frozen_bodies.json
 ./fenicsx python3 -m benchmarks.frozen_bodies --freeze    # write that file
 ./fenicsx python3 -m benchmarks.frozen_bodies --only ring --sweeps 3
 
-A change of the interior point method is right if each value is equal to 1e-8, relative, and no body
-takes more steps. Processor seconds are printed with the file's; the file's are of another day, so
-compare them with a run of the commit before on the same machine: ``--freeze other.json`` there, and
-``--against other.json`` here. The exit status is 1 where a value or a count of steps is worse.
+A change of the interior point method is accepted if each bound agrees to a relative 1e-8, and if no
+problem takes more steps. The output also gives the ratio of new to stored processor times. The
+machine may have been in another state when the stored times were measured. For a fair comparison,
+run the previous commit on the same machine with ``--freeze other.json``, and then the new commit
+with ``--against other.json``. The exit status is 1 if a bound differs, or if a number of steps is
+larger.
 
-Values hold for one rank and one processor type: the last steps of a search amplify rounding.
+The stored bounds hold for one rank and one processor type, because the last steps of an iteration
+amplify rounding errors.
 """
 
 import argparse
@@ -79,7 +82,7 @@ PULL = Traction("top", (0.0, 0.0, 1.0), name="pull")
 
 
 def strip(law: Any, *loads: Any, rigid: Any = (), degree: int = 2, **more: Any) -> Problem:
-    """Return half of a strip footing on ground, with the plane of symmetry on the left."""
+    """Return the problem of half a strip footing; the plane of symmetry is on the left."""
     surfaces: dict[str, Any] = {
         "left": lambda x: x[0] < 1e-9,
         "right": lambda x: x[0] > 3 - 1e-9,
@@ -94,7 +97,7 @@ def strip(law: Any, *loads: Any, rigid: Any = (), degree: int = 2, **more: Any) 
 
 
 def bank(law: Any, *loads: Any) -> Problem:
-    """Return a vertical cut of height 1 that is held at its bottom and back."""
+    """Return the problem of a vertical cut of height 1, held at its bottom and back."""
     surfaces: dict[str, Any] = {
         "back": lambda x: x[0] < 1e-9,
         "bottom": lambda x: x[1] < 1e-9,
@@ -106,7 +109,7 @@ def bank(law: Any, *loads: Any) -> Problem:
 
 
 def square(law: Any, *loads: Any, thin: bool = False) -> Problem:
-    """Return a quarter of a square with a square hole, on rollers."""
+    """Return the problem of a quarter of a square whose middle has a quarter of the strength."""
     surfaces: dict[str, Any] = {
         "x0": lambda x: x[0] < 1e-9,
         "y0": lambda x: x[1] < 1e-9,
@@ -126,7 +129,7 @@ def square(law: Any, *loads: Any, thin: bool = False) -> Problem:
 
 
 def pushed(n: int, slope: float = 0.0, gdim: int = 2, moved: float = 0.5, **rubs: Any) -> Problem:
-    """Return a block that is pressed on another by a pressure of 10, and pushed sideways."""
+    """Return two blocks; a pressure of 10 and a growing traction act on the upper block."""
     mesh = blocks_apart(COMM, [n] * gdim, [n] * gdim, moved_by=moved, slope=slope)
     push = Traction("top", (1.0, 0.0) if gdim == 2 else (0.8, 0.6, 0.0))
     return Problem(
@@ -140,7 +143,7 @@ def pushed(n: int, slope: float = 0.0, gdim: int = 2, moved: float = 0.5, **rubs
 
 
 def pressed(lower: int, upper: int, **rubs: Any) -> Problem:
-    """Return a strong block that is pressed on a weak one."""
+    """Return the problem of a strong block that is pressed on a weak block."""
     return Problem(
         blocks_apart(COMM, [lower, lower], [upper, upper], moved_by=0.0),
         {"lower": VonMises(2e5, 0.3, 100.0), "upper": STRONG},
@@ -152,7 +155,7 @@ def pressed(lower: int, upper: int, **rubs: Any) -> Problem:
 
 
 def disc(law: Any, *loads: Any, **rubs: Any) -> Problem:
-    """Return a disc around the axis x = 0 on a floor, pressed from above."""
+    """Return the problem of a disc around the axis x = 0 on a rigid floor, with a load on top."""
     surfaces: dict[str, Any] = {
         "bottom": lambda x: x[1] < 1e-9,
         "side": lambda x: x[0] > 1 - 1e-9,
@@ -165,14 +168,14 @@ def disc(law: Any, *loads: Any, **rubs: Any) -> Problem:
 
 
 def blocks(lower: Any, upper: Any, *loads: Any, n: int = 1, **more: Any) -> Problem:
-    """Return two blocks on each other, in contact unless ``more`` is given."""
+    """Return two stacked blocks in contact; arguments in ``more`` replace the contact."""
     more = more or {"contacts": [Contact(*SEAM)]}
     laws, loads = {"lower": lower, "upper": upper}, loads or (Pressure("top", 1.0),)
     return Problem(stacked_blocks(COMM, n), laws, ROLLERS, loads, degree=2, **more)
 
 
 def stamped(base: Any, stamp: Any, degree: int = 2, **rubs: Any) -> Problem:
-    """Return a quarter of a square punch on a block."""
+    """Return the problem of a quarter of a square punch on a block."""
     return Problem(
         punch(COMM, 2),
         {"base": base, "punch": stamp},
@@ -184,7 +187,7 @@ def stamped(base: Any, stamp: Any, degree: int = 2, **rubs: Any) -> Problem:
 
 
 def stone(mu: float) -> Problem:
-    """Return a rigid stone on a fixed one, with its weight and a growing push to the right."""
+    """Return a rigid stone on a fixed stone, under its weight and a growing force to the right."""
     mesh = stones(COMM, [box([0, -1], [1, 0]), box([0, 0], [1, 2])], (3, 2))
     laws: Any = {"0": Rigid(), "1": Rigid()}
     loads = weight_and(mesh, [1.0, 0.0], ["0"])
@@ -193,7 +196,7 @@ def stone(mu: float) -> Problem:
 
 
 def strict(problem: Problem) -> Row:
-    """Return the strict bounds of the body and the limit load of the mesh."""
+    """Return strict bounds on the limit load of the body, and the numbers of steps."""
     found = limit_bounds(problem)
     return {
         "lower": found.lower.value,
@@ -204,7 +207,7 @@ def strict(problem: Problem) -> Row:
 
 
 def of_mesh(problem: Problem) -> Row:
-    """Return both bounds of the limit load of the mesh."""
+    """Return both bounds on the limit load of the mesh, and the numbers of steps."""
     found = interior_point(problem)
     return {
         "lower": found.lower,
@@ -215,14 +218,14 @@ def of_mesh(problem: Problem) -> Row:
 
 
 def factor(problem: Problem) -> Row:
-    """Return the bounds of the factor of safety."""
+    """Return both bounds on the factor of safety, and the number of steps."""
     steps: list[Any] = []
     found = factor_of_safety(problem, 1e-2, steps=steps.append)
     return {"lower": found.lower, "upper": found.upper, "steps": len(steps)}
 
 
 def diagram(problem: Problem, *loads: Any) -> Row:
-    """Return the radii of the inner and the outer polygon of two loads, summed over rays."""
+    """Return radii of both polygons of an interaction diagram, summed over rays, and the steps."""
     steps: list[Any] = []
     found = envelope(
         problem, [[load] for load in loads], 3, 0.01, progress=Progress(steps=steps.append)
@@ -233,7 +236,7 @@ def diagram(problem: Problem, *loads: Any) -> Row:
 
 
 def shaken(problem: Problem, **ranges: tuple[float, float]) -> Row:
-    """Return both bounds of the shakedown load of the mesh."""
+    """Return both bounds on the shakedown load of the mesh, and the numbers of steps."""
     found = shakedown_load(problem, LoadDomain.of_ranges(ranges))
     return {
         "lower": found.load,
@@ -325,18 +328,19 @@ BODIES: dict[str, Callable[[], Row]] = {
         square(STEEL, *TWO_WAYS), x=(0.0, 1.0), y=(-0.5, 1.0)
     ),
 }
-"""The functions that solve each body, by name."""
+"""Functions that compute the bounds of each problem, by its name."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """The difference of a body's new result from the stored one.
+    """The differences between the new and the stored result of a problem.
 
     Attributes:
-        name: Name of the body.
-        apart: Largest relative difference of its values; ∞ if a value is missing on one side.
-        steps: New number of steps minus the stored one.
-        seconds: New processor time over the stored one.
+        name: Name of the problem.
+        apart: Largest relative difference of a bound; ∞ if only one result contains the bound.
+        steps: New number of steps minus the stored number; the larger difference if the result
+            also counts factorisations.
+        seconds: New processor time divided by the stored processor time.
     """
 
     name: str
@@ -346,12 +350,12 @@ class Change:
 
     @property
     def worse(self) -> bool:
-        """Return whether a value differs or the number of steps is larger."""
+        """Return whether a bound differs or a number of steps is larger."""
         return self.apart > SAME or self.steps > 0
 
 
 def solved(name: str, sweeps: int) -> Row:
-    """Return the row of a body, with the least processor time of all sweeps. Collective."""
+    """Return the result of a problem, with the least processor time of all sweeps. Collective."""
     spent = []
     for _ in range(sweeps):
         began = time.process_time()
@@ -361,7 +365,7 @@ def solved(name: str, sweeps: int) -> Row:
 
 
 def changed(name: str, before: Row, after: Row) -> Change:
-    """Return the difference of two rows of a body."""
+    """Return the differences between two results of a problem."""
     apart = max(_apart(before[key], after[key]) for key in ("lower", "upper"))
     counts = [key for key in ("steps", "factorisations") if key in before]
     more = max(after[key] - before[key] for key in counts)
@@ -375,7 +379,7 @@ def _apart(one: float | None, other: float | None) -> float:
 
 
 def main() -> None:
-    """Parse the command line, solve and compare."""
+    """Compute the bounds that the command line selects; store them, or compare them."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--freeze", type=Path, nargs="?", const=FILE, help="write, do not compare")
     parser.add_argument("--against", type=Path, default=FILE, help="the file to compare with")
@@ -384,7 +388,7 @@ def main() -> None:
     arguments = parser.parse_args()
     chosen = [name for name in BODIES if arguments.only in name]
     known = {} if arguments.freeze else json.loads(arguments.against.read_text())
-    solved(chosen[0], 1)  # loads compiled forms
+    solved(chosen[0], 1)  # so that no measured time includes compilation
     found, changes = {}, []
     for name in chosen:
         row = found[name] = solved(name, arguments.sweeps)

@@ -1,4 +1,4 @@
-"""The goals of the benchmarks: each goal, its limits, and its value in a set of records."""
+"""The goals of the benchmarks, with their limits, and functions that compute their values."""
 
 import statistics
 from collections.abc import Callable, Mapping, Sequence
@@ -21,13 +21,14 @@ DEFAULT_2 = "2 ranks, default solver"
 
 @dataclass(frozen=True)
 class Goal:
-    """A number that must be at most ``limit``, and preferably at most ``aim``.
+    """A number that must be at most ``limit``, and should be at most ``aim``.
 
     Attributes:
         text: Description of the number.
-        groups: Groups of the catalogue that it needs.
-        value: Function of a round of these groups; it raises KeyError if a job is missing.
-        more: Whether larger values are better.
+        groups: Names of the groups whose records the value needs.
+        value: Function that returns the number from one round of each group; it raises KeyError if
+            a job is missing.
+        more: Whether the number must instead be at least ``limit``.
     """
 
     text: str
@@ -38,7 +39,7 @@ class Goal:
     more: bool = False
 
     def measured(self, results: Results) -> float | None:
-        """Return the median over the rounds; None if a job is missing."""
+        """Return the median of the value over all rounds; None if no round has all jobs."""
         chosen = [results.get(group, {}) for group in self.groups]
         rounds = max((len(runs) for jobs in chosen for runs in jobs.values()), default=0)
         values = []
@@ -50,7 +51,7 @@ class Goal:
         return statistics.median(values) if values else None
 
     def verdict(self, value: float | None) -> str:
-        """Return the verdict in one word."""
+        """Return "met", "MISSED" or "aim reached" for a value; "-" for None."""
         if value is None:
             return "-"
         if self.aim is not None and self._within(value, self.aim):
@@ -62,20 +63,21 @@ class Goal:
 
 
 def _round(jobs: Mapping[str, Sequence[Record | None]], number: int) -> Round:
-    """Return the record of each job in the round, or in its last round if there are fewer."""
+    """Return the record of each job in a round; a job with fewer rounds gives its last record."""
     found = {name: runs[min(number, len(runs) - 1)] for name, runs in jobs.items() if runs}
     return {name: record for name, record in found.items() if record}
 
 
 def per_step(record: Record) -> float:
-    """Return the seconds per unknown and Newton step."""
+    """Return the time (s) of the path per unknown and Newton step."""
     return float(record["seconds"]["path"] / record["newton_iterations"] / record["dofs"])
 
 
 def units_in_plastic_range(record: Record) -> float:
-    """Return E per Newton step of the levels that end 10 % to 35 % plastic.
+    """Return the time of a Newton step, in E, for levels with a plastic fraction of 10 % to 35 %.
 
-    KeyError without any.
+    Raises:
+        KeyError: If no level has such a plastic fraction.
     """
     chosen = [one for one in record["levels"] if 0.10 <= one["plastic_fraction"] <= 0.35]
     if not chosen:
@@ -85,7 +87,7 @@ def units_in_plastic_range(record: Record) -> float:
 
 
 def iterations_at(record: Record, zeta: float) -> float:
-    """Return the CG iterations per solve at one load level; KeyError if it is missing."""
+    """Return the CG iterations per solve at the level ζ; raise KeyError if it is missing."""
     for level in record["levels"]:
         if level["zeta"] == zeta:
             return float(level["linear_iterations"] / level["linear_solves"])
@@ -93,14 +95,14 @@ def iterations_at(record: Record, zeta: float) -> float:
 
 
 def whole_path(record: Record) -> float:
-    """Return the time of the path in E; KeyError if it was not solved."""
+    """Return the time of the path in E; raise KeyError if a level was not solved."""
     if not record["converged"]:
         raise KeyError("not solved")
     return float(record["E_path"])
 
 
 def _against_plain(ours: str, ranks: str) -> Callable[[Round], float]:
-    """Return a function for the program's time over that of the faster plain loop."""
+    """Return a function that divides the program's time by the time of the faster plain loop."""
 
     def ratio(jobs: Round) -> float:
         plain = [

@@ -1,10 +1,12 @@
-"""Compare both bounds at once, one on each of two ranks, with one after the other on both ranks.
+"""Compare two ways to compute both bounds on two ranks, and print times and memory.
 
 ./fenicsx mpirun -n 2 python3 -m benchmarks.halves_at_once [--plane 0.25 0.12] [--space 2 3 4]
 
-In the plane a strip footing by the size of its cells, in space two blocks of 36 n³ cells. Wall
-seconds of both ways, which take turns after one round that does not count, and the largest memory
-that each rank has taken until then, with what the program takes in any case.
+Either each rank computes one bound, or both ranks compute one bound after the other. ``--plane``
+gives cell sizes of a strip footing in plane strain. ``--space`` gives values of n for two blocks in
+3D with 36 n³ cells. After a first round that is not measured, the two ways alternate. The script
+prints medians of wall times, and the peak memory of each rank after the first round, including the
+memory of Python and the libraries.
 """
 
 import argparse
@@ -23,7 +25,12 @@ COMM = MPI.COMM_WORLD
 
 
 def seconds(problem: Problem, at_once: bool) -> float:
-    """Return the wall time (s) of both bounds. Collective."""
+    """Return the wall time (s) for both bounds of a problem. Collective.
+
+    Args:
+        problem: The problem.
+        at_once: Whether each rank computes one bound.
+    """
     import_module(limit_bounds.__module__).pays = lambda *_: at_once  # type: ignore[attr-defined]
     COMM.barrier()
     began = time.perf_counter()
@@ -33,7 +40,7 @@ def seconds(problem: Problem, at_once: bool) -> float:
 
 
 def compare(name: str, problem: Problem, rounds: int) -> None:
-    """Print the times and memory of both ways. Collective."""
+    """Print the wall times of both ways, and the peak memory of each rank. Collective."""
     seconds(problem, at_once=True)
     taken = COMM.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
     times = [[seconds(problem, at_once) for at_once in (True, False)] for _ in range(rounds)]
@@ -45,7 +52,7 @@ def compare(name: str, problem: Problem, rounds: int) -> None:
 
 
 def main() -> None:
-    """Parse the command line and compare."""
+    """Compare both ways for the problems that the command line selects. Collective."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plane", nargs="*", type=float, default=[0.25, 0.12, 0.06, 0.03])
     parser.add_argument("--space", nargs="*", type=int, default=[2, 3, 4, 5])

@@ -71,7 +71,7 @@ def _elasticity(
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the measurement and write its record."""
+    """Measure the search that the command line describes, and write the record. Collective."""
     parser = argparse.ArgumentParser(description="One measured search for a limit load.")
     parser.add_argument("model", choices=MODELS)
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")
@@ -82,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = parser.parse_args(argv)
     PETSc.Options()["options_left"] = False
     comm, name = MPI.COMM_WORLD, arguments.model
-    measure(comm, name, MODELS[name].smallest, arguments.degree, arguments.rtol, 1)  # warms up
+    measure(comm, name, MODELS[name].smallest, arguments.degree, arguments.rtol, 1)  # compiles
     record = measure(
         comm, name, arguments.n, arguments.degree, arguments.rtol, max(arguments.units, 1)
     )

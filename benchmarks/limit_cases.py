@@ -1,7 +1,7 @@
 """Compare limit loads and bounds of fifteen cases before and after a change of the method.
 
-./fenicsx python3 -m benchmarks.limit_cases -o before.json      (on the one commit)
-./fenicsx python3 -m benchmarks.limit_cases -o after.json       (on the other)
+./fenicsx python3 -m benchmarks.limit_cases -o before.json      (on the first commit)
+./fenicsx python3 -m benchmarks.limit_cases -o after.json       (on the second commit)
 ./fenicsx python3 -m benchmarks.limit_cases --compare before.json after.json
 """
 
@@ -44,7 +44,7 @@ SEAM = [Contact("lower_top", "upper_bottom")]
 
 
 def ground(angle: float, match: str = "plane-strain") -> DruckerPrager:
-    """Return ground of an angle of friction (degrees)."""
+    """Return Drucker–Prager ground with a friction angle (degrees) and a cohesion of 10."""
     return DruckerPrager(1e4, 0.3, 10.0, angle, match)  # type: ignore[arg-type]
 
 
@@ -61,7 +61,7 @@ def meshed(write: Callable[..., None], axisymmetric: bool = False, **sizes: Any)
 
 
 def footing(material: Any, size: float = 0.5) -> Problem:
-    """Return a smooth strip footing."""
+    """Return the problem of a smooth strip footing. Collective."""
     tagged_mesh = meshed(write_strip_footing, width=6.0, depth=3.0, grading=1.0, size=size)
     return Problem(
         tagged_mesh, {"ground": material}, ON_GROUND, [Pressure("footing", 1.0)], degree=2
@@ -69,7 +69,7 @@ def footing(material: Any, size: float = 0.5) -> Problem:
 
 
 def blocks(lower: Any, upper: Any, n: int = 2, **more: Any) -> Problem:
-    """Return two blocks on each other."""
+    """Return the problem of two stacked blocks; ``more`` replaces loads, contacts or degree."""
     arguments: dict[str, Any] = {
         "contacts": SEAM,
         "loads": [Pressure("top", 1.0)],
@@ -79,21 +79,21 @@ def blocks(lower: Any, upper: Any, n: int = 2, **more: Any) -> Problem:
 
 
 def tube(material: Any, *loads: Any, size: float = 0.15) -> Problem:
-    """Return a quarter of a thick tube, on curved cells."""
+    """Return the problem of a quarter of a thick tube on curved cells. Collective."""
     tagged_mesh = meshed(write_thick_tube, outer=2.0, interface=None, size=size, order=2)
     volumes = dict.fromkeys(tagged_mesh.volumes, material)
     return Problem(tagged_mesh, volumes, SYMMETRY, list(loads), degree=2)
 
 
 def sphere(material: Any) -> Problem:
-    """Return half a section of a thick sphere."""
+    """Return the problem of half a section of a thick sphere under inner pressure. Collective."""
     tagged_mesh = meshed(write_thick_tube, axisymmetric=True, outer=2.0, size=0.15, order=2)
     volumes = dict.fromkeys(tagged_mesh.volumes, material)
     return Problem(tagged_mesh, volumes, SYMMETRY[1:], [Pressure("inner", 1.0)], degree=2)
 
 
 def punched(base: Any, stamp: Any, **more: Any) -> Problem:
-    """Return a quarter of a square punch on a block."""
+    """Return the problem of a quarter of a square punch on a block."""
     supports = [*SYMMETRY, Support("bottom")]
     return Problem(
         punch(COMM, 2),
@@ -132,11 +132,11 @@ CASES: dict[str, tuple[Callable[[], Problem], bool]] = {
     "space: punch, elastic": (lambda: punched(STEEL, Elastic(2e5, 0.3)), False),
     "space: punch, Tresca's friction": (lambda: punched(STEEL, STRONG, tresca=50.0), False),
 }
-"""Functions that make the problems, and whether strict bounds of the body are computed as well."""
+"""Function that makes each problem, and whether strict bounds of its body are also computed."""
 
 
 def run(case: str) -> dict[str, Any]:
-    """Return bounds, iterations and processor time (s) of a case. Collective."""
+    """Return bounds, numbers of steps and processor time (s) of a case. Collective."""
     make, strictly = CASES[case]
     problem, began = make(), time.process_time()
     found = interior_point(problem)
@@ -157,7 +157,7 @@ def run(case: str) -> dict[str, Any]:
 
 
 def compare(before: Path, after: Path) -> None:
-    """Print both records, and the largest relative difference of bounds."""
+    """Print the bounds after the change, their largest relative difference, steps and times."""
     one, other = (json.loads(path.read_text()) for path in (before, after))
     for case in CASES:
         a, b = one[case], other[case]
@@ -176,7 +176,7 @@ def _apart(a: float | None, b: float | None) -> float:
 
 
 def main() -> None:
-    """Parse the command line, and run or compare."""
+    """Run the cases, or compare two stored records, as the command line says."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--compare", type=Path, nargs=2)

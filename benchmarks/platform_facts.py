@@ -1,4 +1,4 @@
-"""The libraries that a run used."""
+"""Find the libraries that this process uses."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from perfplast_fenicsx.environment import WHEEL, version_of
 
 
 def libraries() -> dict[str, str]:
-    """Return versions, and the BLAS that this process has loaded."""
+    """Return the versions of the libraries, and the BLAS that this process has loaded."""
     return {
         "dolfinx": version_of("fenics-dolfinx") or version_of(WHEEL) or "unknown",
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),

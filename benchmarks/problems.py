@@ -1,4 +1,4 @@
-"""The problems that are measured, with their load levels and the elastic problem of E."""
+"""The problems that the benchmarks solve, with load levels and the elastic problem for E."""
 
 import math
 import shutil
@@ -34,13 +34,14 @@ class Model:
     """A problem on meshes of any size.
 
     Attributes:
-        problem: Function of communicator, cubes per unit length and degree that makes the problem.
-        levels: Load levels ζ of the path, each from the one before.
+        problem: Function of communicator, cubes per unit length and degree; it returns the problem.
+        levels: Load factors ζ of the path.
         smallest: Number of cubes for a run that only compiles forms.
         material: Material of all bodies.
-        elastic_supports: Supports of E in addition to those of the problem, so that bodies held
-            only by contact have no rigid motions.
-        glued: Function that makes the problem of E, without contact; None for the problem itself.
+        elastic_supports: Supports that the elastic problem for E adds to those of the problem. They
+            prevent rigid motions of bodies that only contact holds.
+        glued: Function that makes the problem for E without contact; None if the problem for E is
+            the problem itself.
     """
 
     problem: Callable[[MPI.Intracomm, int, int], Problem]
@@ -52,7 +53,7 @@ class Model:
 
 
 def _two_blocks(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """Return two stacked cantilevers; ζ is the traction on the free half of the upper one."""
+    """Return two stacked cantilevers; ζ is the traction on the free half of the upper one's top."""
     return Problem(
         two_blocks(comm, n),
         {"lower": STEEL, "upper": STEEL},
@@ -87,9 +88,9 @@ def _l_plate(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
 
 
 def _bolted(comm: MPI.Intracomm, n: int, degree: int, apart: float | None = None) -> Problem:
-    """Return brackets bolted onto a plate.
+    """Return brackets that are bolted to a plate, with a rod between the brackets.
 
-    Ζ is the traction on the grip of the rod between them.
+    The load factor ζ multiplies a traction on the grip of the rod.
     """
     assembly = _assembly(comm, n, glued=False, apart=apart)
     contacts = [Contact(*pair, 0.0) for pair in sides(assembly.surfaces)]
@@ -97,7 +98,7 @@ def _bolted(comm: MPI.Intracomm, n: int, degree: int, apart: float | None = None
 
 
 def _glued(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """Return the bolted assembly as one body."""
+    """Return the bolted assembly as a single body without contact."""
     return _pulled(_assembly(comm, n, glued=True), [], degree)
 
 
@@ -113,12 +114,12 @@ def _pulled(assembly: TaggedMesh, contacts: list[Contact], degree: int) -> Probl
 
 
 def _bolted_apart(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """Return the bolted assembly with bodies meshed separately and mortar contact."""
+    """Return the bolted assembly with separately meshed bodies and mortar contact."""
     return _bolted(comm, n, degree, apart=1.3)
 
 
 def _assembly(comm: MPI.Intracomm, n: int, glued: bool, apart: float | None = None) -> TaggedMesh:
-    """Return the bolted assembly with ``n`` elements along the foot of a bracket. Collective."""
+    """Return a mesh of the assembly with ``n`` elements along a bracket's foot. Collective."""
 
     def write(path: Path) -> None:
         write_bolted_assembly(path, FOOT / n, glued=glued, apart=apart)
@@ -127,11 +128,9 @@ def _assembly(comm: MPI.Intracomm, n: int, glued: bool, apart: float | None = No
 
 
 def _shells(comm: MPI.Intracomm, n: int, degree: int) -> Problem:
-    """Return an octant of two thick shells, ``n`` elements on the inner radius.
+    """Return an octant of two thick shells in contact; elements have the size 1/``n``.
 
-    Ζ is inner pressure.
-
-    The limit load is 480 log 1.4 + 710 log(2/1.4).
+    The load factor ζ is the inner pressure. The limit load is 480 ln 1.4 + 710 ln(2/1.4).
     """
     tagged_mesh = _generated(
         comm, lambda path: write_thick_sphere(path, interface=1.4, size=1 / n, order=2)

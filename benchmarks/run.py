@@ -1,9 +1,9 @@
-"""Run each benchmark job in its own processes and print tables; not under mpirun.
+"""Run each benchmark job in its own processes, and print tables; do not use mpirun.
 
-make bench                                everything (hours)
+make bench                                all groups (hours)
 make bench CASES="two_blocks_16 start"    some groups; CASES=list shows them all
 make bench ROUNDS=1                       each job once
-make bench CASES=show                     the tables of what has been measured before
+make bench CASES=show                     print the tables of stored records
 """
 
 import argparse
@@ -45,7 +45,7 @@ def missing(job: Job) -> bool:
 
 
 def run(job: Job, limit: float = LIMIT) -> Record | None:
-    """Run a job and return its record; print its last lines and return None if it fails."""
+    """Run a job and return its record; if it fails, print its last output and return None."""
     with TemporaryDirectory() as folder:
         output = Path(folder) / "record.json"
         command = [sys.executable, *job.command, "-o", str(output)]
@@ -65,7 +65,7 @@ def run(job: Job, limit: float = LIMIT) -> Record | None:
         try:
             words, _ = process.communicate(timeout=limit)
         except BaseException as stop:
-            os.killpg(process.pid, signal.SIGTERM)  # mpirun ends its ranks
+            os.killpg(process.pid, signal.SIGTERM)  # mpirun then ends its ranks
             process.communicate()
             if not isinstance(stop, subprocess.TimeoutExpired):
                 raise
@@ -83,7 +83,7 @@ def run(job: Job, limit: float = LIMIT) -> Record | None:
 
 
 def run_group(group: Group, rounds: int, limit: float) -> dict[str, list[Record | None]]:
-    """Run the jobs of a group in turn and return their records."""
+    """Run all jobs of a group in each round, and return the records of each job."""
     absent = [job.name for job in group.jobs if missing(job)]
     if absent:
         print(f"  left out, as benchmarks/peers has not set it up: {', '.join(absent)}")
@@ -99,7 +99,7 @@ def run_group(group: Group, rounds: int, limit: float) -> dict[str, list[Record 
 
 
 def machine() -> dict[str, Any]:
-    """Return the facts of the machine that times depend on."""
+    """Return date, processor, cores, memory and settings, on which times depend."""
     cpu = [
         line.split(":", 1)[1].strip()
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -115,7 +115,7 @@ def machine() -> dict[str, Any]:
 
 
 def load(folder: Path) -> dict[str, dict[str, list[Record | None]]]:
-    """Return the records of earlier runs."""
+    """Return the stored records of earlier runs by group and job."""
     files = {name: folder / f"{name}.json" for name in GROUPS}
     return {
         name: json.loads(file.read_text(encoding="utf-8"))["records"]
@@ -125,7 +125,7 @@ def load(folder: Path) -> dict[str, dict[str, list[Record | None]]]:
 
 
 def about(results: dict[str, dict[str, list[Record | None]]]) -> str:
-    """Return a line on the machine and a line on the libraries."""
+    """Return a line about the machine, and a line for each set of libraries in the records."""
     facts = machine()
     libraries = sorted(
         {
@@ -145,7 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the groups that the command line names, and print the tables.
 
     Returns:
-        Exit status: 1 if a job of the program has failed or not solved its problem.
+        Exit status: 1 if a job of this program failed, or did not solve its problem.
     """
     parser = argparse.ArgumentParser(description="Benchmarks; see benchmarks/README.md.")
     parser.add_argument("cases", nargs="*", metavar="CASE", help="groups, or list, or show")

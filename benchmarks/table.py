@@ -1,4 +1,4 @@
-"""Tables of records as text."""
+"""Write the records of benchmarks as text tables."""
 
 import statistics
 from collections.abc import Callable, Iterable, Sequence
@@ -36,13 +36,13 @@ COLUMNS: dict[str, tuple[Number, str]] = {
 
 
 def is_wrong(record: Record) -> bool:
-    """Return whether the run did not converge, or its α differs from the reference."""
+    """Return whether a level did not converge, or α differs too much from the reference."""
     error = record.get("reference_error")
     return not record["converged"] or (error is not None and not abs(error) <= WRONG)
 
 
 def median(records: Iterable[Record], number: Number) -> Any:
-    """Return the median of a number over the rounds; None if no round has it."""
+    """Return the median of a number over the records; None if no record has this number."""
     found = []
     for record in records:
         try:
@@ -54,14 +54,14 @@ def median(records: Iterable[Record], number: Number) -> Any:
 
 
 def shown(value: Any, form: str) -> str:
-    """Return a number as text for a column."""
+    """Return a number in a format, "d" for integers; "-" for None."""
     if value is None:
         return "-"
     return f"{round(value):d}" if form == "d" else f"{value:{form}}"
 
 
 def lines(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return lines with aligned columns, the first one to the left."""
+    """Return lines with aligned columns: the first to the left, the others to the right."""
     everything = [heading, *rows]
     widths = [max(len(row[k]) for row in everything) for k in range(len(heading))]
     return [
@@ -74,7 +74,7 @@ def lines(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def main_table(results: Results) -> list[str]:
-    """Return counts, seconds, memory and E of each job."""
+    """Return a table of iterations, times, memory and E, with a line for each job."""
     rows = []
     for group, jobs in results.items():
         for job, runs in jobs.items():
@@ -92,7 +92,7 @@ def _phase(name: str, record: Record) -> float:
 
 
 def phase_table(results: Results) -> list[str]:
-    """Return the seconds by phase of each job of the program, as the mean over ranks."""
+    """Return a table of the seconds in each phase, averaged over ranks, for the program's jobs."""
     rows, names = [], []
     for group, jobs in results.items():
         for job, runs in jobs.items():
@@ -108,7 +108,7 @@ def phase_table(results: Results) -> list[str]:
 
 
 def level_table(results: Results) -> list[str]:
-    """Return the load levels of each job of the program, from its first round."""
+    """Return a table of the load levels of the program's jobs, from their first records."""
     heading = ["load levels", "ζ", "α", "plastic", "Newton", "CG its", "set-ups", "E/step", "s"]
     rows = []
     for group, jobs in results.items():
@@ -131,7 +131,7 @@ def level_table(results: Results) -> list[str]:
 
 
 def beside_table(results: Results) -> list[str]:
-    """Return a line for each load, with the differences of CalculiX from the program."""
+    """Return a table that compares CalculiX with the program, with a line for each load."""
     heading = [
         *("beside CalculiX", "load", "plastic", "work", "displacement", "contact"),
         *("last converged", "bracket", "time over CalculiX's"),
@@ -152,7 +152,7 @@ def beside_table(results: Results) -> list[str]:
 
 
 def rank_table(results: Results) -> list[str]:
-    """Return sizes and messages of each rank in the group ``scaling``."""
+    """Return a table of sizes and messages of each rank in the group ``scaling``."""
     heading = [
         *("ranks", "rank", "owned", "ghosts", "pairs", "MB"),
         *("messages", "MB in and out", "reductions"),
@@ -176,7 +176,7 @@ def rank_table(results: Results) -> list[str]:
 
 
 def goal_table(results: Results) -> list[str]:
-    """Return a line for each goal whose groups have been run."""
+    """Return a table with a line for each goal, if one of its groups has records."""
     rows = []
     for goal in GOALS:
         value = goal.measured(results)
@@ -190,7 +190,7 @@ def goal_table(results: Results) -> list[str]:
 
 
 def report(results: Results) -> str:
-    """Return all tables."""
+    """Return all tables that are not empty, separated by empty lines."""
     tables = (main_table, phase_table, level_table, beside_table, rank_table, goal_table)
     texts = ["\n".join(table(results)) for table in tables]
     return "\n\n".join(text for text in texts if text)

@@ -1,9 +1,10 @@
-"""Measure the cost of constant loads, given motions and history, against a level without them.
+"""Measure the additional cost of a constant load, a prescribed motion and a history.
 
 python3 -m benchmarks.terms --n 2 --degree 2 -o terms.json      (benchmarks/run.py does this)
 
-Both levels start and end at the same shares of the plate's load, several times in turn. Processor
-time is measured, so that other work on the machine has little effect.
+One level has these three terms, the other level has none. Both levels start and end at the same
+load factors, and are solved alternately several times. The script measures processor time, on which
+other work on the machine has little effect.
 """
 
 import argparse
@@ -23,15 +24,15 @@ from benchmarks.problems import MODELS, STEEL
 from perfplast_fenicsx import BodyForce, Flow, Level, Newton, Problem, State
 
 FROM, TO = 0.4, 0.7
-"""Load factors of the level, of the published load of 200."""
+"""Load factors at the start and at the end of a level; the factor 1 is a traction of 200."""
 
 WEIGHT = BodyForce("plate", (0.0, -0.1, 0.0), constant=True)
 SQUEEZE = -1e-5
-"""Change of the plate's thickness of 1; a hundredth of the strain at first yield."""
+"""Prescribed change of the plate's thickness, which is 1: a hundredth of the yield strain."""
 
 
 def with_terms(plain: Problem) -> Problem:
-    """Return the plate with weight, a given thickness change and plastic history. Collective."""
+    """Return the plate with a weight, a prescribed thickness change and a history. Collective."""
     given = plain.given
     supports = [
         replace(support, value=SQUEEZE) if support.on == "z1" else support
@@ -43,7 +44,7 @@ def with_terms(plain: Problem) -> Problem:
 
 
 def measure(comm: MPI.Intracomm, n: int, degree: int, repeats: int) -> dict[str, Any]:
-    """Measure both levels in turn. Collective.
+    """Measure both levels alternately, ``repeats`` times. Collective.
 
     Returns:
         A record for JSON; the same keys on every rank.
@@ -81,7 +82,7 @@ def measure(comm: MPI.Intracomm, n: int, degree: int, repeats: int) -> dict[str,
 
 
 def _timed(comm: MPI.Intracomm, solver: Newton, start: State) -> tuple[Level, float]:
-    """Return the level, and its processor time (s) on all ranks. Collective."""
+    """Return a solved level, and its processor time (s), summed over ranks. Collective."""
     comm.Barrier()
     began = time.process_time()
     level = solver.solve(TO, start)
@@ -89,7 +90,7 @@ def _timed(comm: MPI.Intracomm, solver: Newton, start: State) -> tuple[Level, fl
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the measurement and write its record."""
+    """Measure both levels of the plate, and write the record. Collective."""
     parser = argparse.ArgumentParser(description="A level with all terms beside one without.")
     parser.add_argument("--n", type=int, required=True, help="cubes per unit length")
     parser.add_argument("--degree", type=int, default=1)
@@ -98,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = parser.parse_args(argv)
     PETSc.Options()["options_left"] = False
     comm = MPI.COMM_WORLD
-    measure(comm, MODELS["l_plate"].smallest, arguments.degree, 1)  # warms up
+    measure(comm, MODELS["l_plate"].smallest, arguments.degree, 1)  # compiles the forms
     record = measure(comm, arguments.n, arguments.degree, max(arguments.repeats, 1))
     if comm.rank == 0:
         arguments.output.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")

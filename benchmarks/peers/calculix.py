@@ -1,9 +1,10 @@
-"""Compare CalculiX with the program on one ``.inp``: elastic–plastic contact up to collapse.
+"""Compare CalculiX with the program on the same ``.inp``: plastic contact up to collapse.
 
-CalculiX raises the load in increments of its own choice until it gives up or the load is far above
-the limit. The program reads the same file by ``perfplast mesh``, solves the same load factors
-below the limit, and brackets the limit load. Works, displacements and contact forces are compared
-there, processor times as a ratio, and the last converged increment with the bracket.
+CalculiX chooses its increments, and increases the load until it stops or the load is far above the
+limit load. The program reads the same file by ``perfplast mesh``, solves the same load factors
+below the limit load, and brackets the limit load. The script compares works, displacements and
+contact forces at load factors below the limit load. It also compares processor times, and the last
+converged increment with the bracket.
 
 python3 -m benchmarks.peers.calculix punch -o record.json    (after benchmarks/peers/get_calculix)
 """
@@ -77,14 +78,14 @@ CASES: dict[str, tuple[Callable[..., None], float, tuple[str, str], Deck]] = {
 """Mesh generator, edge length, surfaces in contact and model of each problem."""
 
 SHARES = (0.25, 0.5, 0.75, 0.9)
-"""Shares of the limit load near which both programs are compared."""
+"""Fractions of the limit load near which the script compares both programs."""
 
 SAME = 0.01
 """Largest relative difference of works, displacements and contact forces below 0.8 of the limit."""
 
 
 def perfplast(folder: Path, *arguments: str) -> float:
-    """Run the program and return its processor time (s)."""
+    """Run a command of the program in a folder, and return the processor time (s)."""
     command = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
     seconds, status, output = timed(command, folder)
     if status:
@@ -93,13 +94,20 @@ def perfplast(folder: Path, *arguments: str) -> float:
 
 
 def with_loading(text: str, loading: str) -> str:
-    """Return a case with another [loading], or stages, and without pictures."""
+    """Return the text of a case with another [loading] table, or stages, without pictures."""
     kept = re.sub(r"^\[(loading|output)\]\n(?:(?!\[).*\n?)*", "", text, flags=re.M)
     return f"{kept}\n{loading}\n[output]\npictures = false\nfields = false\n"
 
 
 def loaded(folder: Path, text: str, loading: str, into: str) -> tuple[float, dict[str, Any]]:
-    """Run the case of ``folder/ours`` with a loading; return processor time (s) and summary."""
+    """Run the case in ``folder/ours`` with another loading; return processor time (s), summary.
+
+    Args:
+        folder: The working folder.
+        text: The case file.
+        loading: The new [loading] table or stages.
+        into: Name of the result folder.
+    """
     case = folder / "ours/case.toml"
     case.write_text(with_loading(text, loading), encoding="utf-8")
     seconds = perfplast(folder, "run", "ours/case.toml", "-o", into)
@@ -107,22 +115,22 @@ def loaded(folder: Path, text: str, loading: str, into: str) -> tuple[float, dic
 
 
 def history(text: str, factors: Sequence[float]) -> str:
-    """Return stages of one level each, in which plastic strain is kept as in CalculiX."""
+    """Return a [[stage]] table for each load factor; bodies then keep their plastic strain."""
     (load,) = tomllib.loads(text)["load"]
     name = json.dumps(load.get("name") or load["on"])
     return "".join(f"[[stage]]\nfactors = {{ {name} = {factor!r} }}\n" for factor in factors)
 
 
 def compare(name: str, size: float | None = None, stiffer: float = 1.0) -> dict[str, Any]:
-    """Solve one problem by both programs and return their results.
+    """Solve a problem by both programs, and return the results and their differences.
 
-    The contact of CalculiX follows displacements even without NLGEOM. A larger Young's modulus
-    makes these displacements too small to matter.
+    In CalculiX, contact follows the displacements even without NLGEOM. A larger Young's modulus
+    makes the displacements so small that this has no effect.
 
     Args:
         name: Name of the problem.
-        size: Edge length of the mesh.
-        stiffer: Factor of Young's modulus; it divides all displacements.
+        size: Edge length of the mesh; None for the edge length of the problem.
+        stiffer: Factor that multiplies Young's modulus, and so divides all displacements.
     """
     write, usual, contact, deck = CASES[name]
     deck = replace(deck, young=stiffer * deck.young)
@@ -178,7 +186,7 @@ def compare(name: str, size: float | None = None, stiffer: float = 1.0) -> dict[
 
 
 def times(bound: float | None, most: float) -> float | None:
-    """Return a bound as a load."""
+    """Return a bound on the load factor times the load ``most``; None if there is no bound."""
     return None if bound is None else bound * most
 
 
@@ -190,7 +198,16 @@ def level(
     factor: float,
     step: dict[str, Any],
 ) -> dict[str, float]:
-    """Return α for the load of time 1, largest displacement and contact force by both programs."""
+    """Return work, largest displacement and contact force by both programs at one increment.
+
+    Args:
+        theirs: Results of CalculiX.
+        mesh: The mesh.
+        deck: Materials, supports and load.
+        k: Index of the increment.
+        factor: Load factor; the factor 1 is the load at time 1 of CalculiX.
+        step: Level of the program at this load factor.
+    """
     u: Array = theirs["fields"][k]
     forces = [force for name, force in step["reactions"].items() if name.startswith("contact")]
     ours = float(np.linalg.norm(forces[0]))
@@ -210,7 +227,7 @@ def level(
 
 
 def main() -> None:
-    """Run one problem and write its record."""
+    """Compare both programs for the problem that the command line names; write the record."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("case", choices=CASES)
     parser.add_argument("--size", type=float)

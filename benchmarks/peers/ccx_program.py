@@ -1,4 +1,4 @@
-"""Find and run CalculiX, read what it prints, and measure its processor time."""
+"""Find and run CalculiX, read its results, and measure its processor time."""
 
 import os
 import re
@@ -34,7 +34,12 @@ def timed(command: Sequence[str], folder: Path, **environment: str) -> tuple[flo
 
 
 def calculix(folder: Path, nodes: int) -> dict[str, Any]:
-    """Run CalculiX on ``model.inp`` and return its results of each converged increment."""
+    """Run CalculiX on ``model.inp`` in a folder; return its results at converged increments.
+
+    Args:
+        folder: The folder with the file.
+        nodes: Number of nodes.
+    """
     ccx = program()
     assert ccx is not None
     libraries = str(Path(ccx).parents[1] / "lib/x86_64-linux-gnu")

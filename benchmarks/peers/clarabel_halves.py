@@ -1,12 +1,12 @@
-"""Compare the program with Clarabel on the programs of both strict bounds of two blocks.
+"""Compare the program with Clarabel on the conic programs for both bounds of two blocks.
 
 ./fenicsx python3 -m pip install --target DIR clarabel==0.11.1
 ./fenicsx env PYTHONPATH=DIR python3 -m benchmarks.peers.clarabel_halves 3
 
-Both solve to 1e-4 on one core. The processor time of the program is that of a whole bound with
-set-up and certificate, after one run that compiles forms. The time of Clarabel is that of its
-solution alone. In space Clarabel does not solve the lower bound with its default regularisation, so
-a larger one is set.
+Both solve to a tolerance of 1e-4 on one core. The processor time of the program includes set-up and
+certificate of a bound; a first run compiles the forms. The processor time of Clarabel includes only
+the solution of the conic program. In 3D, Clarabel does not solve the program for the lower bound
+with its default regularisation, so the script sets a larger regularisation.
 """
 
 import argparse
@@ -35,7 +35,7 @@ RTOL = 1e-4
 
 
 def main() -> None:
-    """Measure, and print a line for each bound and program."""
+    """Compute both bounds by the program and by Clarabel, and print values and times."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("n", type=int, help="cubes per unit length")
     problem = admitted(blocks(MPI.COMM_WORLD, parser.parse_args().n), RTOL)
@@ -65,7 +65,10 @@ def main() -> None:
 def solve(
     cost: Floats, equal: tuple[Any, Floats], least: Any, cones: Rows, right: Floats
 ) -> float | None:
-    """Solve a cone program by Clarabel, print its processor time, and return the value."""
+    """Solve a conic program by Clarabel, print its processor time, and return the optimum.
+
+    Arguments are those of ``posed`` in ``tests/proof/conic_oracle.py``.
+    """
     problem = posed(cost, equal, least, cones, right)
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.max_threads = False, 1

@@ -1,7 +1,8 @@
 """Solve the punch by GetFEM: one step of Prandtl-Reuss plasticity from zero, which is Hencky's law.
 
-The same mesh, law, supports, pressure and nodal contact as ``punch`` in benchmarks/problems.py;
-GetFEM's bricks, its Newton method with its simplest line search, and sequential MUMPS.
+Mesh, law, supports, pressure and nodal contact are those of ``punch`` in benchmarks/problems.py.
+The script uses GetFEM's bricks, its Newton method with the simplest line search, and sequential
+MUMPS.
 
 python3 benchmarks/peers/getfem_punch.py --n 8 -o record.json      (needs Debian's python3-getfem)
 """
@@ -30,7 +31,13 @@ CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1,
 
 
 def box(cubes: int, origin: tuple[float, float, float], h: float) -> tuple[Array, npt.NDArray]:
-    """Return points and tetrahedra of a cube that has ``cubes`` small cubes along each edge."""
+    """Return points and tetrahedra of a cube with ``cubes`` small cubes along each edge.
+
+    Args:
+        cubes: Number of small cubes along each edge.
+        origin: Corner with the smallest coordinates.
+        h: Edge length of a small cube.
+    """
     k, j, i = np.meshgrid(*[np.arange(cubes)] * 3, indexing="ij")
     edge = cubes + 1
     corner = [((k + c) * edge + j + b) * edge + i + a for a, b, c in CORNERS]
@@ -60,7 +67,7 @@ class Body:
 def make_body(
     points: Array, cells: npt.NDArray, held: Callable[[Array, npt.NDArray[np.int64]], Flags]
 ) -> Body:
-    """Return a body of linear tetrahedra."""
+    """Return a body of linear tetrahedra; ``held`` marks the supported unknowns."""
     mesh = gf.Mesh("empty", 3)
     mesh.add_convex(gf.GeoTrans("GT_PK(3,1)"), np.transpose(points[cells], (2, 1, 0)))
     full = gf.MeshFem(mesh, 3)
@@ -73,7 +80,7 @@ def make_body(
 
 
 def make_bodies(n: int) -> tuple[Body, Body]:
-    """Return the base and a quarter of the punch."""
+    """Return a quarter of the base and a quarter of the punch."""
 
     def symmetry(x: Array, axis: npt.NDArray[np.int64]) -> Flags:
         return ((axis == 0) & (abs(x[0]) < 1e-9)) | ((axis == 1) & (abs(x[1]) < 1e-9))
@@ -136,7 +143,7 @@ def _contact_nodes(body: Body, n: int) -> dict[tuple[int, ...], int]:
 
 
 def main() -> None:
-    """Solve one load level and write its record."""
+    """Solve the load level, and write the record."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--n", type=int, required=True)
     parser.add_argument("--pressure", type=float, default=450.0)

@@ -1,6 +1,6 @@
-"""Write a mesh of gmsh as a model of CalculiX: quadratic tetrahedra, contact, a growing load.
+"""Write a gmsh mesh as a CalculiX model: quadratic tetrahedra, contact and a growing load.
 
-Midside nodes lie on straight edges, as after ``perfplast mesh`` has read the file.
+Midside nodes lie at the middle of straight edges, as in the mesh that ``perfplast mesh`` makes.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,11 +38,11 @@ class Deck:
     """Materials, supports and load of a model.
 
     Attributes:
-        yields: Yield stress of each body (MPa); None in elastic ones.
-        held: Components, such as "13", that surfaces hold.
-        pressed: The surface with a pressure of 1 at time 1; or
-        pulled: The body with a force of 1 per unit of volume along y.
-        most: Largest factor of the load at time 1.
+        yields: Yield stress of each body (MPa); None for an elastic body.
+        held: Supported components, such as "13", of each supported surface.
+        most: Load at time 1 (MPa for a pressure, N/mm³ for a force per volume).
+        pressed: Surface under the pressure; empty if a force per volume acts.
+        pulled: Body under a force per volume along y; empty if a pressure acts.
         young: Young's modulus (MPa).
         poisson: Poisson's ratio.
     """
@@ -62,8 +62,8 @@ class Mesh:
 
     Attributes:
         points: Shape (num_nodes, 3); node k has the number k + 1.
-        cells: Nodes of each body's elements, by its name, in the order of C3D10.
-        surfaces: Nodes of the triangles of each surface, corners first.
+        cells: Nodes of the elements of each body, by name, in the order of C3D10.
+        surfaces: Nodes of the triangles of each surface, by name, corners first.
     """
 
     points: Array
@@ -77,7 +77,7 @@ class Mesh:
         return {name: int(first) for name, first in zip(self.cells, counts, strict=False)}
 
     def faces(self, surface: str) -> Iterator[tuple[int, int]]:
-        """Yield the elements on a surface with the numbers of their faces."""
+        """Yield the number of each element at a surface, and the number of its face there."""
         wanted = np.sort(self.surfaces[surface][:, :3], axis=1)
         keys = set(map(tuple, listed(wanted)))
         for name, cells in self.cells.items():
@@ -92,13 +92,13 @@ class Mesh:
 
 
 def listed(array: npt.NDArray[Any]) -> list[Any]:
-    """Return the rows of an array as lists, for type checkers."""
+    """Return the rows of an array as lists, with a type that type checkers accept."""
     rows: Any = array.tolist()
     return list(rows)
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Return a mesh of linear tetrahedra, with midside nodes added."""
+    """Read a gmsh file with linear tetrahedra, and return its mesh with added midside nodes."""
     with gmsh_session():
         gmsh.merge(str(path))
         gmsh.model.mesh.setOrder(2)
@@ -122,7 +122,7 @@ def _named(dim: int, kind: int, width: int, number: Longs) -> dict[str, Longs]:
 
 
 def deck_text(mesh: Mesh, deck: Deck, contact: tuple[str, str]) -> str:
-    """Return the text of the file for both programs."""
+    """Return the text of the ``.inp`` file, which both programs read."""
     return "".join(_lines(mesh, deck, contact))
 
 
@@ -169,7 +169,7 @@ def work(mesh: Mesh, deck: Deck, u: Array) -> float:
         a, b, c = (mesh.points[nodes[:, k]] for k in range(3))
         area = np.cross(b - a, c - a) / 2
         outside = np.sign(area @ (a.mean(axis=0) - mesh.points.mean(axis=0)))
-        mean = u[nodes[:, 3:]].mean(axis=1)  # corners have no share
+        mean = u[nodes[:, 3:]].mean(axis=1)  # only midside nodes matter
         return float(-(outside[:, None] * area * mean).sum())
     nodes = mesh.cells[deck.pulled]
     edges = mesh.points[nodes[:, 1:4]] - mesh.points[nodes[:, :1]]

@@ -1,7 +1,8 @@
 """Solve the plate by a plain DOLFINx Newton loop: UFL's own tangent, MUMPS in each step.
 
-A user writes this in an hour: the law as one UFL expression, its consistent tangent by
-``ufl.derivative``, steps halved while the residual grows, a factorisation in each step.
+A user can write this loop in an hour. The law is one UFL expression, and ``ufl.derivative`` gives
+its consistent tangent. The loop halves a step while the residual grows, and factorises in each
+step.
 
 python3 -m benchmarks.peers.plain_newton --n 4 -o record.json
 """
@@ -29,7 +30,7 @@ MOST_STEPS, MOST_HALVINGS = 60, 8
 
 
 def stress(e: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
-    """Return the stress by Hencky's law with the von Mises condition."""
+    """Return the stress at a strain ``e`` by Hencky's law with the von Mises condition."""
     bulk, shear = YOUNG / (3 * (1 - 2 * POISSON)), YOUNG / (2 * (1 + POISSON))
     deviator = ufl.dev(e)
     size = 2 * shear * ufl.sqrt(ufl.inner(deviator, deviator) + 1e-30)
@@ -39,7 +40,7 @@ def stress(e: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
 
 
 def main() -> None:
-    """Solve ζ = 1 from zero displacement and write a record."""
+    """Solve the level ζ = 1 from zero displacement, and write the record. Collective."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--n", type=int, required=True)
     parser.add_argument("--factor", choices=("lu", "cholesky"), default="lu")

@@ -37,7 +37,7 @@ def program() -> Path:
 
 
 def read(output: str) -> dict[str, object]:
-    """Return counts and seconds from the output of step-42.
+    """Return numbers of iterations and times (s) from the output of step-42.
 
     Raises:
         ValueError: If a number is missing in the output.
@@ -62,7 +62,7 @@ def read(output: str) -> dict[str, object]:
 
 
 def main() -> None:
-    """Run step-42 and write a record."""
+    """Run step-42, and write the record."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--ranks", type=int, required=True)
     parser.add_argument("--refinements", type=int, default=5, help="8^k hexahedra")
