@@ -87,10 +87,11 @@ class _Pieces:
     """Simplices with the cuts that remain to be made.
 
     Attributes:
-        cells: As in :class:`Parts`, like ``facets`` and ``parents``.
+        cells: See :class:`Parts`, also for ``facets`` and ``parents``.
         middle: Index of the new vertex between two vertices, −1 without one, shape (n, dim + 1, dim
             + 1).
-        rank: Order of the edges, of the same shape; the edge with the largest number is cut first.
+        rank: Order of the edges, same shape as ``middle``; the edge with the largest number is cut
+            first.
     """
 
     cells: Longs
@@ -100,13 +101,13 @@ class _Pieces:
     rank: Longs
 
     def rows(self, which: npt.NDArray[np.bool_]) -> "_Pieces":
-        """Return some of the simplices."""
+        """Return the simplices that ``which`` flags."""
         return _Pieces(*(getattr(self, name)[which] for name in _NAMES))
 
     def half(self, kept: Longs, moved: Longs, inner: int) -> "_Pieces":
-        """Return the half of each simplex that keeps one end of the cut edge.
+        """Return the half of each simplex that contains the vertex ``kept`` of the cut edge.
 
-        The other end is replaced by the midpoint.
+        The edge's midpoint replaces the vertex ``moved``; the new facet gets the tag ``inner``.
         """
         row = np.arange(len(self.cells))
         half = _Pieces(*(getattr(self, name).copy() for name in _NAMES))

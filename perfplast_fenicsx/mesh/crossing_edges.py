@@ -17,9 +17,10 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None = None) -> int:
-    """Move vertices at such crossings slightly, in place, and return their number. Collective.
+    """Move vertices where two lines of edges cross, and return the number of vertices. Collective.
 
-    Vertices on surfaces and boundaries are not moved, so the shapes of bodies do not change.
+    The function moves vertices slightly and in place. It does not move vertices on surfaces and
+    boundaries, so the shapes of bodies do not change.
 
     Args:
         tagged_mesh: Mesh of straight triangles.
@@ -64,15 +65,15 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     alike = np.abs(cells * table[:, 5] - table[:, 4] ** 2) < 0.5
     # divided by 2, because each edge belongs to two triangles
     bend = np.linalg.norm(table[:, :2], axis=1) / 2
-    # up to this length of the sum of the four unit vectors, lines are exactly straight
+    # if the sum of the four unit vectors along the edges is no longer, the lines are straight
     rounding = 1e-13
-    clear = 1e-3  # from this length on, edges count as clearly bent
+    clear = 1e-3  # if this sum is longer, the lines are clearly bent
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
     # displacement of a vertex, relative to the harmonic mean of the lengths of its edges
     shifted = 0.05
     nearly &= True if stays is None else ~stays
-    # This limit prevents folds: the sum of inverse heights is at least the inverse of the least
-    # height.
+    # Limit of the displacement, divided by the sum of inverse heights of the cells. This sum is at
+    # least the inverse of the least height, so cells do not fold.
     within = 0.3
     far = np.minimum(
         shifted * 8 / np.maximum(table[:, 2], 1e-300), within / np.maximum(table[:, 7], 1e-300)

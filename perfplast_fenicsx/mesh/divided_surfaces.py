@@ -32,11 +32,11 @@ def bulges(ends: Floats, every: Floats) -> Floats:
         every: Ends of all chords of the surface, shape (m, 2, 2).
 
     Returns:
-        Sines of the larger of the two angles at the ends of each chord, shape (n, 2). In column 0
-        for a bend that is convex to the left of the chord, in column 1 to the right; 0 without a
-        bend and next to corners.
+        Sines of the larger of the two angles at the ends of each chord, shape (n, 2). Column 0 is
+        for bends that are convex to the left of the chord, column 1 for bends to the right. The
+        sine is 0 without a bend and next to corners.
     """
-    corner = 0.6  # from this sine on, the angle is a corner and does not approximate a curve
+    corner = 0.6  # an angle with a larger sine is a corner, and does not approximate a curve
     found = np.zeros((len(ends), 2))
     if not len(every):
         return found
@@ -48,7 +48,7 @@ def bulges(ends: Floats, every: Floats) -> Floats:
         here = ends[:, end]
         apart, which = tree.query(here, k=2)
         # the nearest ends belong to this chord and, except at an end of the surface, to the next
-        # one
+        # chord
         near = apart <= _off_by_rounding(lengths)[:, None]
         far = every[which // 2, 1 - which % 2] - here[:, None]
         reach = np.where(near, np.linalg.norm(far, axis=2), 1.0)
@@ -87,10 +87,10 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
     e, length = along[chord] / lengths[chord, None], lengths[chord]
     at = np.einsum("ni,ni->n", offset, e) / length
     off = (offset[:, 1] * e[:, 0] - offset[:, 0] * e[:, 1]) / length
-    # A point counts as an end of a chord up to this distance, relative to the chord's length.
+    # A point this close to an end of a chord, relative to the chord's length, counts as the end.
     at_end = 1e-6
-    # Largest distance of the arc from the chord, relative to the chord's length and to the turning
-    # angle: at the middle an eighth, or a quarter if the neighbour is far shorter.
+    # Largest distance of the arc from the chord, relative to the product of the chord's length and
+    # the turning angle. At the middle it is at most 1/8, or 1/4 if the next chord is far shorter.
     most = 1.25 * at * (1 - at)
     left, right = bulging[chord].T * most + _off_by_rounding(np.ones(len(at)))
     good = (off <= left) & (off >= -right) & (at > at_end) & (at < 1 - at_end)
@@ -130,7 +130,7 @@ def farthest(every: Floats, points: Floats) -> float | None:
 
 
 def _off_by_rounding(lengths: Floats) -> Floats:
-    """Return the distance up to which a point counts as lying on a chord or at its end."""
+    """Return the distances up to which points count as lying on chords of given lengths."""
     return 1e-8 * lengths
 
 
@@ -239,7 +239,7 @@ def _numbers(vertices: IndexMap, first: int) -> Longs:
 
 
 def _tags(tagged_mesh: TaggedMesh, count: int) -> Ints:
-    """Return the tags of the cells that this rank owns, shape (count,)."""
+    """Return the tags of the ``count`` cells that this rank owns, shape (count,)."""
     tags = np.zeros(count, dtype=np.int32)
     mine = tagged_mesh.cell_tags.indices < count
     tags[tagged_mesh.cell_tags.indices[mine]] = tagged_mesh.cell_tags.values[mine]

@@ -74,9 +74,9 @@ def check_sides(mesh: Mesh) -> None:
 def _refuse(
     mesh: Mesh, x: Floats, wrong: npt.NDArray[np.bool_], what: str, numbers: Ints | None = None
 ) -> None:
-    """Raise an error with one place if a cell is wrong. Collective.
+    """Raise an error with the place of one wrong cell if there are wrong cells. Collective.
 
-    ``wrong`` has a row of flags for each cell; flags with equal ``numbers`` count as one fault.
+    ``wrong`` has a row of flags for each cell; flags with equal ``numbers`` count once.
     """
     count = len(np.unique(numbers[wrong])) if numbers is not None else int(wrong.sum())
     total, message = mesh.comm.allreduce(count), None
@@ -91,7 +91,7 @@ def _refuse(
 
 
 def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """Return which owned cells have a Jacobian determinant that changes sign at lattice points."""
+    """Return which owned cells have a Jacobian determinant that vanishes or changes its sign."""
     cmap, tdim = coordinate_map(mesh), mesh.topology.dim
     owned = mesh.topology.index_map(tdim).size_local
     if cmap.degree == 1:

@@ -75,7 +75,7 @@ def glue(tagged_mesh: TaggedMesh, pairs: Longs, surfaces: Collection[str]) -> Ta
 
 
 def _merged(pairs: Longs) -> Longs:
-    """Return two columns: the sorted numbers in pairs, and the least number in each group."""
+    """Return the sorted numbers in ``pairs``, and the least number of each number's group."""
     numbers, at = np.unique(pairs, return_inverse=True)
     one, other = at.reshape(-1, 2).T
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(len(numbers),) * 2)
@@ -86,7 +86,7 @@ def _merged(pairs: Longs) -> Longs:
 
 
 def _renumbered(numbers: Longs, merged: Longs) -> Longs:
-    """Return the numbers after merging pairs, renumbered without gaps."""
+    """Return ``numbers`` after the merging of vertices, renumbered without gaps."""
     found: Longs = numbers.copy()
     chosen = np.isin(numbers, merged[:, 0])
     found[chosen] = merged[np.searchsorted(merged[:, 0], numbers[chosen]), 1]

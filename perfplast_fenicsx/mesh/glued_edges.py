@@ -125,7 +125,7 @@ class GluedEdges:
             lengths = np.linalg.norm(edges, axis=2)
         else:
             lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
-        short = 1e-6  # factor on the length of edges that belong only to such cells
+        short = 1e-6  # weight of shapeless cells, and factor on edges of only such cells
         weights = np.ones_like(lengths)
         if shapeless is not None:
             weights[shapeless] = short
@@ -140,7 +140,7 @@ class GluedEdges:
         return mean
 
     def _largest(self, values: Floats) -> Floats:
-        """Return values for local edges from owned edges: the larger value of both sides."""
+        """Return, for each local edge, the larger of the values that owners on both sides have."""
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[: self._owned] = values
         vector.array[self._twins] = self._meeting.largest(values[self._twins])
@@ -150,7 +150,7 @@ class GluedEdges:
 
 def _place(middles: Floats) -> Floats:
     """Return numbers that order edges of equal length in the same way on all ranks."""
-    # along this direction hardly any two midpoints of edges have the same position
+    # along this direction, two midpoints of edges hardly ever have the same position
     irrational = np.array([0.754877666, 0.569840291, 0.328125733])
     place: Floats = (middles * irrational[: middles.shape[1]]).sum(axis=1)
     return place
@@ -163,7 +163,7 @@ def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
     nothing changes.
 
     Returns:
-        The numbers, and whether another vertex coincides with each one, each of shape
+        The numbers, and flags of vertices that coincide with another vertex, each of shape
         (num_vertices,).
     """
     comm, vertices = mesh.comm, mesh.topology.index_map(0)
@@ -188,10 +188,10 @@ def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
 
 
 class _Meeting:
-    """Gathers the rows of all ranks that have equal keys on one rank."""
+    """Sends all rows with equal keys, from any rank, to one rank."""
 
     def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
-        """Send each key to the rank for this key. Collective.
+        """Send each key to the rank that is responsible for it. Collective.
 
         Args:
             comm: The ranks.

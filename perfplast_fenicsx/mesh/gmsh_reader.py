@@ -48,7 +48,7 @@ REMEDIES = {
 
 @dataclass(frozen=True)
 class Block:
-    """Elements of one type in one entity: nodes by gmsh's tags, shape (num_elements, ·)."""
+    """Elements of one type in one entity; ``nodes`` has a row of gmsh's node tags for each."""
 
     dim: int
     entity: int
@@ -147,7 +147,7 @@ def _check_header(path: Path) -> None:
             head = file.read(11)
     except FileNotFoundError as error:
         raise InputError(f"mesh file '{path}' does not exist; {windows_path(path)}.") from error
-    except (OSError, ValueError) as error:  # names that no file can have raise a ValueError
+    except (OSError, ValueError) as error:  # a name that no file can have raises a ValueError
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
@@ -378,7 +378,7 @@ def _names(content: Content, path: str | Path, dim: int) -> dict[str, int]:
 
 
 def _elements(content: Content, path: str | Path, dim: int) -> tuple[int, Longs]:
-    """Return the degree and the nodes (gmsh's tags) of all elements of a dimension."""
+    """Return the degree and the node tags of all elements of dimension ``dim``."""
     blocks = [block for block in content.blocks if block.dim == dim]
     types = {block.kind for block in blocks}
     if len(types) > 1 or not types <= SIMPLICES[dim].keys():
@@ -443,7 +443,7 @@ def _surface_tags(
 
 
 def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
-    """Return facets and tags without repetition; old files repeat a facet for each group."""
+    """Return facets and tags without repetition; in old files, each group repeats its facets."""
     rows = np.column_stack([np.sort(facets, axis=1), values])
     first = np.sort(np.unique(rows, axis=0, return_index=True)[1])
     return facets[first], values[first]
@@ -452,7 +452,7 @@ def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
 def _left_out(
     content: Content, path: str | Path, gdim: int, surfaces: set[str], cell_values: Ints
 ) -> Iterator[str]:
-    """Yield a remark for each dimension with physical groups that name nothing in the mesh."""
+    """Yield a remark for each dimension whose physical groups name nothing in the mesh."""
     for dim in range(gdim + 1):
         names = {name or str(tag): tag for of, tag, name in content.groups if of == dim}
         if dim == gdim:

@@ -37,8 +37,8 @@ class Kinematics(Protocol):
         whole: Whether bodies are finite in all directions. In plane strain they are not: forces and
             works are per unit of depth, and no equilibrium equation contains the out-of-plane
             stress.
-        forces: The unit of depth or the part of the bodies to which forces and works refer, in
-            words; empty for whole bodies in 3D.
+        forces: Words for the unit of depth, or the part of the bodies, to which forces and works
+            refer; empty for whole bodies in 3D.
         motions: The rigid motions in words.
         thickness: Thickness (length), by which forces on whole surfaces are divided; 1 except in
             plane stress.
@@ -71,7 +71,7 @@ class Kinematics(Protocol):
         return np.ones(x.shape[:-1])
 
     def carried(self, x: Floats) -> Floats:
-        """Return the value of the unknowns at points that have a unit displacement.
+        """Return the value that an unknown has at points where the displacement is 1.
 
         Args:
             x: Points, shape (..., gdim).
@@ -257,7 +257,7 @@ class AroundAxis:
 
     Attributes:
         section: Measure dμ on the half section.
-        weighed: Whether the measure contains r; otherwise it is 2π dμ.
+        weighed: Whether the measure contains the factor r; without it the measure is 2π dμ.
     """
 
     section: ufl.Measure

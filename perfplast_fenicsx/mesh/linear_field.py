@@ -47,13 +47,14 @@ class LinearField:
         best, where = np.full(len(points), -np.inf), np.zeros(len(points), dtype=np.int64)
         for point, cell in self._search.near(points, np.zeros(len(points))):
             least = _shares(self._corners[cell], points[point][:, None])[:, 0].min(axis=1)
-            # in an assignment to one point several times, the last value remains
+            # if a point lies in several cells, the last assignment remains: the cell in which the
+            # least barycentric coordinate is largest
             order = np.argsort(least)
             point, cell, least = point[order], cell[order], least[order]
             better = least > best[point]
             where[point[better]] = cell[better]
             np.maximum.at(best, point, least)
-        # a point counts as outside a cell if a barycentric coordinate is below minus this
+        # a point is outside a cell if its least barycentric coordinate is below minus this value
         outside = 1e-9
         if (best < -outside).any():
             at = place_of(points[np.argmax(best < -outside)])

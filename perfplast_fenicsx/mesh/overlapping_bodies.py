@@ -6,8 +6,8 @@ sagitta.
 
 Depths of overlaps come from the separating axis theorem (for boxes: S. Gottschalk, M. C. Lin, D.
 Manocha, OBBTree, SIGGRAPH 1996). Two convex polytopes are disjoint if and only if their projections
-on some axis are disjoint. The axis is a normal of a face of one of them, or a cross product of an
-edge of each.
+on some axis are disjoint. It suffices to test the normals of their faces, and the cross products of
+an edge of one polytope and an edge of the other.
 """
 
 from collections.abc import Callable, Iterator
@@ -46,8 +46,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
     """
     depth = np.full(len(one), np.inf)
     left = np.arange(len(one))
-    # edges count as parallel, and their product is ignored, if the sine of their angle is below
-    # this
+    # the product of two edges is ignored if the sine of their angle is below this value
     parallel = 1e-9
     for axis_of in _axes(one.shape[2]):
         axis, size = axis_of(one[left], other[left])
@@ -65,7 +64,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
 
 
 def _axes(gdim: int) -> Iterator[AxisOf]:
-    """Yield functions that return axes, and the lengths of axes for perpendicular edges."""
+    """Yield functions that return axes of pairs of simplices, and the largest possible lengths."""
     for which in (0, 1):
         for place in range(gdim + 1):
             yield partial(_face_normal, which, place)
@@ -76,7 +75,7 @@ def _axes(gdim: int) -> Iterator[AxisOf]:
 
 
 def _face_normal(which: int, place: int, *x: Floats) -> tuple[Floats, Floats]:
-    """Return the normals of facets opposite a vertex of one simplex, and their largest lengths."""
+    """Return normals of facets opposite vertex ``place``, and their largest possible lengths."""
     corner, *rest = np.delete(np.arange(x[0].shape[1]), place)
     edges = [x[which][:, other] - x[which][:, corner] for other in rest]
     if len(edges) == 2:
@@ -179,7 +178,7 @@ class CellSearch:
 
 @dataclass(frozen=True)
 class _Cells:
-    """Cells of this rank as rows that are sent, and points just outside outer facets."""
+    """The cells of this rank as rows to send, and points just outside unnamed outer facets."""
 
     rows: npt.NDArray
     outside: npt.NDArray
@@ -230,7 +229,7 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
 
 
 def _cells(tagged_mesh: TaggedMesh) -> _Cells:
-    """Return the cells of this rank, and points outside their outer facets. Collective."""
+    """Return the cells of this rank, and points outside unnamed outer facets. Collective."""
     mesh = tagged_mesh.mesh
     tdim, gdim = mesh.topology.dim, mesh.geometry.dim
     cells, points = corners(mesh)
@@ -264,7 +263,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
     plain = ~named[sides.of_cell[at, place]]
     outside = np.zeros(int(plain.sum()), dtype=[("point", "f8", (gdim,)), ("body", "i8")])
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
-    # distance outside a facet, relative to its size, of the points where other cells are sought
+    # distance from a facet, relative to its size, of the outside point where cells are sought
     margin = 1e-4
     beyond = corner.mean(axis=1) + margin * length[:, None] * normal
     outside["point"], outside["body"] = beyond[plain], rows["body"][at[plain]]
@@ -282,7 +281,7 @@ def _area_vectors(corner: Floats) -> Floats:
 def _sagittas(
     comm: MPI.Intracomm, vertices: IndexMap, ends: npt.NDArray, area: Floats, length: Floats
 ) -> Floats:
-    """Return the largest possible distance of facets at each local vertex from a curved surface.
+    """Return, for each vertex, a bound on the distance of its facets from a curved surface.
 
     Collective. The distance is zero if all facets at the vertex lie in one plane; otherwise it is
     about the largest distance of a single facet.
@@ -296,8 +295,8 @@ def _sagittas(
     across = np.einsum("nki,ni->nk", mean[ends], area)
     sizes = np.linalg.norm(mean[ends], axis=2) * np.linalg.norm(area, axis=1)[:, None]
     cosine = np.clip(across / np.maximum(sizes, np.finfo(float).tiny), -1, 1)
-    # Facets at a vertex belong to one curved surface if their angle to the mean normal is below
-    # this. Contact treats two facets as one surface up to 40°, half of which belongs to each facet.
+    # Facets at a vertex belong to one curved surface if their angles to the mean normal are below
+    # 25°. In contact, two facets form one surface up to an angle of 40°, 20° from the mean.
     least_cosine = np.cos(np.deg2rad(25.0))
     aslant = np.where(cosine > least_cosine, np.arccos(cosine), 0.0)
     caution = 2.0  # factor on sagittas, because mean normals are only approximate
@@ -323,17 +322,17 @@ def _deepest(
     radii = np.linalg.norm(x[outer] - centres[:, None], axis=2).max(axis=1, initial=0)
     low, high = x.min(axis=1), x.max(axis=1)
     worst, said = 0.0, None
-    # Overlaps are ignored below this depth, relative to a cell's longest edge: nodes are not more
-    # accurate.
+    # Overlaps are ignored below this depth, relative to a cell's longest edge, because nodes are
+    # not more accurate.
     rounding = 1e-3
-    # Overlaps are ignored below this depth, relative to the size of all bodies: surfaces touch.
+    # Below this depth, relative to the size of all bodies, surfaces only touch.
     contact_depth = 1e-6
     for one, other in search.near(centres, radii):
         one = outer[one]
         apart = rows["body"][one] != rows["body"][other]
         asked = one != other
         asked &= ~(overlaps & apart)
-        asked &= ~(rows["outer"][other] & (other < one))  # the same pair occurs in both orders
+        asked &= ~(rows["outer"][other] & (other < one))  # the pair occurs in both orders
         one, other = one[asked], other[asked]
         least = rounding * np.maximum(edge[one], edge[other]) + contact_depth * extent
         least += rows["allowed"][one] + rows["allowed"][other]
@@ -360,7 +359,7 @@ def _deepest(
 
 
 def _covered(rows: npt.NDArray, outside: npt.NDArray, search: CellSearch) -> npt.NDArray:
-    """Return the points outside facets that lie in a cell, with both bodies."""
+    """Return the points of ``outside`` that lie in a cell, with the bodies of facet and cell."""
     found = [np.zeros(0, dtype=[("one", "i8"), ("other", "i8"), ("point", outside.dtype["point"])])]
     points = outside["point"]
     low, high = rows["x"].min(axis=1), rows["x"].max(axis=1)

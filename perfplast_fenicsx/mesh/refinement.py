@@ -238,7 +238,7 @@ def fan(tagged_mesh: TaggedMesh, points: Ints, opposite: Longs | None = None) ->
     marks: npt.NDArray[np.bool_] = np.zeros(len(edges.order), dtype=np.bool_)
     marks[edges.of_cell[here]] = True
     marks = edges.anywhere(marks)
-    # in the plane any order of the edges is valid, because cells share no faces
+    # in the plane, any order of the edges is valid, because cells share no triangular face
     first = edges.order[edges.of_cell] + here * len(edges.order)
     return _cut(tagged_mesh, edges, marks, first)
 
@@ -248,7 +248,7 @@ def fan_around(
 ) -> Refined:
     """Return a mesh with tetrahedra cut in two by planes through one of their edges. Collective.
 
-    Each is cut at the opposite edge; other cells that share this edge are cut too.
+    Each of these tetrahedra is cut at the opposite edge; other cells at this edge are cut too.
 
     Args:
         tagged_mesh: Mesh of tetrahedra, see :func:`refine`.
@@ -320,7 +320,7 @@ def _in_order(mesh: Mesh, rows: Longs, parents: Longs) -> Longs:
 
     Collective.
 
-    So the new cells have the same numbers on any number of ranks.
+    The new cells then have the same numbers on any number of ranks.
     """
     topology, comm = mesh.topology, mesh.comm
     owned = topology.index_map(topology.dim)

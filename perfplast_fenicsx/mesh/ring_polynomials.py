@@ -132,7 +132,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
 
 
 def equal_parts(count: int) -> list[Floats]:
-    """Return barycentric coordinates of equal parts of a triangle; they are exactly 0 on edges."""
+    """Return barycentric coordinates of equal parts of a triangle, with exact 0 on its edges."""
     parts = []
     for i, j in product(range(count), repeat=2):
         low = np.array([[i, j], [i + 1, j], [i, j + 1]])

@@ -87,12 +87,12 @@ class Box:
 
 @dataclass(frozen=True)
 class Surface:
-    """The exterior facets of some bodies for whose vertices ``where`` is true.
+    """The exterior facets of ``bodies`` whose vertices all satisfy ``where``.
 
     Attributes:
         name: Name of the surface.
         bodies: Names of the volumes.
-        where: Function that returns marks for points of shape (3, num_points).
+        where: Function of points, shape (3, num_points), that returns a flag for each point.
     """
 
     name: str

@@ -27,7 +27,7 @@ TRIANGLES = {2: ((0, 1), (1, 2), (2, 0)), 9: ((0, 1, 3), (1, 2, 4), (2, 0, 5))}
 
 @dataclass(frozen=True)
 class _Part:
-    """Elements of one body, or of one side of a surface, by the nodes of the conforming mesh.
+    """Elements of one body, or of one side of a surface, with nodes of the conforming mesh.
 
     Attributes:
         dim: Dimension of the elements.
@@ -118,7 +118,7 @@ def _entities(dim: int) -> list[int]:
 
 
 def _groups(dim: int) -> dict[int, tuple[int, ...]]:
-    """Return the tags of the physical groups of each entity that is in a group."""
+    """Return, for each entity of dimension ``dim`` in a physical group, the tags of its groups."""
     every = {e: gmsh.model.getPhysicalGroupsForEntity(dim, e) for e in _entities(dim)}
     return {entity: tuple(map(int, tags)) for entity, tags in every.items() if len(tags)}
 
@@ -217,7 +217,7 @@ def _doubled(cells: Tags, local: Longs, cut: Tags, first: int) -> tuple[Tags, Ta
 
 
 class _Beside:
-    """Finds the nodes of edges in the cells on both sides."""
+    """Finds the nodes that edges have in the cells on both sides."""
 
     def __init__(self, cells: Tags, opened: Tags, places: Floats, local: Longs) -> None:
         """Sort the edges of all cells.
@@ -237,7 +237,7 @@ class _Beside:
         self._middles = np.repeat(places[:, :3].mean(axis=1), len(local), axis=0)
 
     def of(self, edges: Tags) -> tuple[Tags, Tags]:
-        """Return the nodes of edges in the cells on their left and on their right.
+        """Return the nodes that edges have in the cell on the left and in the cell on the right.
 
         Args:
             edges: Nodes of the edges, shape (n, e); a boundary edge has the same cell on both

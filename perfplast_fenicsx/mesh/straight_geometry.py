@@ -92,7 +92,7 @@ def has_curved_cells(mesh: Mesh) -> bool:
     layout = cmap.create_dof_layout()
     size = np.ptp(vertices, axis=1).max(axis=1)
     curved = False
-    # A midside node counts as lying at the middle up to this distance, relative to the cell's size.
+    # A midside node counts as straight up to this distance from the middle, relative to the cell.
     rounding = 1e-10
     for edge in range(3 if tdim == 2 else 6):
         ends = [d for d in layout.entity_closure_dofs(1, edge) if d <= tdim]

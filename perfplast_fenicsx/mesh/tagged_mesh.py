@@ -83,7 +83,7 @@ class TaggedMesh:
             mesh: Triangles in the plane, or tetrahedra.
             cell_tags: A tag for each cell; it suffices if one of the ranks that have the cell gives
                 the tag.
-            facet_tags: Tags of at least the named facets; one rank suffices here too.
+            facet_tags: Tags of at least the named facets; one rank per facet suffices here too.
             volumes: The tag of each body.
             surfaces: The tag of each surface, or several tags for a surface with several parts.
 
@@ -176,7 +176,7 @@ class TaggedMesh:
                 "only the half section, where x >= 0."
             )
         radii[np.abs(radii) <= axis] = 0.0
-        # these areas are lengths in the plane
+        # areas in the drawing are lengths in the plane
         return replace(self, section=KINDS["axisymmetric"], drawn={})
 
     def thin(self, thickness: float = 1.0) -> "TaggedMesh":
@@ -208,7 +208,7 @@ class TaggedMesh:
         return self.cell_tags.find(_tag("volume", name, self.volumes, self.surfaces))
 
     def facets(self, name: str) -> Ints:
-        """Return the local indices of a surface's facets, sorted; none on ranks without any.
+        """Return the local indices of a surface's facets, sorted; an empty array without facets.
 
         Raises:
             InputError: On every rank, if the surface does not exist.
@@ -333,7 +333,7 @@ def _tags_in(mesh: Mesh, tags: MeshTags) -> list[int]:
 
 
 def _on_all_ranks(mesh: Mesh, tags: MeshTags) -> MeshTags:
-    """Return the tags, completed on all ranks that have the tagged entities. Collective."""
+    """Return the tags on all ranks that have the tagged entities. Collective."""
     mesh.topology.create_entities(tags.dim)
     mesh.topology.create_connectivity(tags.dim, mesh.topology.dim)
     vector = la.vector(mesh.topology.index_map(tags.dim), 2, dtype=np.int64)

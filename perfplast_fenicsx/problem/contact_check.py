@@ -62,7 +62,7 @@ def refused_contacts(case: str, mesh: Path) -> RefusedContacts | None:
 
 
 def left_out(problem: Problem) -> list[str]:
-    """Return a remark on each obstacle or friction that acts on only a part of its surface.
+    """Return a remark on each obstacle and each friction that acts on only a part of its surface.
 
     Collective.
 

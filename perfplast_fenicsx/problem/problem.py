@@ -165,8 +165,8 @@ class Problem:
         """Create supports, rows and loads. Collective.
 
         Args:
-            rigid: Materials; bodies of :class:`Rigid` then follow rigid motions. None if no body
-                follows rigid motions.
+            rigid: Material of each volume; bodies whose material is a :class:`Rigid` then follow
+                rigid motions. None if no body follows rigid motions.
         """
         self.bcs, displacement = self._supports(self.given.holding, rigid)
         given, tagged_mesh = self.given, self.tagged_mesh
@@ -190,10 +190,10 @@ class Problem:
         return any(isinstance(of, Rigid) for of in self.given.materials.values())
 
     def with_rigid_motions(self) -> "Problem":
-        """Return the same problem, with rigid bodies that move in levels. Collective.
+        """Return a copy of the problem whose rigid bodies can move in levels. Collective.
 
-        This problem is for algorithms that solve levels. Bounds use the rigid bodies of the
-        original problem.
+        The returned problem is for algorithms that solve levels. Bounds use the rigid bodies of
+        the original problem.
 
         Raises:
             InputError: If rigid bodies touch each other or obstacles, or if supports do not fit
@@ -295,7 +295,7 @@ class Problem:
         return {name: function for on in self.laws for name, function in on.old.items()}
 
     def remember(self, history: Mapping[str, fem.Function]) -> None:
-        """Set the history of the laws to ``history``; to zero if it is empty."""
+        """Set the history of the laws to ``history``, or to zero if ``history`` is empty."""
         for name, function in self.history.items():
             function.x.array[:] = history[name].x.array if history else 0.0
 
@@ -313,7 +313,7 @@ class Problem:
         return moves or self.initial_strain is not None or self.loads.has_dead()
 
     def is_elastic_at_first(self) -> bool:
-        """Return whether the first states are multiples of one elastic state, apart from gaps.
+        """Return whether states at small ζ are multiples of one elastic state, apart from gaps.
 
         Collective.
         """

@@ -138,8 +138,8 @@ class ProblemBuilder:
             This builder.
 
         Raises:
-            InputError: If an object is of another kind, or names an unknown body or surface. Then
-                none of the objects is added.
+            InputError: If an object is of another kind, or names an unknown body or surface. The
+                builder then adds none of the objects.
         """
         for one in declared:
             self._check_names(one, _argument_of(one))

@@ -1,14 +1,14 @@
 """Assemble the declared loads into the vectors L₀, which acts at any ζ, and L₁, which ζ multiplies.
 
-The energy of (P)_ζ is J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v). Only this module evaluates its last two
-terms.
+The energy of (P)_ζ is J_ζ(v) = Ψ(ε(v)) − L₀(v) − ζL₁(v). Only this module evaluates the last two
+terms of J_ζ.
 
 The module also evaluates tractions that are linear on facets and pore pressures that are linear in
 cells. Stresses that are linear in the cells can balance such loads.
 
-A formula is replaced by the quadratic through its values at vertices and midside nodes
-(:mod:`perfplast_fenicsx.problem.declared.loads`). So a formula of degree 1 is exact, and a formula
-with kinks is piecewise linear if its kinks are at vertices.
+The module replaces a formula by the quadratic function with the same values at vertices and
+midside nodes (:mod:`perfplast_fenicsx.problem.declared.loads`). In straight cells this is exact for
+formulas of degree 2. In curved cells it is exact only for formulas of degree 1.
 """
 
 from collections.abc import Sequence
@@ -186,13 +186,13 @@ def _edges(count: int) -> list[tuple[int, int]]:
 
 
 def _middles(corners: Floats) -> Floats:
-    """Return the midpoints of the edges."""
+    """Return the midpoints of the edges of each simplex, shape (n, num_edges, d)."""
     edges = _edges(corners.shape[1])
     return np.stack([corners[:, edge].mean(axis=1) for edge in edges], axis=1)
 
 
 def _off(at_ends: Floats, at_middles: Floats) -> Floats:
-    """Return the largest difference of midside values from the mean of the ends, by simplex."""
+    """Return, for each simplex, the largest difference of a midside value from the linear one."""
     off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
     return off
 
@@ -221,7 +221,7 @@ def _values(load: Load, x: Floats, normals: Floats) -> Floats:
 
 
 def work_form(tagged_mesh: TaggedMesh, loads: Sequence[SpreadLoad], v: ufl.Argument) -> ufl.Form:
-    """Return the linear form L(v) of at least one load, except forces on rigid surfaces.
+    """Return the linear form L(v) of ``loads``, which must contain at least one load.
 
     Collective.
 
@@ -387,7 +387,7 @@ def declared_loads(
 
 
 def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> PETSc.Vec:
-    """Return the work L(v) of some loads as a vector, with entries also at supported unknowns.
+    """Return the work L(v) of ``loads`` as a vector, with entries also at supported unknowns.
 
     Collective.
     """

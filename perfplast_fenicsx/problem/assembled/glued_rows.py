@@ -77,7 +77,7 @@ class Guides:
         Args:
             u: Displacements of local nodes that already satisfy the other supports, shape
                 (num_nodes, gdim).
-            known: The displacements that guides and supports prescribe.
+            known: The displacements that guides and supports prescribe, same shape.
         """
         off = np.einsum("kni,ni->kn", self.rows, known - u)
         _add_motion(u, off, self.rows, self.pivots)
@@ -138,8 +138,8 @@ def find_guides(
             factors = left[has, pivot[at]] / rows[at, pivot[at]]
             left[has] -= factors[:, None] * rows[at]
             offset[:, has] -= factors * of[:, at]
-        # Lengths of orthogonalised normals: below the first value, rounding errors; below the
-        # second, too small for a row.
+        # An orthogonalised normal shorter than ``rounding`` is a rounding error; one shorter
+        # than ``least`` is too short for a row.
         rounding, least = 1e-9, 1e-3
         sizes = np.abs(left).max(axis=1, initial=0)
         _check_moves(V.mesh.comm, support, offset[:, sizes <= rounding], wanted, displacement)
@@ -223,7 +223,7 @@ def flat_normal(
 def _normals(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, support: Support, known: Floats, nodes: Ints
 ) -> tuple[Floats, Floats]:
-    """Return the normal of a surface (NaN if curved), and the normal at each node. Collective.
+    """Return the normal of a surface (NaN if curved), and its normal at each node. Collective.
 
     Args:
         V: Displacement space.
@@ -258,9 +258,9 @@ def _normals(
 
 
 def _wanted(V: fem.FunctionSpace, support: Support, nodes: Ints) -> Floats:
-    """Return the prescribed displacement of nodes along their normals, constant and times ζ.
+    """Return the prescribed displacement of nodes along their normals, shape (2, num_nodes).
 
-    Collective.
+    Row 0 has the constant part, row 1 the part times ζ. Collective.
     """
     found = np.zeros((2, len(nodes)))
     x = V.tabulate_dof_coordinates()[nodes, : V.mesh.geometry.dim]
@@ -335,9 +335,9 @@ def glued_rows(
         bodies: Rigid bodies, whose nodes are not hosts of other rows; None if there are none.
 
     Returns:
-        The rows, with the rows of guides last; the guides; and the components at local nodes that
-        contact cannot use, because supports hold them, ties eliminate them, or rigid surfaces
-        prescribe them.
+        The rows, with the rows of guides last; the guides; and flags of components at local nodes.
+        Contact cannot use a flagged component, because a support holds it, a row eliminates it, or
+        a rigid surface prescribes it.
 
     Raises:
         InputError: If names or surfaces do not fit the mesh or each other.

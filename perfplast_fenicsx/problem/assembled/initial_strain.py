@@ -97,7 +97,7 @@ def _expansion(
 def _mandel(given: InitialStress, x: Floats, points: Ints, width: int) -> Floats:
     """Return σ₀ at points as Mandel vectors, shape (num_points, width)."""
     if len(given.stress) != width:
-        # Components of an initial stress, by the number of Mandel components.
+        # Components of an initial stress for each number of Mandel components.
         components = {4: "xx, yy, zz and xy", 6: "xx, yy, zz, yz, xz and xy"}
         raise InputError(
             f"the initial stress of '{given.on}' has {len(given.stress)} components, but "
@@ -228,7 +228,7 @@ def _check_apart(bolt: Bolt, other: Bolt) -> None:
 
 
 def _unit_strain(tagged_mesh: TaggedMesh, spaces: Spaces, bolt: Bolt) -> fem.Function:
-    """Return ε(w) at the points, 0 in other bodies. Collective."""
+    """Return the strain ε(w) of a bolt at the points, 0 in other bodies. Collective."""
     V, S, kinematics = spaces.V, spaces.S, tagged_mesh.kinematics
     mesh, comm = tagged_mesh.mesh, tagged_mesh.mesh.comm
     cells, gdim = tagged_mesh.cells(bolt.on), mesh.geometry.dim

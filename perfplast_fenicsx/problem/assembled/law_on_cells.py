@@ -177,7 +177,7 @@ def _shown(numbers: Mapping[str, float]) -> str:
 def _parameters(
     tagged_mesh: TaggedMesh, spaces: Spaces, materials: Mapping[str, Material]
 ) -> dict[str, fem.Function]:
-    """Return the parameters as functions; laws share the function of a parameter by its name.
+    """Return a function for each parameter name; laws with a parameter of this name share it.
 
     Collective.
 
@@ -283,7 +283,7 @@ def integrate(laws: Iterable[LawOnCells], density: OfLaw) -> ufl.Form:
 
 
 class LawExpression:
-    """A value for each law at the points of its cells, compiled once."""
+    """An expression for each law at the points of its cells, compiled once."""
 
     def __init__(self, laws: Sequence[LawOnCells], space: fem.FunctionSpace, value: OfLaw) -> None:
         """Compile the expressions. Collective.
@@ -303,7 +303,7 @@ class LawExpression:
 
 
 def _valid(value: Expr, on: LawOnCells) -> Expr:
-    """Return the merged expression, or a constant 0 on the mesh, because UFL's 0 has no mesh."""
+    """Return ``value`` with equal parts merged; UFL's 0, which has no mesh, as a constant 0."""
     if not isinstance(value, ufl.constantvalue.Zero):
         return merged(value)
     zero = np.zeros(value.ufl_shape, dtype=default_scalar_type)

@@ -101,14 +101,14 @@ def motion_of(comm: MPI.Intracomm, support: Support | RigidSurface, x: Floats) -
     found, fault = np.zeros_like(x), None
     try:
         found = support.motion(x)
-    except InputError as error:  # a formula may have no value at a point on one rank
+    except InputError as error:  # a formula may be undefined at a point of one rank
         fault = str(error)
     raise_together(comm, fault)
     return found
 
 
 def _told(displacement: Floats) -> str:
-    """Return a displacement in words: its constant part and the part that ζ multiplies."""
+    """Return a displacement in words: the part times ζ if there is one, else the constant part."""
     constant, growing = displacement
     return f"{growing:g} times ζ" if growing else f"{constant:g}"
 
@@ -121,9 +121,10 @@ def check_moved_surfaces(
     fixed: npt.NDArray[np.bool_],
     prescribed: Floats,
 ) -> None:
-    """Refuse supports that move nodes of contact surfaces along the normal without a contact pair.
+    """Refuse motions along the normal at nodes of contact surfaces without a contact pair.
 
-    A node has no pair if neither it nor the opposite node is free along the normal. Collective.
+    A node has no pair if neither this node nor the opposite node is free along the normal.
+    Collective.
 
     Args:
         V: Displacement space.
@@ -135,7 +136,8 @@ def check_moved_surfaces(
         prescribed: u_D: the constant part and the part times ζ, shape (2, num_nodes, gdim).
 
     Raises:
-        InputError: If a support moves such a node; the message names the surface.
+        InputError: If a support or an obstacle moves such a node or the opposite side; the message
+            names the surface.
     """
     message = None
     paired = la.vector(V.dofmap.index_map, 1)
@@ -201,7 +203,7 @@ class GivenMotion:
             rows, shape (num_sources, gdim).
         overlap: Prescribed growth of each pair's overlap at ζ = 1 (length), shape (num_pairs,).
         moves_supports: Whether u_D differs from 0 at any ζ.
-        driven: Whether ζ moves anything.
+        driven: Whether ζ moves a support or an obstacle, or increases an overlap.
         parts: The motion that each name in the stages controls, at factor 1; empty without stages.
     """
 
@@ -223,13 +225,13 @@ class GivenMotion:
         return np.asarray(self.gap[0] + zeta * self.gap[1])
 
     def slide_at(self, zeta: float) -> Floats:
-        """Return the tangential jumps without slip (length), shape (num_places, gdim − 1)."""
+        """Return the tangential jumps that motion alone causes, shape (num_places, gdim − 1)."""
         return np.asarray(self.slide[0] + zeta * self.slide[1])
 
     def moves(
         self, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]
     ) -> list[tuple[str, Floats]]:
-        """Return the name of each contact surface, and the motion opposite it at ζ = 1 (length)."""
+        """Return the name of each contact surface, and the motion of its opposite side at ζ = 1."""
         rest = np.zeros(self.displacement.shape[2])
         of_contacts = [(name, rest) for a in contacts for name in (a.primary, a.secondary)]
         of_obstacles = [(one.on, move_of(one, len(rest))) for one in obstacles]
@@ -256,7 +258,7 @@ def given_motion(
             sources in ``constraints``.
 
     Raises:
-        InputError: If a source has a growing overlap, but no node at it overlaps.
+        InputError: If the overlap of a source grows, but no node of this source overlaps.
     """
     comm, gdim = V.mesh.comm, V.mesh.geometry.dim
     sources = sources or constraints.sources

@@ -1,7 +1,8 @@
 """Model rigid bodies in levels by rows B u = 0: a few nodes determine all other nodes of a body.
 
-A body has three motions q in plane meshes and six in 3D. Components that supports hold, and
-directions at up to three nodes, determine q. All other components are linear functions of these.
+A body has three motions q in plane meshes and six in 3D. The components that supports hold, and
+displacements of up to three nodes, determine q. All other displacements of the body are linear
+functions of them.
 The rows do no work on rigid motions, so the row forces balance on each body, and the loads reach
 its supports, contacts and ties.
 """
@@ -71,7 +72,7 @@ def rigid_bodies(
     materials: Mapping[str, Material],
     supported: Supported,
 ) -> RigidBodies:
-    """Return the rigid bodies with their rows, from materials of :class:`Rigid`. Collective.
+    """Return the bodies whose material is a :class:`Rigid`, with their rows. Collective.
 
     The function adds to ``supported`` all components that the supports of a body imply, with their
     displacements.
@@ -173,7 +174,8 @@ class _Body:
         found = _Leaders.none(self._gdim, self._count)
         held = fixed[self._nodes] & self._owned[:, None]
         node, axis = np.nonzero(held)
-        # Supports that restrain a motion by less, relative to the body, do not hold it.
+        # A support holds a motion only if the held component of this motion is larger, relative to
+        # the size of the body.
         least = 1e-6
         place: Floats = np.column_stack([self._x[node], axis.astype(np.float64)])
         number = self._numbers[node] * self._gdim + axis
@@ -190,7 +192,7 @@ class _Body:
         return found
 
     def imply(self, held: "_Leaders", supported: Supported) -> None:
-        """Hold all components that the held components imply, and set their motion. Collective.
+        """Add to ``supported`` all components that ``held`` determines. Collective.
 
         Raises:
             InputError: If the supports prescribe a motion that is not a rigid motion of the body.
@@ -254,8 +256,7 @@ class _Body:
             axes = np.eye(gdim)[loose]
             motions = self._kinematics.rigid_modes(at[None])[0]
             parts, strengths, _ = np.linalg.svd(axes @ motions @ leaders.complement())
-            # Directions whose freedom, relative to the largest, is below this do not become
-            # leaders.
+            # A direction becomes a leader only if its freedom is larger, relative to the largest.
             least = 1e-6
             lead = int((strengths > least * strengths[0]).sum())
             directions = parts.T @ axes
@@ -311,7 +312,7 @@ class _Leaders:
     def and_at(self, number: int, along: Floats, motions: Floats) -> "_Leaders":
         """Return these leaders and further directions ``along`` at a node.
 
-        ``motions`` are the motions of the node, shape (gdim, num_motions).
+        ``motions`` are the displacements of this node in the motions, shape (gdim, num_motions).
         """
         return _Leaders(
             np.append(self.number, np.full(len(along), number)),

@@ -109,8 +109,8 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     middle = total / count
     size = comm.allreduce(float(np.linalg.norm(x - middle, axis=1).max(initial=0)), MPI.MAX)
 
-    # Distances count as equal up to this difference, relative to the surface; coordinates
-    # decide then, so that the number of ranks does not.
+    # Distances that differ by less, relative to the size of the surface, count as equal. The
+    # coordinates then decide, so the choice does not depend on the number of ranks.
     alike = 1e-9
 
     def leading(distance: Floats) -> tuple[float, int, Floats]:
@@ -119,7 +119,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     _, a, x_a = leading(np.linalg.norm(x - middle, axis=1))
     length, b, x_b = leading(np.linalg.norm(x - x_a, axis=1))
     chosen, places, height = [a, b], [x_a, x_b], length
-    # Nodes nearer to a point or a line, relative to the surface, are not leaders.
+    # Leaders are farther apart, and farther from one line, relative to the size of the surface.
     in_line = 1e-6
     along = (x_b - x_a) / max(length, in_line * size, np.finfo(float).tiny)
     if gdim == 2:
@@ -141,7 +141,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
 
 
 def surface_nodes_of(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Ints:
-    """Return the local block dofs of the owned nodes of a surface that can move. Collective."""
+    """Return the local block dofs of a surface's owned nodes, except nodes where v = ru is 0."""
     fdim = tagged_mesh.mesh.topology.dim - 1
     nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(surface))
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
@@ -208,7 +208,7 @@ def rigid_rows(
 
 
 def _rows(V: fem.FunctionSpace, leaders: Leaders, nodes: Ints, number: int) -> Constraints:
-    """Return the rows for each node's dependent components, in the leaders' frame. Collective."""
+    """Return a row for each component of a node that follows the leaders. Collective."""
     gdim = V.mesh.geometry.dim
     numbers = V.dofmap.index_map.local_to_global(nodes)
     which = np.full(len(nodes), -1)
@@ -261,11 +261,9 @@ def _rows_of_slide(
 def farthest(
     comm: MPI.Intracomm, distance: Floats, number: Longs, x: Floats, alike: float
 ) -> tuple[float, int, Floats]:
-    """Return the largest distance, its node and the node's coordinates.
+    """Return the largest distance, its node and the node's coordinates. Collective.
 
-    Among equal distances the coordinates decide.
-
-    Collective.
+    Among nodes with equal distances, the coordinates decide.
     """
     largest = comm.allreduce(float(distance.max(initial=0)), MPI.MAX)
     near = np.flatnonzero(distance >= largest - alike)

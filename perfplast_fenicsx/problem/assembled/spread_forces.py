@@ -39,8 +39,8 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     size = float(np.linalg.norm(force))
     a: Floats = np.asarray(force / resultant.area(), dtype=np.float64)
     found, slope = resultant.of(a)
-    # Limit of Newton iterations. Each iteration at least halves the error until the set of loaded
-    # facets is constant.
+    # Limit of Newton iterations. As soon as the set of loaded facets is constant, one iteration
+    # solves the equations.
     most_steps = 50
     left_over = 1e-11  # allowed residual force, relative to the force
     # Directions with a relative stiffness below this value cannot take pressure.

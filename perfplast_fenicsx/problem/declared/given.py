@@ -78,12 +78,13 @@ class Given:
                     )
 
     def _check_pairs(self, tagged_mesh: "TaggedMesh") -> None:
-        """Refuse facets that two contacts or ties share, or surfaces in contact with themselves.
+        """Refuse contacts or ties whose two surfaces share facets, or that share facets pairwise.
 
-        A surface may touch several other surfaces, with one contact for each.
+        Two contacts or ties may not share facets on both surfaces. A surface may touch several
+        other surfaces, with one contact for each.
 
         Raises:
-            InputError: If contacts are refused; the message names them.
+            InputError: If a contact or tie is refused; the message names it.
         """
         before: list[tuple[str, tuple[str, str], list[set[int]]]] = []
         given = [("contact", [(one.primary, one.secondary) for one in self.contacts])]
@@ -91,7 +92,7 @@ class Given:
         for kind, pairs in given:
             for number, names in enumerate(pairs, start=1):
                 if not all(name in tagged_mesh.surfaces for name in names):
-                    continue  # the code that uses the name refuses an unknown one
+                    continue  # the code that uses the name refuses unknown names
                 place = f"{kind} {number} ('{names[0]}', '{names[1]}')"
                 tags = [set(tagged_mesh.tags_of([name])) for name in names]
                 if names[0] != names[1] and tags[0] & tags[1]:

@@ -20,11 +20,11 @@ class Bolt:
         preload: Force in the shank when the bolt is tightened without any load (force; per unit of
             depth in plane strain, for the full turn in axisymmetry). The force refers to the part
             in the mesh: if a plane of symmetry cuts the bolt in half, give half the force.
-        axis: Direction of the shank, of any length and either sign; in axisymmetry the direction of
-            the axis of revolution.
+        axis: Vector along the shank, of any length and either sign; in axisymmetry along the axis
+            of revolution.
         shank: Two coordinates along the axis (length). Between them the shank is shortened, and its
-            force is reported. The head, the nut and the thread must not lie between them. By
-            default the middle third of the volume.
+            force is reported. The head, the nut and the thread must not lie between them. The
+            default is the middle third of the volume.
         name: Name in results; by default ``on``.
 
     Raises:

@@ -6,7 +6,7 @@ reports use these attributes, so a new load needs only its class and an entry in
 
 The values of a load may be formulas in the coordinates, such as ``"10*maximum(8 - y, 0)"``
 (:mod:`perfplast_fenicsx.formulas`). The program interpolates a formula at the nodes of quadratic
-cells, so a formula of degree 2 is exact.
+cells, so a formula of degree 2 is exact in straight cells.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,9 +39,9 @@ class Load:
 
     Attributes:
         words: Name of the kind in reports.
-        quantities: Keys of :meth:`units.Units.table` for the units of the fields. ``value``, which
-            case files name after the kind of load, has a unit. So has any other field that is
-            itself a load.
+        quantities: Keys of :meth:`units.Units.table` for the units, by field. The fields are
+            ``value``, which case files name after the kind of load, and any further field that
+            loads the body, such as ``moment``.
         in_volume: Whether ``on`` is a volume rather than a surface.
         on: Physical name of the surface or volume.
         value: A number or formula, or one of them for each direction.
@@ -246,7 +246,7 @@ class PorePressure(SpreadLoad):
     def from_function(
         cls, on: str, function: "fem.Function", name: str = "", constant: bool = True
     ) -> "FieldPores":
-        """Return the pore pressure that a DOLFINx function has. Collective.
+        """Return a DOLFINx function as a pore pressure. Collective.
 
         Args:
             on: Physical name of the volume.
@@ -363,9 +363,7 @@ class EnclosedPores(PorePressure):
     def at_corners(self, corners: Floats) -> Floats | None:
         """Return the values of the bounding function at the vertices, shape (n, d + 1).
 
-        Not collective.
-
-        Return None for cells without such a function.
+        Not collective. Return None if :func:`formulas.enclosed` cannot bound the formula.
 
         Args:
             corners: Vertices of the cells, shape (n, d + 1, d).

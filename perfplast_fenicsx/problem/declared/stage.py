@@ -57,12 +57,12 @@ class Stage:
 
 
 def called(given: Load | Temperature | Mover) -> str:
-    """Return the name by which stages refer to an object."""
+    """Return the name by which stages refer to ``given``."""
     return given.name or given.on
 
 
 def follows(mover: Mover) -> bool:
-    """Return whether ζ or a factor of stages multiplies the motion of an object."""
+    """Return whether ζ or a factor of stages multiplies the motion of ``mover``."""
     if isinstance(mover, Support | RigidSurface):
         return mover.moves and not mover.constant
     if isinstance(mover, Contact):

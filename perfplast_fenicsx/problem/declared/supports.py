@@ -88,8 +88,8 @@ Turn = float | Sequence[float]
 class RigidSurface:
     """A surface that moves like a rigid plate glued to it, by small rotations.
 
-    Without a displacement and a rotation, the surface is free to move. A ``Force`` loads it, and so
-    do tractions. With a displacement or a rotation, its motion is prescribed, as at a support.
+    Without a displacement and a rotation, the surface is free to move. A ``Force`` and tractions
+    can load it. With a displacement or a rotation, its motion is prescribed, as at a support.
 
     Args:
         on: Physical name of the surface.

@@ -56,14 +56,14 @@ def stiffness_of_nodes(problem: Problem) -> float:
 
     Collective.
 
-    √(stiffness · energy) is the norm of the forces from all sides on a node, before they balance,
-    of a stress with this energy.
+    √(stiffness · energy) estimates the norm of the nodal forces that a stress of this energy
+    exerts, before forces from different cells cancel.
     """
     return stiffness_of_all(problem) / problem.V.dofmap.index_map.size_global
 
 
 def stiffness_of_all(problem: Problem) -> float:
-    """Return ∫ 2μ/h²; this times the largest |u|² bounds :func:`jagged_norm2`.
+    """Return ∫ 2μ/h²; its product with the largest |u|² bounds :func:`jagged_norm2`.
 
     Collective.
     """
@@ -217,7 +217,7 @@ class QuadratureFields:
         return max(energy, share * self.u_norm2() / 2) if self._remembers else energy
 
     def inner_force(self) -> float:
-        """Return the norm of the nodal forces that the stress exerts without any load. Collective.
+        """Return an estimate of the nodal forces that a stress exerts without any load. Collective.
 
         The norm is 0 if the stress results from loads and supports only, whose forces are known.
         """

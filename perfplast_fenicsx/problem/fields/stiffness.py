@@ -77,7 +77,7 @@ class Stiffness:
     def assemble(self, rho: float) -> PETSc.Mat:
         """Assemble the matrix for the current strains and ``rho``.
 
-        Supported unknowns get the mean diagonal, and free motions get springs. Collective.
+        Supported unknowns get the mean of the diagonal, and springs hold free motions. Collective.
         """
         self._tangent.update(rho)
         self.matrix.zeroEntries()
@@ -135,8 +135,8 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
 def _closed(T: PETSc.Mat) -> PETSc.Mat:
     """Return the transitive closure of T: which nodes follow which others in any number of steps.
 
-    For single unknowns one step suffices. But another component of a node may follow further nodes,
-    as on a rigid surface in contact. Collective. The function destroys ``T``.
+    For a single unknown, one step suffices. But another component of the same node may follow
+    further nodes, as on a rigid surface in contact. Collective. The function destroys ``T``.
     """
     closed = T.copy()
     while True:

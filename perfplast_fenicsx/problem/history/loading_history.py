@@ -38,7 +38,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def named_motions(problem: Problem) -> dict[str, GivenMotion]:
-    """Return the motion that belongs to each name, at factor 1. Collective.
+    """Return, for each name, the prescribed motion that its factor multiplies. Collective.
 
     Raises:
         InputError: If one component of a node follows two names.
@@ -191,7 +191,7 @@ class LoadingHistory:
         return moved or float(self._constant.norm()) > 0
 
     def number(self, time: float) -> int:
-        """Return the number of the stage at a time, from 0; the end of a stage belongs to it."""
+        """Return the number of the stage at a time, from 0; a stage includes its end."""
         return min(max(math.ceil(time - ROUNDING) - 1, 0), len(self.stages) - 1)
 
     def label(self, time: float) -> str:
@@ -266,7 +266,7 @@ class LoadingHistory:
         return {name: before[name] - k * rate[name] for name in after}, rate
 
     def _at_end(self, k: int) -> Mapping[str, float]:
-        """Return the factors at the end of stage ``k``; before the first stage 0, for bolts 1."""
+        """Return the factors at the end of stage ``k``; for k = −1 they are 0, for bolts 1."""
         factors = dict.fromkeys((name for a in self.stages for name in a.factors), 0.0)
         factors |= dict.fromkeys(self._preloads, 1.0)
         for stage in self.stages[: k + 1]:
@@ -274,7 +274,7 @@ class LoadingHistory:
         return factors
 
     def _strain(self, given: Sequence[Initial]) -> Floats:
-        """Return the values at the points of the initial strain from given declarations."""
+        """Return the initial strain of given declarations, as values at the quadrature points."""
         problem = self.problem
         spaces = Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
         materials = problem.given.materials

@@ -201,7 +201,7 @@ def _in_jumps(problem: Problem, residual: PETSc.Vec, zeta: float, times: float =
 
 
 def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least: float) -> Rubbed:
-    """Return friction at y, with the friction forces that follow from the gradient r. Collective.
+    """Return slip and dissipation at y, and the friction forces from the gradient r. Collective.
 
     Args:
         problem: Problem with the friction.
@@ -229,16 +229,16 @@ def _rubbed(problem: Problem, y: PETSc.Vec, r: PETSc.Vec, pushes: Floats, least:
 
 @dataclass(frozen=True)
 class _Moved:
-    """Effect of moving supports: work of reactions on u_D, and norm of all nodal forces."""
+    """Effect of moving supports: the work of reactions on u_D, and the norm of all nodal forces."""
 
     work: float
     norm: float
 
 
 def _moved(problem: Problem, internal: PETSc.Vec) -> _Moved:
-    """Return ⟨σ, ε(ũ_D)⟩; ũ_D is zero at all other unknowns, so loads do no work on it.
+    """Return the work ⟨σ, ε(ũ_D)⟩, and the norm of the nodal forces. Collective.
 
-    Collective.
+    ũ_D is u_D at supports and zero at all other unknowns, so loads do no work on it.
     """
     if not (problem.motion.moves_supports or problem.motion.driven):
         return _Moved(0.0, 0.0)

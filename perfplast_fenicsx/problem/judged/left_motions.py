@@ -136,12 +136,12 @@ def _motions(problem: Problem, left: Floats) -> str:
 
 @dataclass(frozen=True)
 class HeldAgainst:
-    """A contact surface with nodes that supports hold along the normal, unlike the opposite side.
+    """A contact surface on which supports hold nodes along the normal, but not the opposite nodes.
 
     Attributes:
         surface: Name of the surface.
         other: Name of the opposite surface.
-        held: Number of held nodes on the surface.
+        held: Number of these held nodes.
         nodes: Number of all nodes on the surface.
         by: Names of the supports that hold them.
     """

@@ -185,7 +185,7 @@ def _add_contact(problem: Problem, contact: Floats, friction: Floats, forces: PE
 
 
 def _add_ties(problem: Problem, internal: PETSc.Vec, zeta: float, forces: PETSc.Vec) -> Floats:
-    """Add the forces that tied surfaces exert on each other, including supports. Collective.
+    """Add the nodal forces of all rows B u = 0 to ``forces``, also at supports. Collective.
 
     Returns:
         The forces of guides, one for each guide row.
@@ -209,7 +209,7 @@ def _missing(problem: Problem, total: Floats, forces: Floats) -> float:
     """Return the larger of the unbalanced force and the unbalanced moment.
 
     The moment is about the middle of the nodes, divided by the distance of the farthest node from
-    it. Collective.
+    the middle. Collective.
     """
     comm, kinematics = problem.comm, problem.kinematics
     x = problem.V.tabulate_dof_coordinates()[: len(forces)]

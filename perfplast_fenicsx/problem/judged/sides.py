@@ -119,7 +119,7 @@ class Sides:
     def names_of_all(self, tags: Iterable[int]) -> dict[int, str]:
         """Return a name for each of the given tags, and prefer names that cover many of them.
 
-        A name is used only if all its tags are among the given tags.
+        A name of several tags is preferred only if all its tags are among the given tags.
         """
         left = set(tags)
         named = self.names_of_tags()
@@ -149,7 +149,7 @@ class Sides:
         return sorted(found, key=lambda cover: (-round(cover.area, 9), cover.side.words))
 
     def rest(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return which facets on partly covered sides are not on the surface, shape (n,)."""
+        """Return which facets are on sides that a surface partly covers, but not on the surface."""
         own = self.on(name)
         return np.isin(self.side, self.side[own]) & ~own
 
@@ -221,8 +221,8 @@ def sides_of(
     of_patch = largest[ends]
     normal, centre = facets.normal[of_patch], facets.x[of_patch].mean(axis=1)
     offset = np.einsum("pi,pi->p", normal, centre)
-    # Planes count as equal if they differ less, in direction (rad) and in position relative to the
-    # size.
+    # Planes of one body count as equal if they differ by less than 1e-3 rad in direction and
+    # 1e-6 of the size in position.
     body_apart = 10.0
     place = np.column_stack([normal / 1e-3, offset[:, None] / (1e-6 * size)])
     place = np.column_stack([place, facets.body[of_patch] * body_apart])

@@ -38,7 +38,7 @@ class State:
 
 @dataclass(frozen=True)
 class Level:
-    """A load level. If it has not converged, its state must not start another level.
+    """A load level. If the level has not converged, its state must not start another level.
 
     Attributes:
         state: State at the end of the level.
