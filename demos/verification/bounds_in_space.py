@@ -49,7 +49,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
-TITLE = "Bounds of the body, in space"
+TITLE = "Bounds for the body, in 3D"
 RTOL = 1e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""
 STRONG = Elastic(1e6, 0.3)

@@ -51,7 +51,7 @@ from perfplast_fenicsx.problem import Prescribed
 
 Floats = npt.NDArray[np.float64]
 
-TITLE = "Curved seams in space"
+TITLE = "Curved seams in 3D"
 STEEL = Elastic(young=2e5, poisson=0.3)
 EVEN, UNEVEN = 100.0, 40.0
 """p₀ and p₂; with these values the seam stays closed."""

@@ -46,7 +46,7 @@ from perfplast_fenicsx import (
 from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds
 
-TITLE = "Ground in space from both sides"
+TITLE = "Ground in 3D from both sides"
 RTOL = 1e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""
 SYMMETRY = [Support("x0", "x"), Support("y0", "y")]

@@ -99,7 +99,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     for cubes in (1,) if coarse else (1, 2):
         problem = slice_in_space(comm, cubes)
         found = collapse(problem)
-        rows.append(found.row("slice in space", 0.5 / cubes, BOUND, ROUNDING, bound=True))
+        rows.append(found.row("3D slice", 0.5 / cubes, BOUND, ROUNDING, bound=True))
     return rows
 
 

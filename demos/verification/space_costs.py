@@ -61,7 +61,7 @@ from perfplast_fenicsx.io import ResultFolder
 from perfplast_fenicsx.limit_analysis import AdaptiveBounds, Round
 from perfplast_fenicsx.materials import Material
 
-TITLE = "What a per cent costs in space"
+TITLE = "The cost of bounds in 3D"
 RTOL = 1e-3
 """Tolerance of each bound on its mesh, much smaller than the gaps."""
 NARROWER = 1e-3  # smaller than all gaps here: the limit on cells ends each case

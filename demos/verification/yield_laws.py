@@ -113,7 +113,7 @@ def blocks(folder: ResultFolder) -> list[Row]:
     materials = dict.fromkeys(column.volumes, soil)
     touching = [Contact("lower_top", "upper_bottom")]
     problem = Problem(column, materials, supports, [Pressure("top", 1.0)], touching, degree=2)
-    return [*rows, collapse(problem, 1e-5).row("two blocks in space", 1.0, strength, 1e-4)]
+    return [*rows, collapse(problem, 1e-5).row("two blocks in 3D", 1.0, strength, 1e-4)]
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
