@@ -52,8 +52,8 @@ def read_dxf(path: Path) -> DxfDrawing:
         path: The file, in the coordinates x and y of the case.
 
     Raises:
-        InputError: If the package ezdxf is missing, if the file cannot be read or has no line, if a
-            line has different z, or if lines in one layer branch.
+        InputError: If the package ezdxf is missing, if the file cannot be read or has no line, if
+            points of a line differ in z, or if lines in one layer branch.
     """
     if path.exists() and not path.is_file():  # reading a pipe would never end
         raise InputError(f"'{path.name}' is not a regular file; give a DXF file.")
@@ -175,7 +175,7 @@ def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Flo
 
 
 def _next(chain: Floats, others: list[Floats], little: float) -> Floats | None:
-    """Remove from ``others`` the line that begins at the end of a chain, and return it or None."""
+    """Remove from ``others`` a line that continues ``chain``, and return it; None without one."""
     if np.linalg.norm(chain[0] - chain[-1]) <= little:
         return None
     for number, other in enumerate(others):

@@ -1,12 +1,12 @@
 """Read the labels and colours of individual faces in a STEP file, which give names to the faces.
 
-Labels are read from the text of the file, and gmsh lists the faces of a solid in the order of the
-file. The module verifies this order for each body: after a rigid motion, the corners of its faces
-in the file must coincide with those in gmsh.
+The module reads labels from the text of the file. Gmsh lists the faces of a solid in the order of
+the file. The module verifies this order for each body: after a rigid motion, the corners of its
+faces in the file must coincide with those in gmsh.
 
 Gmsh reads colours (``Geometry.OCCImportLabels``), but loses them when bodies are cut along each
-other. So copies of coloured and labelled faces are kept during the cut. After the cut, a face that
-coincides with a copy gets its colour and label.
+other. The program therefore keeps copies of coloured and labelled faces during the cut. After the
+cut, a face that coincides with a copy gets the colour and the label of this copy.
 """
 
 import re
@@ -104,7 +104,7 @@ def _solid(entities: Entities, strings: list[str], args: str) -> StepSolid:
 
 
 def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
-    """Return the entities of a kind to which arguments refer, each once, in order."""
+    """Return the ``kind`` entities that references in ``args`` reach, in order, each once."""
     found: dict[int, None] = {}
     seen: set[int] = set()
     left = _refs(args)[::-1]
@@ -121,7 +121,7 @@ def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
 
 
 def _label(args: str, strings: list[str]) -> str:
-    """Return the string with which arguments begin; a doubled quote stands for one quote."""
+    """Return the string at the beginning of ``args``; two quotes in a row mean one quote."""
     (numbers,) = re.findall(r"^\s*((?:'\d+')*)", args)
     label = "'".join(strings[int(k)] for k in re.findall(r"\d+", numbers))
     wide = re.sub(r"\\X2\\((?:[0-9A-Fa-f]{4})+)\\X0\\", _from_hex, label)
@@ -192,7 +192,7 @@ def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[s
     lost |= set().union(*(names_in(solid.labels) for solid in solids)) - set(found.values())
     if not lost:
         return found, []
-    # Largest number of labels in the remark.
+    # The remark lists at most five labels.
     first = sorted(lost)[:5]
     more = f" and {len(lost) - len(first)} more" if len(lost) > len(first) else ""
     which = ", ".join(map(repr, first)) + more
@@ -257,7 +257,7 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Mark:
-    """The colour, label or names of a face, which is kept as a copy during the cut.
+    """The colour, label or names of a face, of which the program keeps a copy during the cut.
 
     Attributes:
         body: Name of the body of the face.

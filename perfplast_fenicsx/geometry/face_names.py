@@ -84,7 +84,7 @@ def usual_names(
 
 
 def _free(name: str, used: set[str]) -> str:
-    """Return an unused name, made by adding underscores, and add it to the used names."""
+    """Return ``name`` with enough underscores to make it unused, and add the result to ``used``."""
     while name in used:
         name += "_"
     used.add(name)
@@ -94,7 +94,7 @@ def _free(name: str, used: set[str]) -> str:
 def _marked(
     parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield a body's faces that share a label or colour, with possible names and the property."""
+    """Yield faces of one body with a common label or colour, possible names, and a description."""
     together: dict[tuple[object, ...], list[int]] = {}
     for k, face in enumerate(faces):
         if face.label:
@@ -120,7 +120,7 @@ def _marked(
 def _sides(
     dim: int, parts: Sequence[Part], faces: Sequence[FreeFace]
 ) -> Iterator[tuple[tuple[int, ...], list[str], str]]:
-    """Yield the free faces on each side of each body, with possible names and the property."""
+    """Yield the free faces on each side of each body, possible names, and a description."""
     around = [box(dim + 1, part.tags) for part in parts]
     together: dict[tuple[int, str], list[int]] = {}
     for k, face in enumerate(faces):
@@ -197,7 +197,7 @@ def face_names(
 
 
 class _Choice:
-    """Finds the faces that a name of the user selects."""
+    """Finds the faces that a :class:`NamedFace` selects."""
 
     def __init__(
         self,
@@ -271,7 +271,7 @@ class _Choice:
         return list(found)
 
     def _of_mark(self, wanted: NamedFace, own: Sequence[int]) -> list[int]:
-        """Return the indices of faces with a label, or with a colour that a word or code names."""
+        """Return the indices of the faces in ``own`` that have the wanted label or colour."""
         if wanted.label is not None:
             what, value = "label", wanted.label
             names: dict[int, tuple[str, ...]] = {
@@ -314,7 +314,7 @@ class _Choice:
 
 
 def _where(wanted: NamedFace) -> str:
-    """Return the place that a name selects, in words."""
+    """Return in words the place at which ``wanted`` selects faces."""
     if wanted.plane is not None:
         ((axis, at),) = wanted.plane.items()
         return f"in the plane {axis} = {at:g}"
@@ -327,7 +327,7 @@ def _where(wanted: NamedFace) -> str:
 
 
 def _in_words(wanted: NamedFace) -> str:
-    """Return in words how a name selects faces."""
+    """Return in words how ``wanted`` selects faces."""
     if wanted.faces is not None:
         return f"of {', '.join(wanted.faces)}"
     for what in ("number", "colour", "label"):
@@ -338,7 +338,7 @@ def _in_words(wanted: NamedFace) -> str:
 
 
 def _miss(dim: int, tag: int, wanted: NamedFace) -> float:
-    """Return the distance of a face from the selected place; infinite for other shapes."""
+    """Return the distance of a face from the wanted place; infinite if its shape does not fit."""
     if wanted.plane is not None:
         ((axis, value),) = wanted.plane.items()
         if shape_of(dim, tag) not in ("flat", "straight"):
@@ -370,13 +370,13 @@ def _in_space(point: Sequence[float]) -> Floats:
 
 
 def _distance(dim: int, tag: int, point: Floats) -> float:
-    """Return the distance of a point from a face; infinite if its projection lies outside."""
+    """Return the distance of a point from a face; infinite if the point projects outside it."""
     foot, _ = gmsh.model.getClosestPoint(dim, tag, point)
     return float(np.linalg.norm(point - foot)) if gmsh.model.isInside(dim, tag, foot) else np.inf
 
 
 def _reached(dim: int, faces: Sequence[FreeFace], first: int, angle: float) -> list[int]:
-    """Return the faces of a body that are connected to a face by edges with smaller angles.
+    """Return the faces that edges with angles below ``angle`` connect to the face ``first``.
 
     Args:
         dim: Dimension of the faces.

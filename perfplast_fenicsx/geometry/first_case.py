@@ -49,8 +49,8 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
     """Return ``[loading]`` and ``[mesh]`` of a first case, with the reason if there are no bounds.
 
     Args:
-        survey: Survey of bodies, joints and faces. The case has one law that yields for all bodies,
-            and all its loads grow.
+        survey: Survey of bodies, joints and faces. In a first case, all bodies have the same law,
+            which can yield, and all loads grow.
         options: Meshing options.
     """
     why = next(_against(survey, options), None)
@@ -192,7 +192,7 @@ def first_case(
         title: Title of the case.
         file: Path of the geometry file, relative to the folder of the case file.
         options: Meshing options.
-        material: Material of all bodies; None leaves the material open.
+        material: Material of all bodies; with None, the user must enter the materials.
         glued: Which joints are glued; the others are frictionless contacts.
 
     Raises:

@@ -193,7 +193,7 @@ def _lie_on(dim: int, tag: int, size: float) -> tuple[str, Floats]:
         place = float(np.array(gmsh.model.getValue(dim, tag, middle)) @ normal)
         return "plane", np.array([*normal, place / size])
     if dim == 2 and (on := cylinder_of(dim, tag)) is not None:
-        # so that both directions of the axis give the same numbers
+        # these numbers are the same for both directions of the axis
         along = np.outer(on.axis, on.axis).ravel()
         return "cylinder", np.array([*along, on.radius / size, *on.centre / size])
     return "face", np.zeros(1)
@@ -222,7 +222,7 @@ def cylinder_of(dim: int, tag: int) -> Cylinder | None:
     places = (low + shares * (high - low)).ravel()
     point, *others = np.reshape(gmsh.model.getValue(dim, tag, places), (-1, 3))
     # Gmsh orients normals outwards, but curvatures have no orientation. The axis is on the side
-    # where other points of the face also have the distance of the radius.
+    # on which the other points of the face also have the distance ``radius`` from the axis.
     normal, radius = np.array(gmsh.model.getNormal(tag, middle)), 1 / abs(curvature)
     centres = [point - side * radius * normal for side in (1.0, -1.0)]
     beside = np.array(others)[None] - np.array(centres)[:, None]

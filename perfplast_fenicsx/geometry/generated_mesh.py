@@ -47,9 +47,10 @@ class Sizes:
         points = gmsh.model.getEntities(0)
         given = gmsh.model.mesh.getSizes(points)
         free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
-        # Smallest size, relative to the largest, that curvature may require. If the user asks for
-        # more elements around a circle, the limit is smaller in proportion. Without this limit,
-        # fillets, threads and engraved letters would need most of the elements and of the time.
+        # Smallest size, relative to the largest, that curvature may require. If the user gives a
+        # larger number of elements around a circle, the limit is smaller in proportion. Without
+        # this limit, fillets, threads and engraved letters would need most of the elements and
+        # of the time.
         smallest = 0.2
         scripted = bool(len(gmsh.model.mesh.field.list()))
         least = smallest if len(free) == len(points) else 0.0
@@ -234,7 +235,7 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
         fault = _fault(dim, parts if failed else empty[:1], reason)
         kinds = [gmsh.model.getType(*entity) for entity in gmsh.model.getEntities()]
         if not any(kind.startswith("Discrete") for kind in kinds):
-            # otherwise the next algorithm would keep the meshes of the faces
+            # without this call, the next algorithm would keep the meshes of the faces
             gmsh.model.mesh.clear()
         raise InputError(fault)
     return {part.name: float(qualities(dim, part).min()) for part in parts}
@@ -319,7 +320,7 @@ def _edge_length(dim: int, tag: int) -> float:
 
 def regular_edge(dim: int, measure: float) -> float:
     """Return the edge length of a regular simplex with a given length, area or volume."""
-    powers = {1: 1.0, 2: 4 / math.sqrt(3), 3: 6 * math.sqrt(2)}  # edge to the power dim, by measure
+    powers = {1: 1.0, 2: 4 / math.sqrt(3), 3: 6 * math.sqrt(2)}  # edge ** dim / measure
     return float((powers[dim] * measure) ** (1 / dim))
 
 

@@ -17,7 +17,7 @@ SIDES = ("left", "base", "right", "surface")
 
 @dataclass(frozen=True)
 class Shape:
-    """A region or stratum as a closed polygon."""
+    """A region, an opening or a stratum as a closed polygon."""
 
     name: str
     corners: Floats
@@ -50,7 +50,7 @@ class Outline:
     first_line: int
 
     def edges_of(self, line: int) -> Longs:
-        """Return the edges of a line.
+        """Return the indices of the edges that lie on a line.
 
         Args:
             line: Index of the line.
@@ -97,7 +97,7 @@ class Outline:
 
 
 def segments_of(shapes: Sequence[Shape]) -> tuple[list[Floats], list[int]]:
-    """Return the sides of shapes that have a length, and the index of each side's shape."""
+    """Return the sides of shapes without those of length 0, and the index of each side's shape."""
     parts, owner = list[Floats](), list[int]()
     for number, one in enumerate(shapes):
         sides = np.stack([one.corners, np.roll(one.corners, -1, axis=0)], axis=1)
@@ -154,7 +154,7 @@ def _sides(
 
 
 def script_of(outline: Outline, lines: Sequence[str], cracks: Mapping[str, Floats]) -> str:
-    """Return a gmsh script for an outline, which uses the built-in kernel.
+    """Return a gmsh script that draws an outline with the built-in kernel.
 
     Args:
         outline: The outline.

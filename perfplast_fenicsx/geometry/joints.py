@@ -128,7 +128,7 @@ def _boxes_of_faces(dim: int, part: Part) -> Floats:
 
 
 def _between(one: Floats, other: Floats) -> float:
-    """Return the smallest distance between boxes, a fast lower bound for the faces."""
+    """Return the smallest distance between boxes, a fast lower bound on the distance of faces."""
     gaps = np.maximum(one[:, None, 0] - other[None, :, 1], other[None, :, 0] - one[:, None, 1])
     return float(np.linalg.norm(gaps.clip(min=0), axis=2).min(initial=np.inf))
 
@@ -183,7 +183,7 @@ def find_seams(dim: int, parts: Sequence[Part]) -> list[Seam]:
 
 
 def owners(parts: Sequence[Part]) -> dict[int, int]:
-    """Return the index of the body of each entity."""
+    """Return the index of the body of each entity, by tag of the entity."""
     return {tag: number for number, part in enumerate(parts) for tag in part.tags}
 
 
@@ -258,7 +258,7 @@ def take_apart(
 
 
 def _measures(dim: int, tags: Sequence[int]) -> Floats:
-    """Return root of area (in the plane length) and centre of faces, shape (n, 4)."""
+    """Return the root of the area (in the plane the length) and the centre of each face."""
     occ = gmsh.model.occ
     return np.array(
         [[occ.getMass(dim, tag) ** (1 / dim), *occ.getCenterOfMass(dim, tag)] for tag in tags]

@@ -87,7 +87,7 @@ def mesh_geometry(
 
     Raises:
         InputError: If the file cannot be read or meshed, or if it is a script without ``trust``.
-            Then no file is written.
+            In these cases no file is written.
     """
     check_file(Path(source))
     check_trust(Path(source), trust)
@@ -180,8 +180,8 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
 
     Raises:
         InputError: If the file cannot be read or meshed, if the mesh cannot be written, if a mesh
-            of another origin exists, or if the file is a script without ``trust``. Then no file is
-            written.
+            of another origin exists, or if the file is a script without ``trust``. In these cases
+            no file is written.
     """
     check_file(source)
     try:
@@ -221,8 +221,8 @@ def make_mesh(
         The survey of the geometry.
 
     Raises:
-        InputError: If the file cannot be read or meshed, or if the mesh cannot be written. Then no
-            file is written.
+        InputError: If the file cannot be read or meshed, or if the mesh cannot be written. In
+            these cases no file is written.
     """
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made.msh"

@@ -76,11 +76,11 @@ def apart_remarks(bodies: Sequence[str], joints: Sequence[Joint]) -> Iterator[st
 
 
 def volume_remarks(dim: int, bodies: Sequence[Body]) -> Iterator[str]:
-    """Yield a remark if the volume of a body in the mesh differs from its volume in the file.
+    """Yield a remark if volumes of bodies in the mesh differ too much from those in the file.
 
     Args:
         dim: Dimension of the bodies.
-        bodies: Their measures.
+        bodies: The measures of the bodies.
     """
     much = 0.02  # error of a volume, of the order of the error of the body's strength
     errors = {body: body.volume / body.cad - 1 for body in bodies if body.cad}
@@ -262,7 +262,7 @@ def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[in
         room = occ.addBox(*corner, *edges)
     else:
         points = gmsh.model.getBoundary([(dim, tag)], combined=False, recursive=True)
-        # taken from a point, because bounding boxes are slightly too large
+        # from a point of the body, because its bounding box is slightly too large
         plane = gmsh.model.getValue(0, points[0][1], [])[2]
         room = occ.addRectangle(corner[0], corner[1], plane, edges[0], edges[1])
     found, _ = occ.intersect([(dim, tag)], [(dim, room)])
@@ -335,7 +335,7 @@ def skin_of(
 
 
 def _ends(tags: npt.NDArray[np.uint64], dim: int, faces: Sequence[int]) -> npt.NDArray[np.int64]:
-    """Return the ends of the outline's lines (in the plane of all lines), shape (n, 2)."""
+    """Return the ends of the lines on the outline of faces; in the plane, of all their lines."""
     corners = np.searchsorted(tags, _corners(faces, dim - 1)).astype(np.int64)
     if dim == 2:
         return corners
@@ -347,7 +347,7 @@ def _ends(tags: npt.NDArray[np.uint64], dim: int, faces: Sequence[int]) -> npt.N
 def _numbered(
     ends: dict[int, npt.NDArray[np.int64]], lines: str, numbers: str
 ) -> dict[str, npt.NDArray[np.int64]]:
-    """Return two arrays by name: all lines, and the number to which each line belongs."""
+    """Return two arrays by name: the lines in ``ends``, and the key of each line."""
     counts = [len(one) for one in ends.values()]
     return {
         lines: np.concatenate([np.zeros((0, 2), dtype=np.int64), *ends.values()]),

@@ -51,7 +51,7 @@ def _edges(face: int) -> list[int]:
 
 
 def _measures(edges: Sequence[int]) -> Floats:
-    """Return the length and the centre of edges, independent of parameters, shape (n, 4)."""
+    """Return the length and the centre of each edge, shape (n, 4)."""
     occ = gmsh.model.occ
     found = [[occ.getMass(1, tag), *occ.getCenterOfMass(1, tag)] for tag in edges]
     return np.array(found).reshape(-1, 4)
@@ -297,7 +297,7 @@ def _read_script(path: Path) -> Drawing:
     given = [gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()]
     numbers = {str(tag) for _, tag in gmsh.model.getPhysicalGroups(dim)} - {*given}
     gmsh.model.removePhysicalGroups()
-    for name in given:  # otherwise gmsh keeps the name, and gives it to no other group
+    for name in given:  # without this call, gmsh gives the name to no other group
         gmsh.model.removePhysicalName(name)
     names = unique_names(labels)
     names = [lab if lab in numbers else name for lab, name in zip(labels, names, strict=True)]

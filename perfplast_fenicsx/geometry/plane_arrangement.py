@@ -1,7 +1,7 @@
 """Divide straight lines in the plane where they meet, and find the faces between them.
 
-Lines that cross, touch or overlap are cut at their common points. Points at a distance within
-rounding are merged into the first of them.
+Lines that cross, touch or overlap are cut at their common points. The module
+merges points whose distance is a rounding error into the first of these points.
 """
 
 from collections.abc import Iterator, Sequence
@@ -161,7 +161,7 @@ def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
     _, label = connected_components(graph, directed=False)
     _, first = np.unique(label, return_index=True)
-    points = points[np.sort(first)]  # the first given one of each group of merged points
+    points = points[np.sort(first)]  # the first point of each group of merged points
     found: dict[tuple[int, int], set[int]] = {}
     starts, ways = segments[:, 0], segments[:, 1] - segments[:, 0]
     for k, own in enumerate(owner):
@@ -181,7 +181,9 @@ def _divided(segments: Floats, owner: Longs) -> tuple[Floats, Longs, npt.NDArray
 
 
 def _loops(points: Floats, edges: Longs) -> tuple[Longs, list[list[int]]]:
-    """Return loops of edges, each with a face on its left, and the loops of each edge.
+    """Return the loops on both sides of each edge, and the edges of each loop.
+
+    A loop has a face on its left.
 
     Returns:
         Indices of the loops on the left and right of each edge, shape (num_edges, 2); and the

@@ -34,7 +34,7 @@ class Joint:
     """The place where two bodies touch.
 
     Attributes:
-        bodies: Their names.
+        bodies: Names of both bodies.
         surfaces: Names of both sides in the mesh.
         area: Area (in the plane length) at which the bodies touch, in the mesh.
         shapes: Shapes of the faces, such as "flat" or "cylindrical".
@@ -85,7 +85,7 @@ class NamedFaces:
         number: Number of the set in the list; 0 if the file or the user gives the name.
         name: Name in the mesh.
         faces: Numbers of the faces; empty for a physical group at which bodies touch.
-        why: Their common property, in words.
+        why: Common property of the faces, in words.
         area: Area of the mesh of all these faces.
         cad: Area in the file; None if it is unknown.
     """
@@ -117,7 +117,7 @@ class Near:
     """Two bodies that nearly touch, or that touch without a common face.
 
     Attributes:
-        bodies: Their names.
+        bodies: Names of both bodies.
         gap: Smallest distance between the bodies; 0 if they touch at an edge or a point.
     """
 
@@ -161,6 +161,6 @@ class Survey:
         return {name: area for name, area in areas.items() if area is not None}
 
     def faces_of(self, name: str) -> list[Face]:
-        """Return the free faces that have a name alone or in common."""
+        """Return the free faces that have the name ``name``, separately or in a set."""
         numbers = {number for one in self.sets if one.name == name for number in one.faces}
         return [face for face in self.faces if face.name == name or face.number in numbers]
