@@ -140,7 +140,7 @@ def same(shown: str, printed: str) -> bool:
 
     def plain(text: str) -> list[str]:
         text = re.sub(r"^(Results in \S+):.*", r"\1", text, flags=re.M)
-        text = re.sub(r"^Picture of the program's reading: .*\n", "", text, flags=re.M)
+        text = re.sub(r"^Picture of the case: .*\n", "", text, flags=re.M)
         lines = [" ".join(NUMBER.sub("0", line).split()) for line in text.strip().splitlines()]
         return [line.replace("less than 0", "0") for line in lines]
 

@@ -86,7 +86,7 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
         return int(end.code or 0)
     except KeyboardInterrupt as stop:
         number = signal.Signals(stop.args[0] if stop.args else signal.SIGINT)
-        told = f"perfplast: ended at once by {number.name}; solved levels are on file."
+        told = f"perfplast: ended at once by {number.name}; solved levels are saved."
         kept.fail("interrupted", told)
         return _at_once(told, 128 + number)
     except Exception as error:

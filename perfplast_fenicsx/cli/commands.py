@@ -74,7 +74,7 @@ def execute(comm: MPI.Intracomm, chosen: argparse.Namespace, answer: Answer) -> 
 
 def _solve(comm: MPI.Intracomm, chosen: argparse.Namespace, fields: Fields) -> int:
     """Execute ``run`` or ``sweep``. Collective."""
-    steps_shown = chosen.log_level in ("debug", "info")  # a live line would mix with them
+    steps_shown = chosen.log_level in ("debug", "info")  # a live line would mix with these steps
     live = False if steps_shown else None
     terminal = Terminal(comm, live=live, quiet=chosen.quiet)
     with logged_to_console(comm, chosen.log_level, terminal.clear):
@@ -157,9 +157,9 @@ def check(comm: MPI.Intracomm, path: str, trust: bool, picture: str | None, fiel
         comm: The ranks of the run.
         path: Path of the case file.
         trust: Whether to run a script that makes the mesh.
-        picture: PNG file for the picture of the program's reading. None draws ``case.png`` next to
-            the case file, unless the case has ``pictures = false``.
-        fields: Values for JSON, which this function adds.
+        picture: PNG file for the picture of the case; None for ``case.png`` next to the case file,
+            or for no picture if the case has ``pictures = false``.
+        fields: Values of the JSON answer, to which this function adds its own.
 
     Raises:
         InputError: If the case cannot be used.
@@ -191,17 +191,17 @@ def check(comm: MPI.Intracomm, path: str, trust: bool, picture: str | None, fiel
     if picture or case.output.pictures:
         drawn = Path(picture) if picture else case.path.parent / PICTURE
         if draw_case(case, problem, found, drawn):
-            Terminal(comm).say(f"Picture of the program's reading: {drawn}")
+            Terminal(comm).say(f"Picture of the case: {drawn}")
             fields["picture"] = str(drawn)
     return SOLVED
 
 
 def info(comm: MPI.Intracomm, fields: Fields) -> None:
-    """Print versions and data of the machine. Collective.
+    """Print the versions of the program and its libraries, and data of the machine. Collective.
 
     Args:
         comm: The ranks of the run.
-        fields: Values for JSON, which this function adds.
+        fields: Values of the JSON answer, to which this function adds its own.
     """
     found = versions() | surroundings(comm)
     width = max(map(len, found))
@@ -210,12 +210,12 @@ def info(comm: MPI.Intracomm, fields: Fields) -> None:
 
 
 def about(comm: MPI.Intracomm, path: str, fields: Fields, trust: bool) -> None:
-    """Print the meaning of the numbers of a case. Collective.
+    """Print the bodies of a case, and the meaning of its load factor and units. Collective.
 
     Args:
         comm: The ranks of the run.
         path: Path of the case file.
-        fields: Values for JSON, which this function adds.
+        fields: Values of the JSON answer, to which this function adds its own.
         trust: Whether to run a script that makes the mesh.
 
     Raises:
@@ -237,7 +237,7 @@ def schema(comm: MPI.Intracomm, output: str | None, fields: Fields) -> None:
     Args:
         comm: The ranks of the run.
         output: The file; None for standard output.
-        fields: Values for JSON, which this function adds.
+        fields: Values of the JSON answer, to which this function adds its own.
 
     Raises:
         InputError: If the file cannot be written.

@@ -126,12 +126,12 @@ def launcher() -> Finding:
     except (LookupError, subprocess.TimeoutExpired) as error:
         return Finding("FAULT", str(error))
     # Only rank 0 prints the number of ranks, because launchers may mix the output of two ranks.
-    # Processes that are not connected are both rank 0, so that "1" is printed twice.
+    # If the two processes are not connected, both have rank 0, and both print "1".
     question = (
         "from mpi4py import MPI; world = MPI.COMM_WORLD; ranks = world.allreduce(1); "
         "world.rank or print(ranks)"
     )
-    own = dict(os.environ)  # with the variables that launchers need
+    own = dict(os.environ)  # includes the variables that launchers need
     done = _run([found.program, "-n", "2", sys.executable, "-c", question], own)
     if done is None:
         return Finding("FAULT", f"{found} did not start two ranks within {PATIENCE:g} s.")
@@ -146,7 +146,7 @@ def launcher() -> Finding:
 
 
 def memory() -> Finding:
-    """Return the amount of free memory, which is a fault if it is too small."""
+    """Return the amount of available memory; the verdict is FAULT if it is too small for a run."""
     lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
     kilobytes = {line.split(":")[0]: float(line.split()[1]) for line in lines}
     free, whole = (1024 * kilobytes[name] for name in ("MemAvailable", "MemTotal"))

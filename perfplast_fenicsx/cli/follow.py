@@ -35,13 +35,13 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Follower:
-    """Follows a run by the files in its result folder, in one process.
+    """Follows a run by reading the files in its result folder, in one process.
 
     Attributes:
         folder: Result folder of the run, which need not exist yet.
         terminal: The terminal that shows the run.
         draw: Function that draws the results; it is called when new levels are stored.
-        wait: Longest time without results in the folder (s).
+        wait: Longest time to wait for the first results (s).
     """
 
     folder: Path
@@ -132,9 +132,9 @@ class Follower:
         """Return in words how the run ended."""
         *before, last = ["", *self._log()]
         count = len(summary["steps"])
-        levels = f"{count} level{'' if count == 1 else 's'} on file"
+        levels = f"{count} level{' is' if count == 1 else 's are'} stored"
         if ENDED not in last:
-            return f"The run was killed, with {levels}; --restart {self.folder} continues it."
+            return f"The run was killed; {levels}. Continue it with --restart {self.folder}."
         limit, failed = summary["limit"], [a for a in summary["steps"] if not a["converged"]]
         if limit is not None:
             sides = limit["lower"], limit["upper"]
@@ -147,9 +147,9 @@ class Follower:
             levels += f"; no solution at zeta = {failed[-1]['zeta']:.6g}"
         cause = next((a for a in (INTERRUPTED, "ended by", "ended: ") if a in before[-1]), "")
         how = f" ({before[-1][before[-1].index(cause) :]})" if cause else ""
-        return f"The run ended{how}, with {levels}."
+        return f"The run ended{how}; {levels}."
 
 
 def _told(value: float | None, digits: str) -> str:
-    """Return a number as text; "none" for null, with which the file replaces infinity and NaN."""
+    """Return a number as text; "none" for None, which the file has in place of infinity and NaN."""
     return "none" if value is None else f"{value:{digits}}"

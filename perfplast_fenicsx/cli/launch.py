@@ -179,7 +179,7 @@ def _launcher_fault(wanted: int | None, family: str, rank: int, number: int) -> 
         return f"-n {wanted} is given inside mpirun -n {number}; remove one of them."
     if number == 1:
         return None
-    # otherwise mpi4py prints a warning of three lines in each process
+    # without this filter, mpi4py prints a warning of three lines in each process
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         from mpi4py import MPI

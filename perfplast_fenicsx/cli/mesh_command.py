@@ -90,7 +90,7 @@ def fill(output: Path, made: Path, case: str) -> None:
 
 
 def written(output: Path) -> str:
-    """Return the names of the command's files in a folder, as text."""
+    """Return as text the names of the files in a folder that ``perfplast mesh`` writes."""
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
 
 
@@ -283,7 +283,7 @@ def describe(survey: Survey, glued: Glued = Glued.SHARED) -> str:
     text += ["", *_aligned(rows)]
     if survey.sets:
         text += ["", *_aligned(_sets(survey))]
-    long_name = 12  # characters of a body's name, with which names of faces are hard to read
+    long_name = 12  # length of body names above which names of faces are hard to read
     if survey.faces and max(len(body.name) for body in survey.bodies) > long_name:
         example = f'face = [{{ name = "inlet", number = {survey.faces[0].number} }}]'
         text += [f"\nA face can have a short name in addition; write under [geometry]: {example}"]
@@ -354,7 +354,7 @@ def _mesh(
         (made / PAGE).write_text(page, encoding="utf-8")
         try:
             draw_parts(skin, made / PICTURE)
-        except InputError as error:  # without a graphics system the mesh is written nevertheless
+        except InputError as error:  # the mesh is written even without a graphics system
             log.warning("%s", error)
         fill(output, made, case)
     return replace(survey, remarks=[*survey.remarks, refused.why]) if refused else survey

@@ -264,9 +264,8 @@ def set_petsc_options(arguments: Sequence[str]) -> None:
     check_options(given)
     for name, value in given.items():
         options[name] = value
-    for (
-        name
-    ) in given:  # PETSc would warn of unused options, because the solvers read copies of these
+    # PETSc would warn of unused options, because the solvers read copies of the options
+    for name in given:
         if name.startswith("perfplast_"):
             options.hasName(name)
 

@@ -149,7 +149,7 @@ class Recorder:
     """Writes and shows the results of a run as they arise, and ends the run after a signal.
 
     Attributes:
-        results: The summary and the path of the results.
+        results: The data of ``summary.json`` and ``path.csv``.
         last: The last solved level; None before the first.
     """
 
@@ -205,7 +205,7 @@ class Recorder:
         self.results.write()
 
     def iteration(self, record: Iteration) -> None:
-        """Show and log an iteration; the algorithms call it. Collective.
+        """Show and log an iteration; called by the algorithms. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -215,7 +215,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def interior(self, step: InteriorStep) -> None:
-        """Show and log a step of the interior point method, which calls it. Collective.
+        """Show and log a step of the interior point method; called after each step. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -235,7 +235,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def level(self, level: Level, search: Search | None = None) -> None:
-        """Write a level, and a checkpoint if it is solved. Collective.
+        """Show, log and write a level, with a checkpoint if the level is solved. Collective.
 
         Args:
             level: The level.
@@ -330,7 +330,7 @@ class Recorder:
             self._run.terminal.say(line)
 
     def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
-        """Show and log the bounds for reduced strengths; called for each factor. Collective.
+        """Show and log the bounds with strengths divided by a factor. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -350,7 +350,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def estimate(self, factor: float, times: float | None, cells: int) -> None:
-        """Show and log an estimate for reduced strengths; called before the bounds. Collective.
+        """Show and log an estimate with strengths divided by a factor. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -363,7 +363,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def interrupted_safety(self, found: FactorOfSafety | None) -> None:
-        """Write and show what an interrupted search for a factor of safety has proven. Collective.
+        """Write and show the factors that an interrupted search for F has proven. Collective.
 
         Args:
             found: The proven factors; None if the search was interrupted before its first bound.
@@ -413,8 +413,8 @@ class Recorder:
         lower, upper = low.limits[0], high.limits[1]
         at = ", ".join(f"{angle:.4g}" for angle in angles)
         words = (
-            f"At {at} degrees: carried to {lower.shown if lower.strict else 'none'} for "
-            f"certain, collapse at {upper.shown if upper.strict else 'none'} at the latest."
+            f"At {at} degrees: lower bound {lower.shown if lower.strict else 'not proven'}, "
+            f"upper bound {upper.shown if upper.strict else 'not proven'}."
         )
         self._run.terminal.say(words)
         self._run.journal.say(words)

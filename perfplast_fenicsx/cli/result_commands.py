@@ -99,7 +99,7 @@ def report(comm: MPI.Intracomm, folders: Sequence[str], output: str | None) -> l
 
 
 def claim(comm: MPI.Intracomm, folder: str) -> dict[str, Any]:
-    """Print what the proof files of a run prove, on rank 0. Collective.
+    """Print the bounds that the proof files of a run prove, on rank 0. Collective.
 
     Args:
         comm: The ranks; all but rank 0 wait.

@@ -176,7 +176,7 @@ def _log_interrupt(interrupted: Interrupted, kept: Any, again: str) -> None:
 def _introduce(
     case: Case, problem: Problem, method: str, terminal: Terminal, journal: RunLog
 ) -> list[str]:
-    """Print the program's reading of a case, and return the remarks on the case. Collective."""
+    """Print a description of a case, and return the remarks on the case. Collective."""
     said = [*case.remarks]
     if not case.loading.of_body:  # bounds print their own sentence on the flow rule
         said += flow_words(case.materials)
@@ -300,7 +300,9 @@ def _asked(
     """Return the objects that the control of a case needs for its run."""
     saved, directions = context.saved, read_proven(context.folder, again=True)
     if directions:
-        context.terminal.say(f"Directions on file: {len(directions)}; the last is computed again.")
+        context.terminal.say(
+            f"Directions already proven: {len(directions)}; the last is computed again."
+        )
     return Run(
         problem=context.problem,
         solver=solver,

@@ -132,7 +132,7 @@ def surroundings(comm: MPI.Intracomm) -> dict[str, str]:
 def logged_to_console(
     comm: MPI.Intracomm, level: str = "warning", before: Callable[[], None] | None = None
 ) -> Iterator[None]:
-    """Show the package's log records on standard error; only rank 0 does.
+    """Show the package's log records on standard error, from rank 0 only, in a ``with`` block.
 
     Args:
         comm: The ranks of the run.
@@ -224,7 +224,7 @@ class RunLog:
             log.info("%s", description)
 
     def iteration(self, record: Iteration) -> None:
-        """Log a Newton step; the algorithms call it."""
+        """Log a Newton step; called by the algorithms."""
         log.info(
             "level %d, step %d: zeta %.10g, alpha %.10g, increment %.2e, beta %.3g, rho "
             "%.1e, %.2f%% plastic, %d contacts, %d solves for them, %d linear iterations, "
@@ -235,7 +235,7 @@ class RunLog:
         )
 
     def interior(self, step: InteriorStep) -> None:
-        """Log a step of the interior point method; the method calls it."""
+        """Log a step of the interior point method; called after each step."""
         log.info(
             "step %d: load %.10g, gap %.2e, unbalanced forces %.2e, inadmissible flow "
             "%.2e, length %.3g, %.2f s",

@@ -158,7 +158,7 @@ class Terminal:
         except BrokenPipeError:
             self._speaks = self._live = False
             self._shown = 0
-            # otherwise Python would flush the rest to the closed stream when the program ends
+            # without this redirection, Python would flush the rest to the closed stream at its exit
             with open(os.devnull, "w") as nowhere:
                 os.dup2(nowhere.fileno(), self._stream.fileno())
 
@@ -194,7 +194,7 @@ class Terminal:
         return next_level(self._planned, self._seconds)
 
     def iteration(self, record: Iteration) -> None:
-        """Show a Newton step on the live line; the algorithms call it."""
+        """Show a Newton step on the live line; called by the algorithms."""
         now = time.monotonic()
         if now - self._last >= LIVE_PERIOD:
             self._last = now
@@ -205,7 +205,7 @@ class Terminal:
             )
 
     def interior(self, step: InteriorStep) -> None:
-        """Show a step of the interior point method on the live line; the method calls it."""
+        """Show a step of the interior point method on the live line; called after each step."""
         known = f"{self.known}; " if self.known else ""
         self.status(
             f"{known}step {step.number}: load {step.load:.6g}, gap {step.gap:.1e}, unbalanced "

@@ -2,7 +2,7 @@
 
 The server reads requests on standard input and answers on standard output. Each tool runs a command
 of this program in a separate process, so a fault in one tool does not end the server. A tool
-refuses a path outside the given folders. A case file may still name a mesh or a table outside them.
+refuses a path outside the given folders, but a case file may name files outside these folders.
 The package ``mcp`` is optional.
 """
 
@@ -69,7 +69,7 @@ class Tools:
         return self._command("mesh", self._inside(drawing), "-o", into, "--material", material)
 
     def check(self, case: str) -> Answer:
-        """Return the program's reading of a case, or the first reason why the case cannot be run.
+        """Return a description of a case, or the first reason why the case cannot be run.
 
         Args:
             case: A case file.

@@ -1,4 +1,4 @@
-"""Describe how the program reads a case, before it solves it: loads, supports, contacts, faces."""
+"""Describe a case before it is solved: its loads, supports, contacts and faces, with sizes."""
 
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -63,7 +63,7 @@ class Marked:
 
 @dataclass(frozen=True)
 class Understood:
-    """The program's reading of a case.
+    """A description of a case, as the program has read it.
 
     Attributes:
         lines: Lines of text for a terminal.
@@ -77,7 +77,7 @@ class Understood:
 
 
 def understood(case: Case, problem: Problem) -> Understood | None:
-    """Return the program's reading of a case on rank 0, and None on other ranks. Collective."""
+    """Return the description of a case on rank 0, and None on other ranks. Collective."""
     resultants = sized_resultants(problem)
     single, together = left_motions(problem)
     volumes = _volumes(problem)
@@ -165,9 +165,9 @@ class _Told:
         axes = self.problem.kinematics.axes
         for support, left in zip(holding, single, strict=True):
             if isinstance(support, Support) and support.guides:
-                what = "the normal"
+                what = "the normal component"
                 if support.moves:
-                    what += f", out of the body by {support.value}"
+                    what += f", by {support.value} out of the body"
             else:
                 numbers = support.axes(self.problem.bodies.gdim)
                 what = ", ".join(axes[number] for number in numbers)
@@ -226,7 +226,7 @@ class _Told:
                 self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
-        """Add lines if no body can yield, and on strengths that the factor F divides or not."""
+        """Add a line if no body can yield, and the strengths that F divides or does not divide."""
         case = self.case
         rubbing = [*case.contacts, *case.obstacles]
         if case.loading.of_body and all_elastic(case.materials.values()):
@@ -283,7 +283,7 @@ class _Told:
             of = [f"{side} of {_few(sorted(bodies))}" for side, bodies in sorted(all_of.items())]
             line += f"; all of {_few(of)}"
         if not all_of and not parts:
-            line += "; inside a body, on no outer face"
+            line += "; inside a body, not on an outer face"
         self.lines.append(f"  {line}")
         for part in parts[:MOST]:
             self.lines.append(f"    only a part: {part}")
@@ -310,7 +310,8 @@ class _Told:
             area = self.sides.facets.area[np.isin(self.sides.facets.tag, sorted(common))].sum()
             if common:
                 words = load_in_words(other, self.case.units, self.whole)
-                found.append(f"{words}, on {_number(float(area))} in common")
+                what = "length" if self._flat else "area"
+                found.append(f"{words}, on a common {what} of {_number(float(area))}")
         return "; ".join(found)
 
     def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
@@ -377,7 +378,7 @@ class _Told:
             shown = moment * self.case.units.moment_scale(self.whole)
             unit = self.units["moment"]
             words = _vector(shown, total * size)
-            told += f", moment about its middle {words}{f' {unit}' if unit else ''}"
+            told += f", moment about its centroid {words}{f' {unit}' if unit else ''}"
         return told
 
 
@@ -416,7 +417,7 @@ def _section(case: Case, problem: Problem) -> Section:
 
 
 def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
-    """Draw the program's reading of a case if the system can draw. Collective.
+    """Draw a case with its loads and supports, if the system can draw. Collective.
 
     Args:
         case: The case; the picture has its title.
@@ -448,7 +449,7 @@ def save_arrays(
     Args:
         file: The file.
         title: Title of the case.
-        meant: The program's reading of the case.
+        meant: The description of the case.
         section: The plane bodies.
         revolved: Whether the plane bodies are the half sections of bodies of revolution.
     """
@@ -494,7 +495,7 @@ def save_arrays(
 
 
 def _part(cover: Cover, where: str) -> str:
-    """Return in words the part of a side that a surface covers, and what names the rest."""
+    """Return in words the part of a side that a surface covers, and the names on the rest."""
     side = cover.side
     share = cover.area / side.area
     rest = [
@@ -519,7 +520,7 @@ def _held(one: HeldAgainst) -> str:
     return (
         f"{_few(one.by)} holds {one.held} of the {one.nodes} nodes of '{one.surface}' along the "
         f"normal, but does not hold '{one.other}': an elastic or rigid body cannot be pushed into "
-        "them; end the support before the contact, or hold other components"
+        "these nodes; end the support before the contact, or hold other components"
     )
 
 

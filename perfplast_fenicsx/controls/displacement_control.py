@@ -49,7 +49,8 @@ class DisplacementControl(OfLevels):
             check_values(self.values, "load factors", "or all decrease")
         elif self.until == 0 or not math.isfinite(self.until or 0.0):
             raise InputError(
-                f"until = {self.until} is not a valid load factor; give a finite number, not 0."
+                f"until = {self.until} is not a valid load factor; give a finite number other than "
+                "0."
             )
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:

@@ -154,8 +154,8 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     for part in parts:
         if qualities(3, part).min() <= 0:
             raise InputError(
-                f"closing gaps folds elements of '{part.name}'; give a larger size, a "
-                "smaller close_gaps, or repair the geometry in the CAD system."
+                f"closing gaps folds elements of '{part.name}'; give a larger size or "
+                "a smaller close_gaps, or repair the geometry in the CAD system."
             )
 
 

@@ -230,7 +230,7 @@ class Hill:
         if not self.spectrum[1] > least_ratio * self.spectrum[0]:
             raise InputError(
                 f"r11 = {self.r11}, r22 = {self.r22}, r33 = {self.r33} leave some stresses "
-                "unbounded, because one ratio is too large compared with the others; each 1/r "
+                "unbounded, because one ratio is too small compared with the others; each 1/r "
                 "must be less than the sum of the other two."
             )
 

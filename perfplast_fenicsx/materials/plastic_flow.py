@@ -140,7 +140,7 @@ class Flow:
         projects = self.body.law.projects and not isinstance(self.body, Flow)
         if all_elastic([self.body]) or not (projects or hasattr(self.body, "flow_law")):
             raise InputError(
-                f"{self.body!r} has no plastic flow to remember; give VonMises, Hill, "
+                f"{self.body!r} has no plastic strains to store; give VonMises, Hill, "
                 "DruckerPrager, MohrCoulomb, Tresca or Hardening."
             )
 

@@ -74,7 +74,10 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
         own = bodies.get(entity, ())
         if len(own) != 1:
             how = f"in {len(own)} physical volumes" if own else "in no physical volume"
-            raise InputError(f"volume {entity} of the gmsh model is {how}; put it in exactly one.")
+            raise InputError(
+                f"volume {entity} of the gmsh model is {how}; put it in exactly one physical "
+                "volume."
+            )
         parts.append(_Part(dim, own[0], (_name(dim, own[0]),), _elements(dim, entity)))
     for entity, groups in _groups(dim - 1).items():
         names = [_name(dim - 1, group) for group in groups]

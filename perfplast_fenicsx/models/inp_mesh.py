@@ -172,14 +172,14 @@ class MeshReader:
         most_columns = 7  # columns of `*NODE`: number, coordinates, and direction of a normal
         if not 3 <= table.shape[1] <= most_columns:
             raise InputError(
-                f"line {keyword.number}: **NODE needs a number and 2 or 3 coordinates "
+                f"line {keyword.number}: *NODE needs a number and 2 or 3 coordinates "
                 "for each node; the file is damaged."
             )
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
         if not np.isfinite(places).all():
             raise InputError(
-                f"line {keyword.number}: **NODE has coordinates that are not finite "
+                f"line {keyword.number}: *NODE has coordinates that are not finite "
                 "numbers; the file is damaged."
             )
         ids = table[:, 0].astype(np.int64)
@@ -205,11 +205,11 @@ class MeshReader:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:
             raise InputError(
-                f"line {keyword.number}: **ELEMENT has a text that is not a number ({error}); the "
+                f"line {keyword.number}: *ELEMENT has a text that is not a number ({error}); the "
                 "file is damaged."
             ) from error
         if len(table) % width and kind.shape is LINE:
-            # beams may have an extra node for their direction; they are omitted anyway
+            # beams may have an extra node for their direction; this function omits all beams
             self._left_out[name] = self._left_out.get(name, 0) + len(keyword.lines)
             return
         if len(table) % width:

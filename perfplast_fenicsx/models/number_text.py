@@ -166,7 +166,7 @@ def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
                 ) from error
             if step < 1 or (last - first) // step > 100_000_000:
                 raise InputError(
-                    f"line {keyword.number}: **{kind} has the invalid step {step}; "
+                    f"line {keyword.number}: *{kind} has the invalid step {step}; "
                     "the file is damaged."
                 )
             found.append(np.arange(first, last + 1, step, dtype=np.int64))

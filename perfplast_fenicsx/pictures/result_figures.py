@@ -204,7 +204,7 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     levels = reader.levels
     if not levels:
         raise InputError(
-            f"the run in '{folder}' has no fields on file; wait for its first level, or run the"
+            f"the run in '{folder}' has stored no fields; wait for its first level, or run the"
             " case with fields = true under [output]."
         )
     with _drawing(target) as path:
@@ -314,7 +314,7 @@ def _collapse(limit: StoredLimit) -> str:
 
 @contextmanager
 def _drawing(path: Path) -> Iterator[Path]:
-    """Create the folder of a picture, and turn failures into messages.
+    """Create the folder of a picture, and convert exceptions of the drawing to error messages.
 
     Raises:
         InputError: If the picture cannot be drawn or written; the message names the cause.

@@ -52,7 +52,7 @@ def test_a_run_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> No
     assert [line.split()[:2] for line in levels] == [["1", "10"], ["2", "20"], ["3", "30"]]
     assert levels[0].endswith("2 levels left, about 0:04")
     assert levels[2].endswith("2.00")
-    assert end == "The run ended, with 3 levels on file."
+    assert end == "The run ended; 3 levels are stored."
     assert drawn == 3
     assert "no ink" in caplog.text  # and goes on
 
@@ -60,7 +60,9 @@ def test_a_run_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> No
 def test_a_run_that_is_killed(tmp_path: Path) -> None:
     lines, drawn = follow(tmp_path / "results", "killed")
     assert drawn == 3
-    assert lines[-1].startswith("The run was killed, with 3 levels on file; --restart ")
+    assert lines[-1].startswith(
+        "The run was killed; 3 levels are stored. Continue it with --restart "
+    )
 
 
 def test_no_folder(
@@ -117,7 +119,7 @@ def test_a_run_that_has_ended(
     assert main(["plot", "--follow", str(folder)]) == SOLVED
     out, _ = capsys.readouterr()
     if comm.rank == 0:
-        assert out.splitlines()[-1] == "The run ended, with 1 level on file."
+        assert out.splitlines()[-1] == "The run ended; 1 level is stored."
         assert "\r" not in out  # no reader waits
     assert (folder / "path.png").exists()
 

@@ -315,6 +315,6 @@ def test_ended_at_once_with_a_sentence(name: str, then: str) -> None:
         text=True,
         check=False,
     )
-    said = f"perfplast: ended at once by {name}; solved levels are on file.\n"
+    said = f"perfplast: ended at once by {name}; solved levels are saved.\n"
     assert found.stderr == said
     assert found.returncode == 128 + signal.Signals[name]

@@ -286,7 +286,7 @@ CASES = {
         HOLD + load("pad") + load("top") + load("top", "traction = [1.0, 0.0]"),
         (
             "top: pressure 1 on 'top'; length 4; force (0, -4)",
-            "acts together with pressure 1 on 'pad', on 1 in common",
+            "acts together with pressure 1 on 'pad', on a common length of 1",
         ),
         {"pad": side(1, 2.0, 1.0, 2.0), "top": TOP, "left": LEFT},
         ("pad",),
@@ -401,7 +401,7 @@ CASES = {
     ),
     "an oblique side": Told(
         support("right", 'components = "normal"') + support("bottom") + load("top"),
-        ("right: holds the normal", "all of side with normal (0.8, 0.6) of 'plate'"),
+        ("right: holds the normal component", "all of side with normal (0.8, 0.6) of 'plate'"),
         {"right": RIGHT, "bottom": BOTTOM, "top": TOP},
         mapped=leant,
     ),
@@ -504,7 +504,7 @@ CASES = {
     ),
     "a load that turns": Told(
         HOLD + load("top", 'pressure = "x"'),
-        ("force (0, -8), moment about its middle (-5.3333)",),
+        ("force (0, -8), moment about its centroid (-5.3333)",),
         {"left": LEFT, "top": TOP},
     ),
     "a whole force": Told(
@@ -523,7 +523,7 @@ CASES = {
     ),
     "a name inside of a body": Told(
         HOLD + PULL + load("cut", "traction = [0.0, 1.0]"),
-        ("inside a body, on no outer face",),
+        ("inside a body, not on an outer face",),
         {"left": LEFT, "right": RIGHT, "cut": side(0, 2.0)},
     ),
     "a pad on the top of a cube": Told(

@@ -62,8 +62,8 @@ def test_a_footing(
         write_strip_footing(shared_tmp_path / "ground.msh", size=0.5, grading=1.0)
     run = run_case(comm, shared_tmp_path, CASE, capsys, "--report")
     out, folder = run.out, run.folder
-    assert "At 0 degrees: carried to " in out
-    assert "At 90 degrees: carried to " in out
+    assert "At 0 degrees: lower bound " in out
+    assert "At 90 degrees: lower bound " in out
     limit: dict[str, Any] = run.summary["limit"]
     rows = limit["envelope"]["rows"]
     assert len(rows) == 91
@@ -98,12 +98,12 @@ def goes_on(
     comm.Barrier()
     assert main(["run", str(case), "--restart", str(folder)]) == run.status
     out = comm.bcast(capsys.readouterr().out)
-    assert f"Directions on file: {kept};" in out
+    assert f"Directions already proven: {kept};" in out
     if comm.rank == 0:
         again = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["limit"]
         directions = before["envelope"]["directions"]
         assert again["envelope"]["directions"] == directions
-        assert out.count(" degrees: carried to ") == len(directions) - (kept - 1)
+        assert out.count(" degrees: lower bound ") == len(directions) - (kept - 1)
         for row, same in zip(again["envelope"]["rows"], before["envelope"]["rows"], strict=True):
             # the bounds in the repeated direction are as close as limit_tolerance
             assert row == pytest.approx(same, rel=1e-5, abs=1e-9)

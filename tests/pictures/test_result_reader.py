@@ -292,7 +292,7 @@ def test_a_mechanism_without_a_level(comm: MPI.Intracomm, shared_tmp_path: Path)
             "contains model.json, so its results",
         ),
         ("plot", lambda path: (path / "path.csv").write_text(""), "no level yet"),
-        ("animate", lambda path: (path / "path.csv").write_text(""), "no fields on file"),
+        ("animate", lambda path: (path / "path.csv").write_text(""), "stored no fields"),
     ],
 )
 def test_bad_folders(

@@ -135,7 +135,7 @@ class Cylinder(_NamedFriction):
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions; see :meth:`Plane.towards`."""
         if x.shape[1] == 2:
-            raise InputError(f"the cylinder at '{self.on}' is in a plane mesh; give a sphere.")
+            raise InputError(f"the cylinder at '{self.on}' needs a mesh in 3D; give a sphere.")
         axis = _vector(self, "axis", 3)
         length = np.linalg.norm(axis)
         if length == 0:

@@ -216,7 +216,7 @@ def read_header(folder: ResultFolder) -> Header:
             raise InputError(
                 f"the checkpoint '{path}' has format {header.schema}, but this version of "
                 f"perfplast reads format {SCHEMA}; continue with perfplast {header.version}, or "
-                "start again with -o."
+                "start again with -o DIR --force."
             )
         return header
     raise nothing_left(folder, faults)
@@ -238,12 +238,12 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
     if difference is not None:
         raise InputError(
             f"{name}: {difference} in the run whose checkpoint is in '{folder.path}'; restore its"
-            " value to continue, or start again with -o."
+            " value to continue, or start again with -o DIR --force."
         )
 
 
 def packed(header: Header, rank: int) -> Block:
-    """Return the hash and the bytes of a header as a block: all on rank 0, none elsewhere."""
+    """Return the hash and the bytes of a header as a block whose rows are all on rank 0."""
     text = json.dumps(dataclasses.asdict(header)).encode()
     data = np.frombuffer(hashlib.sha256(text).digest() + text, dtype=np.uint8)
     return Block(data if rank == 0 else data[:0], 0 if rank == 0 else len(data), len(data))
@@ -276,7 +276,7 @@ def header_of(comm: MPI.Intracomm, path: Path) -> Header:
 
 
 def generations(folder: ResultFolder) -> list[Path]:
-    """Return the paths that checkpoints have in a folder, the newest first."""
+    """Return the paths of the newest and the previous checkpoint in a folder, in this order."""
     return [folder.file(NEWEST), folder.file(BEFORE)]
 
 
@@ -387,7 +387,8 @@ class Checkpoints:
         if header.mesh_hash != self._mesh_hash:
             raise InputError(
                 "the points, cells or names of the mesh differ from those of the checkpoint in "
-                f"'{self._folder.path}'; give the original mesh, or start again with -o."
+                f"'{self._folder.path}'; give the original mesh, or start again with "
+                "-o DIR --force."
             )
         for path in generations(self._folder):
             try:
@@ -440,9 +441,10 @@ class Checkpoints:
         return Saved(reports, level, before, search, header.timings)
 
     def _of_state(self, state: State, end: str = "") -> dict[str, Block]:
-        """Return displacement, history, and for each node a byte with one bit per closed pair.
+        """Return the arrays of a state: displacement, history, and a byte of closed pairs per node.
 
-        ``end`` is the suffix of the array names; the level before the last has one.
+        In the byte, each closed pair of the node has a bit. ``end`` is the suffix of the array
+        names, which only the level before the last has.
         """
         width = self._problem.V.dofmap.index_map_bs
         u = state.u.x.array.reshape(-1, width)[: self._owned_nodes]
@@ -497,7 +499,7 @@ class Checkpoints:
 def _bits(problem: Problem) -> npt.NDArray[np.uint8]:
     """Return a bit for each pair on this rank; pairs with the same host have different bits."""
     constraints = problem.constraints
-    # the components of normals along this direction differ between the faces that meet at a node
+    # where faces meet at a node, their normals have different components in this direction
     generic = np.array([0.5377, 0.8319, 0.1379])
     along = constraints.normal @ generic[: constraints.normal.shape[1]]
     order = np.lexsort([along, constraints.surface, constraints.host])

@@ -38,7 +38,7 @@ class Adaptation:
                 f'until = {self.until} is not between 0 and 1; try 0.01, or "decided".'
             )
         if self.cells < 1:
-            raise InputError(f"cells = {self.cells} is less than 1; give a number of cells.")
+            raise InputError(f"cells = {self.cells} is less than 1; give at least 1.")
 
     def check_design(self, design: float | None) -> None:
         """Refuse ``until = "decided"`` if there is no design load.

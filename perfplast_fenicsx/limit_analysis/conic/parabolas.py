@@ -81,8 +81,8 @@ class Parabola:
         """
         if not flat:
             raise InputError(
-                "law = 'hoek-brown' needs plane strain: its cones bound in-plane stresses; give "
-                "plane strain, and law = 'mohr-coulomb' in 3D and in axisymmetry."
+                "law = 'hoek-brown' needs plane strain, because its cones bound in-plane stresses; "
+                "in 3D and in axisymmetry give law = 'mohr-coulomb'."
             )
         return self.apex / ROOT2, 1 / ROOT2
 

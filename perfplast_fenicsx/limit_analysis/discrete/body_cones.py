@@ -455,8 +455,8 @@ def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
         raise InputError(
             f"zero stress must lie inside the cone of {type(law).__name__}: bound = "
             f"{plain.bound:.6g} must be positive, or 0 with a slope, and the matrix must have "
-            f"full row rank, with a column for each of {size} components of stress; correct what "
-            "its yields.cones returns."
+            f"full row rank, with a column for each of {size} components of stress; correct the "
+            "return value of its method yields.cones."
         )
     return plain
 
@@ -476,7 +476,7 @@ def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
         raise InputError(
             f"the set of {type(law).__name__} has bound = {found.bound:.6g}, sine = "
             f"{found.sine:.6g} and tension = {tension:.6g}, but bound must be positive (or 0 with "
-            "a sine), sine in [0, 1), and tension positive and below the apex; correct what its "
-            "yields.cones returns."
+            "a sine), sine in [0, 1), and tension positive and below the apex; correct the "
+            "return value of its method yields.cones."
         )
     return found
