@@ -103,7 +103,7 @@ def write_file(folder: Path, file: File, pictures: bool = True) -> None:
         if not place.search(old):
             raise LookupError(f"{name} has no table {table}")
         text = place.sub(lambda _: text, old)
-    # a file with only part of a case has no title
+    # a file without a title contains only a part of a case
     whole = path.suffix == ".toml" and re.search(r"^title\b", text, re.M)
     if whole and not pictures and NO_PICTURES not in text:
         text += NO_PICTURES
@@ -200,7 +200,7 @@ def refresh(page: Path, folder: Path) -> None:
 
 
 def main() -> int:
-    """Check the pages that the command line names, or rewrite their outputs."""
+    """Check the pages that the command line names, or rewrite the outputs on these pages."""
     parser = argparse.ArgumentParser(description="Run the commands of pages.")
     parser.add_argument("pages", nargs="+", type=Path)
     parser.add_argument("--write", action="store_true", help="write what they print")

@@ -50,6 +50,6 @@ def _block(self: Any, node: nodes.math_block) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Make the renderer known to Sphinx."""
+    """Register the renderer in Sphinx; Sphinx calls this function."""
     app.add_html_math_renderer("perfplast_mathml", (_inline, None), (_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

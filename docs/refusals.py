@@ -52,7 +52,7 @@ class Row:
 
     @property
     def site(self) -> Site:
-        """Return the place."""
+        """Return the module, function and text of the row as a place."""
         return self.kind, self.module, self.function, self.text
 
 
@@ -75,14 +75,14 @@ def sites(package: Path = PACKAGE) -> list[Site]:
             if name not in {*errors, "raise_together", "log.warning"} or len(call.args) <= number:
                 continue
             if (module, function) in {("errors", "raise_together"), ("errors", "on_all_ranks")}:
-                continue  # these functions raise errors from other places
+                continue  # these functions raise errors that other places create
             for text in _texts(call.args[number], within):
                 found[(kind, module, function, text)] = None
     return list(found)
 
 
 def _calls(tree: ast.AST) -> Iterator[tuple[str, ast.AST, ast.Call]]:
-    """Return all calls with the name and body of their function, without handlers of InputError."""
+    """Yield each call outside of handlers of InputError, with the name and node of its function."""
 
     def walk(node: ast.AST, function: str, within: ast.AST) -> Iterator[Any]:
         if isinstance(node, ast.FunctionDef):
@@ -121,7 +121,7 @@ def _texts(value: ast.expr, within: ast.AST) -> list[str]:
 
 
 def stored() -> list[Row]:
-    """Return the rows of the table."""
+    """Return the stored rows of ``codes.csv``."""
     with TABLE.open(encoding="utf-8", newline="") as file:
         return [Row(**row) for row in csv.DictReader(file)]
 

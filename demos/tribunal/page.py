@@ -183,7 +183,7 @@ def in_short(
     verdicts: Sequence[tuple[Published, Verdict]],
     solved: Mapping[str, Solved],
 ) -> str:
-    """Return a summary of the result in some sentences.
+    """Return a summary of the results in a few sentences.
 
     Args:
         kinds: Kinds of all problems, by name.

@@ -40,10 +40,16 @@ class Case:
     """A problem, and the gap that the bounds should reach.
 
     Attributes:
-        name: Name in the table. arguments: Arguments of ``write``. materials: Materials of the
-        volumes. supports: The supports. loads: The loads. asked: Required relative gap, and largest
-        number of cells. exact: Limit load; None if it is not known. contacts: Contacts between the
-        bodies. coarse: Gap and number of cells of a quick run; None if a quick run omits the case.
+                name: Name in the table.
+        write: Function that writes the first mesh.
+        arguments: Arguments of ``write``.
+        materials: Materials of the volumes.
+        supports: The supports.
+        loads: The loads.
+        asked: Required relative gap, and largest number of cells.
+        exact: Limit load; None if it is not known.
+        contacts: Contacts between the bodies.
+        coarse: Gap and number of cells of a quick run; None if a quick run omits the case.
     """
 
     name: str
@@ -58,7 +64,7 @@ class Case:
     coarse: tuple[float, int] | None = None
 
     def problem(self, folder: ResultFolder, **changes: object) -> Problem:
-        """Return the problem on its first mesh; ``changes`` replace arguments. Collective."""
+        """Return the problem on its first mesh; ``changes`` replace ``arguments``. Collective."""
         tagged_mesh = mesh(folder, self.write, **{**self.arguments, **changes})
         held = (self.supports, self.loads, self.contacts)
         return Problem(tagged_mesh, self.materials, *held, degree=2)

@@ -10,8 +10,8 @@
 # |---|---|---|---|
 # | ALG1, `Newton` | load ζ | work α | a contact problem with a new tangent; damped |
 # | ALG2, `AugmentedLagrangian` | load ζ | work α | a contact problem, always the elastic operator |
-# | ALG3, `WorkNewton` | work α | load ζ | as ALG1, with L(δu) given; damped |
-# | ALG4, `BorderedNewton` | work α | load ζ | the same without damping |
+# | ALG3, `WorkNewton` | work α | load ζ | as ALG1, with prescribed L(δu); damped |
+# | ALG4, `BorderedNewton` | work α | load ζ | as ALG3, without damping |
 #
 # Here α = L(u) is the work of the loads at ζ = 1 on the displacement. ζ(α) levels off at the limit
 # load. Above the limit load ALG1 and ALG2 have no solution, whereas ALG3 and ALG4 have a solution

@@ -9,7 +9,7 @@
 # 1.5 times as many edges:
 #
 # - A shrink fit: the radius of a sphere is larger by δ than the hole of the shell around the sphere
-# (Lamé's solution).
+#   (Lamé's solution).
 # - A ball in a socket, and a pin in a hole. Ball and pin fill their holes and slip without
 #   friction. The pressure on the outer surface is p₀ + p₂ P₂(cos θ) for the ball, and p₀ + p₂ cos
 #   2θ in plane strain for the pin.

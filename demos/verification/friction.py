@@ -239,7 +239,7 @@ def cattaneo(folder: ResultFolder, coarse: bool) -> list[Row]:
     aside = share * mu * push
     parts = 6 if coarse else 16
     tagged_mesh = mesh(folder, write_facing_blocks, fine=width / parts)
-    # a couple on the top makes the moment in the contact zero
+    # a couple on the top makes the moment of the contact forces zero
     down = f"{-push / 2!r} + {1.5 * aside!r}*x"
     problem = Problem(
         tagged_mesh,

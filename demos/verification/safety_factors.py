@@ -64,7 +64,7 @@ SLOPES = {
 def of_case(
     comm: MPI.Intracomm, name: str, coarse: bool, cohesion: float | None = None
 ) -> FactorOfSafety:
-    """Return the factor of safety of a case, with its own or a given cohesion. Collective."""
+    """Return the factor of safety of a case; ``cohesion`` replaces its cohesion. Collective."""
     case = read_case(FOLDER / f"{name}.toml", comm, trust=True)
     if cohesion is not None:
         (soil,) = case.materials

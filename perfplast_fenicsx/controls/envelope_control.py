@@ -15,7 +15,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class EnvelopeControl(OfBody):
-    """No loading: bounds of the set of multiples of two or three loads that the bodies carry.
+    """No loading: bounds on the set of multiples of two or three loads that the bodies carry.
 
     Args:
         first: Names of the loads that the first number multiplies; a load without a name has the
@@ -26,7 +26,7 @@ class EnvelopeControl(OfBody):
             numbers.
         until: Relative distance between the inner and outer polygon (polytope for three numbers) at
             which the search ends.
-        directions: Largest number of directions in which the program computes bounds of the limit
+        directions: Largest number of directions in which the program computes bounds on the limit
             load.
         around: True if all numbers may be negative, or the names of loads whose number may be
             negative; by default all numbers are at least 0.

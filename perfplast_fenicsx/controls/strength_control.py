@@ -15,7 +15,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class StrengthControl(OfBody):
-    """No loading: bounds of the factor by which strengths may be divided before collapse.
+    """No loading: bounds on the factor by which strengths may be divided before collapse.
 
     The factor divides yield stresses, cohesions and friction coefficients, including the friction
     of contacts and obstacles. Strengths with ``reduced = false`` do not change. All loads are

@@ -147,7 +147,7 @@ class ElasticSheet(Elastic):
 class Rigid:
     """A rigid block, such as a block of masonry; it moves as a whole and carries any stress.
 
-    Bounds of limit loads and factors of safety support rigid blocks. Levels support rigid blocks
+    Bounds on limit loads and factors of safety support rigid blocks. Levels support rigid blocks
     together with bodies that deform. If no body can yield, only the joints limit the load.
     """
 

@@ -80,7 +80,7 @@ class Contact(FrictionTerms):
         coulomb: Coulomb's coefficient of friction μ, not negative. Together with it, ``tresca`` is
             an adhesion: the shear stress at which slip begins without pressure.
         associated: Whether slip follows the normal of the friction cone, as in a dilating joint:
-            the surfaces separate by μ times the slip. Only bounds of the body support it.
+            the surfaces separate by μ times the slip. Only bounds of the body support this.
         reduced: Whether the factor F of ``control = "strength"`` divides the friction of the
             contact; by default it does.
         name: Name by which stages refer to a growing overlap; by default the name of the primary

@@ -37,7 +37,7 @@ class Plane(_NamedFriction):
             it, ``tresca`` is an adhesion.
         name: Name for the force of the obstacle in results; by default the name of its surface.
         associated: Whether slip separates body and obstacle by μ times the slip, as in a dilating
-            joint. Only bounds of the body support it.
+            joint. Only bounds of the body support this.
         reduced: Whether the factor F of ``control = "strength"`` divides the friction of the
             obstacle; by default it does.
     """

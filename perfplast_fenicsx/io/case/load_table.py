@@ -36,8 +36,8 @@ SHARED: dict[str, tuple[Any, Any, str]] = {
 
 HEAD = """A load on a surface or in a volume: give exactly one of its kinds.
 
-Numbers may be formulas in x, y, z, such as ``"10*maximum(8 - y, 0)"``, which are taken at the
-nodes of quadratic cells.
+Numbers may be formulas in x, y, z, such as ``"10*maximum(8 - y, 0)"``. The program
+evaluates them at the nodes of quadratic cells.
 
 Args:
     on: Physical surface, or volume for a {volumes}.

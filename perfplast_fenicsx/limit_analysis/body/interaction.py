@@ -191,7 +191,7 @@ def envelope(
     adaptation: Adaptation | None = None,
     progress: Progress | None = None,
 ) -> Envelope:
-    """Return bounds of the set of multiples (a, b) or (a, b, c) of loads that the bodies carry.
+    """Return bounds on the set of multiples (a, b) or (a, b, c) of loads that the bodies carry.
 
     Collective.
 

@@ -52,8 +52,8 @@ SOLVERS: dict[str, ConicSolver] = {USUAL: iterate, "clarabel": by_clarabel}
 
 CONIC = (
     "The solver of limit loads and bounds: the program's own interior point method, or Clarabel, a"
-    " package that is installed by pip install clarabel and works on one rank. It goes with no"
-    " other key, since the other keys belong to a loading path."
+    " package that is installed by pip install clarabel and works on one rank. Give no other"
+    " key with it, because the other keys belong to a loading path."
 )
 """Description of the key ``conic`` of ``[solve]``, for the reference pages."""
 
