@@ -45,7 +45,7 @@ class BoundsControl(OfBody):
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse cases without loads or limits, moving obstacles, and loads without a 2nd bound."""
+        """Refuse cases without loads or limits, moving obstacles, and, for "both", pin loads."""
         given.require_load()
         given.require_limit()
         given.refuse_moves()
@@ -73,7 +73,7 @@ class BoundsControl(OfBody):
         return mesh
 
     def _with_least(self, run: Run, body: BodyBounds) -> BodyBounds:
-        """Return the bounds, with the smallest load factor if the user requests it or it matters.
+        """Return ``body``, with bounds on the smallest load factor where they are needed.
 
         Collective.
         """

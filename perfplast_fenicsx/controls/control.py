@@ -48,8 +48,8 @@ from perfplast_fenicsx.solvers.load_stepping import Reached, load_path, rests_fi
 def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
     """Discard the partial result of an inner search if a signal stops the search.
 
-    An inner search uses loads or strengths that differ from the case, so its partial result is no
-    result for the case.
+    The loads or strengths of an inner search differ from the loads or strengths of the case.
+    Therefore its partial result does not hold for the case.
 
     Args:
         known: The answer so far, which is reported instead of the partial result.
@@ -93,7 +93,7 @@ class Given:
 
     @property
     def moving(self) -> bool:
-        """Return whether any motion follows the loading."""
+        """Return whether the loading multiplies any motion or overlap."""
         return any(follows(mover) for mover in self.movers)
 
     @property
@@ -103,7 +103,7 @@ class Given:
 
     @property
     def stays(self) -> bool:
-        """Return whether the bodies are loaded before the loading begins."""
+        """Return whether strains, prescribed motions or constant loads act besides the loading."""
         return self.strained or self.settled or any(load.constant for load in self.loads)
 
     def require_load(self, enough: bool = False) -> None:
@@ -123,7 +123,7 @@ class Given:
             )
 
     def require_limit(self) -> None:
-        """Refuse bodies whose load nothing limits.
+        """Refuse cases in which nothing limits the load.
 
         Raises:
             InputError: If no body can yield, and there are no contacts and no obstacles.
@@ -179,7 +179,7 @@ class Record(Protocol):
         """Record the bounds for strengths divided by ``factor``, and the number of cells."""
 
     def estimate(self, factor: float, times: float | None, cells: int) -> None:
-        """Record an estimate of the multiple of the loads for strengths divided by ``factor``."""
+        """Record ``times``, an estimate of the load multiplier for strengths over ``factor``."""
 
     def limit(
         self,
@@ -187,7 +187,7 @@ class Record(Protocol):
         body: BodyBounds | None = None,
         adaptive: AdaptiveBounds | None = None,
     ) -> None:
-        """Record a limit load and the proven bounds of the body; with several meshes, the best."""
+        """Record the limit load of a mesh (of several, the best) and proven bounds of the body."""
 
     def safety(self, found: FactorOfSafety) -> None:
         """Record a factor of safety."""
@@ -195,7 +195,7 @@ class Record(Protocol):
     def direction(
         self, angles: Angles, low: BodyBounds, high: BodyBounds, prove: Proving
     ) -> Proven:
-        """Return the bounds that are proven in one direction of an envelope."""
+        """Prove, record and return the bounds in one direction of an envelope."""
 
     def envelope(self, found: Envelope, names: Sequence[str]) -> None:
         """Record the set of multiples of the named loads that the bodies carry."""
@@ -299,7 +299,7 @@ class Control(Protocol):
         """
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return a sentence with the meaning of bounds of ζ; empty if ζ is a load factor.
+        """Return a sentence that explains the bounds on ζ; empty if ζ is a load factor.
 
         Args:
             lower: Strict lower bound; None if there is no lower bound.
@@ -337,7 +337,7 @@ class OfLevels:
         return ()
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Do nothing: the solver itself checks what levels require."""
+        """Do nothing: the solver itself checks the problem."""
 
     def answer(self, lower: float | None, upper: float | None) -> str:
         """Return an empty text: ζ is a load factor."""

@@ -1,4 +1,4 @@
-"""Compute by how much repeated variable loads may be multiplied while the bodies shake down."""
+"""Compute the largest multiple of repeated variable loads for which the bodies shake down."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -95,7 +95,7 @@ class ShakedownControl(OfBody):
             )
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return a remark that preloads have no effect; temperatures have an effect."""
+        """Return a remark that preloads have no effect if there are bolts; otherwise no remark."""
         if not problem.shanks.bolts:
             return ()
         return [
@@ -108,7 +108,7 @@ class ShakedownControl(OfBody):
         check_shakedown(problem, self.domain, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Compute the shakedown load, or the loads of a diagram. Collective."""
+        """Compute the shakedown load, and the diagram if ``directions`` is not 0. Collective."""
         rtol, steps = self.limit_tolerance, run.record.interior
         found = shakedown_load(run.problem, self.domain, rtol, steps)
         diagram = []

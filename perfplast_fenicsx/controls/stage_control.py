@@ -39,7 +39,7 @@ class StageControl(OfLevels):
         return lambda name, on: name in named or (not name and on in named - taken)
 
     def check(self, given: Given) -> None:
-        """Refuse cases without loads, motions and initial strains."""
+        """Refuse cases that have no loads, no motions and no initial strains."""
         given.require_load(given.strained or given.moving)
 
     def find(self, run: Run) -> None:

@@ -54,7 +54,7 @@ class StrengthControl(OfBody):
         check_bounds(weakened(problem, 1.0), self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:
-        """Compute both bounds, and then the curve if the user requests it. Collective."""
+        """Compute both bounds, and the curve of the factor if ``path`` is True. Collective."""
         told = (run.adapt, run.record.factor, run.record.interior, run.record.estimate)
         with of_other_loads():  # each factor gives different strengths
             safety = factor_of_safety(run.problem, self.limit_tolerance, *told)

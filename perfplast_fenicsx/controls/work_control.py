@@ -93,7 +93,7 @@ class WorkControl:
         return ignored(problem)
 
     def check(self, given: Given) -> None:
-        """Refuse only constant loads, moving obstacles, and unloading without constant loads."""
+        """Refuse missing live loads, moving obstacles, and unloading without constant loads."""
         given.require_load()
         if self.until is not None:
             given.require_limit()

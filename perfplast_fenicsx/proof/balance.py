@@ -11,8 +11,8 @@ bound on this size.
    cells beyond it through one facet, by the traction F/A + θ × (x − x₀) with Iθ = M, where the
    facet has the area A, the centre x₀ and the second moments of area I. Then each cell is in
    equilibrium on its own. For c = 0, tractions and τ can be made zero at vertices of free surfaces.
-   Then facets with two such vertices transfer no traction, and facets with one such vertex transfer
-   quadratic tractions.
+   A facet with two such vertices transfers no traction, and a facet with one such vertex transfers
+   a quadratic traction.
 3. If tractions are linear on each facet of a simplex and in equilibrium with a uniform body force,
    some stress with these tractions is linear in each of the d + 1 parts into which the centre
    divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in 3D M. Křížek,
@@ -60,7 +60,7 @@ class Cost:
     """The cost of balancing unbalanced forces.
 
     Attributes:
-        size: Largest size of τ in each cell, shape (num_cells,); ∞ if it is unknown.
+        size: Upper bound on the size of τ in each cell, shape (num_cells,); ∞ if no τ is known.
         reason: Reason why no τ is known, or None.
     """
 
@@ -75,7 +75,7 @@ def cost_of(
     kinds: Sequence[tuple[float, Loads]],
     bare: Flags | None = None,
 ) -> Cost:
-    """Return the cost of balancing the remainder of a stress.
+    """Return the cost of balancing ``left``, the unbalanced forces of a stress.
 
     Args:
         body: The bodies, in 2D or 3D.
@@ -177,7 +177,7 @@ class _Acting:
         return not (pulled.any() or jumps.any())
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
-        """Add the forces that anchors exert."""
+        """Add to the cells the tractions of anchors, multiplied by ``forces``."""
         for facets, corners, sign in (
             (anchors.facets, anchors.corners, -1.0),
             (anchors.opposite, anchors.opposite_corners, 1.0),
@@ -195,15 +195,15 @@ class _Acting:
         at: tuple[Longs, Longs],
         wrenches: tuple[Floats, Floats],
     ) -> None:
-        """Add forces and moments that plates transfer through facets.
+        """Add to the cells the forces and moments that plates transfer through facets.
 
         Args:
             body: The bodies.
             plates: Rigid surfaces.
             at: Facet through which each wrench acts (−1 for no facet), and index of the wrench's
                 plate.
-            wrenches: Forces, and moments about the plates' centres over extents, shape (n, 3 or 6),
-                and the errors of both.
+            wrenches: Forces, and moments about the plates' centres divided by the extents, shape
+                (n, 3 or 6), and the errors of both.
         """
         d, some = body.dim, np.flatnonzero(at[0] >= 0)
         facets, of = at[0][some], at[1][some]
@@ -260,12 +260,12 @@ class _Acting:
         return upwards(force + (turn + off[1] + force * reach) * bends * (1 + 1e-9))
 
     def _put(self, body: Body, sides: Longs, vertices: Longs, tractions: Balls) -> None:
-        """Add tractions on sides of cells, with the opposite sign."""
+        """Add to the cells the negative of tractions times area on sides."""
         d = body.dim
         cells = sides // (d + 1)
         np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
         mid = -tractions.mid
-        means = (np.eye(d) + 1) / (d * (d + 1))  # of products of barycentric coordinates
+        means = (np.eye(d) + 1) / (d * (d + 1))  # mean products of barycentric coordinates
         arms = body.vertices[vertices] - self.middles[cells][:, None]
         spread = np.einsum("ab,fbi->fai", means, mid)
         turns = moments(arms.reshape(-1, d), spread.reshape(-1, d))
@@ -280,7 +280,7 @@ class _Acting:
 
 
 def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
-    """Return the tractions times area that a unit moment causes on facets.
+    """Return bounds on the tractions times area by which facets transfer a unit moment.
 
     Args:
         dim: Dimension of the bodies.
@@ -303,7 +303,7 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
 def _passed(
     body: Body, shapes: Shapes, acting: _Acting, pushes: Floats, zeros: Longs
 ) -> Floats | None:
-    """Return the sum of the tractions that the facets of each cell transfer.
+    """Return the sum of the tractions times area that the facets of each cell transfer.
 
     Return None if some cell has no facet that can transfer tractions. A traction that is
     zero at one end of a facet of length L is quadratic. For a force F and a moment M, its Bernstein
@@ -326,10 +326,10 @@ def _passed(
     more = np.bincount(body.outer // wide, weights=pushes, minlength=count)
     force_errors += more
     turn_errors += more * acting.extents
-    sizes = np.linalg.norm(forces, axis=1) + force_errors  # sum of their magnitudes
+    sizes = np.linalg.norm(forces, axis=1) + force_errors  # sums of magnitudes
     away = np.flatnonzero(back >= 0)
     ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
-    middles = acting.middles.copy()  # of the facets towards the root
+    middles = acting.middles.copy()  # middles of facets towards the root
     middles[away] = ends.mean(axis=1)
     vectors = shapes.areas[away, back[away] % wide]
     least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
@@ -341,7 +341,7 @@ def _passed(
     rounded = 32 * U * np.abs(x).max(axis=(1, 2))
     for cells in levels[:0:-1]:
         towards = across[back[cells]] // wide
-        # about the middle of the facet towards the root
+        # moments about the middle of the facet towards the root
         turns[cells] += moments(shift[cells], forces[cells])
         force_errors[cells] += 8 * U * sizes[cells]
         force = np.linalg.norm(forces[cells], axis=1) + force_errors[cells]
@@ -364,7 +364,7 @@ def _passed(
         np.add.at(turn_errors, towards, added)
     if sum(map(len, levels)) < count:
         return None
-    # All terms are non-negative. Each is rounded at most once for each cell between it and the
+    # All terms are non-negative. Each term is rounded at most once in each cell on the way to the
     # root.
     return upwards(found * (1 + 1e-12), 2 * count + 64)
 
@@ -407,7 +407,7 @@ def _reactions(
     weights = weights_of(body, first, most)
 
     def push(forces: Floats) -> tuple[Floats, Floats]:
-        """Return the unbalanced forces under additional forces, and their errors."""
+        """Return the forces that remain unbalanced with additional ``forces``, and errors."""
         acting.push(body, anchors, forces[: len(anchors.facets)])
         values = plates.wrenches() * forces[len(anchors.facets) :, None]
         for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
@@ -453,7 +453,7 @@ def exerted_of(
         return np.zeros(columns), None
     if not columns:
         return None, HELD
-    # The other rows belong to bodies or directions on which nothing acts. These rows do not change.
+    # All rows outside ``kept`` belong to bodies or directions on which nothing acts.
     kept = _closed(active, (mid != 0) | (rad > 0))
     mid, rad = (part[kept] * weights for part in (mid, rad))
     # Contact near slip can exert only small forces, but supports can exert large forces. Therefore
@@ -500,7 +500,7 @@ def _closed(rows: Flags, touched: Flags) -> Flags:
 
 
 def weights_of(body: Body, facets: Longs, most: Floats) -> Floats:
-    """Return weights of forces: capacities of contacts, and capacities of the cells at supports.
+    """Return a weight of each force: the force that its facet's cell bears, at most ``most``.
 
     Args:
         body: The bodies.
@@ -524,7 +524,7 @@ def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
 
 
 def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return force and moment over extent on each piece, and errors, both (count, 3 or 6)."""
+    """Return force and moment/extent on each piece, and errors, both of shape (count, 3 or 6)."""
     d, pieces, count = body.dim, acting.pieces, len(about[1])
     arms = acting.middles - about[0][pieces]
     turns = acting.moments + moments(arms, acting.forces)
@@ -573,7 +573,7 @@ def _of_plates(
 def _matrix(
     body: Body, anchors: Anchors, of_facets: Longs, about: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
-    """Return forces and moments of anchors on pieces, and errors, (count, 3 or 6, num_anchors)."""
+    """Return unit forces and moments of anchors on pieces, and errors, (count, 3 or 6, n)."""
     d, count, columns = body.dim, len(about[1]), len(anchors.facets)
     rows = d + 2 * d - 3
     mid, rad = np.zeros((2, count, rows, columns))

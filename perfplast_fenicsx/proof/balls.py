@@ -27,7 +27,7 @@ TINY = 1e-75
 
 
 def upwards(values: Floats, terms: int = 16) -> Floats:
-    """Return upper bounds on sums and products of ``terms`` non-negative numbers."""
+    """Return rounded sums or products of ``terms`` non-negative numbers, enlarged to bounds."""
     return np.asarray(values * (1 + 4 * terms * U))
 
 
@@ -47,7 +47,7 @@ class Balls:
 
     @classmethod
     def exact(cls, values: Any) -> "Balls":
-        """Return numbers with zero radius."""
+        """Return numbers with zero radius, except that numbers below 1e-75 become 0 ± 1e-75."""
         mid = np.asarray(values, dtype=np.float64)
         lost = (mid != 0) & (np.abs(mid) < TINY)
         return cls(np.where(lost, 0.0, mid), np.zeros_like(mid), np.where(lost, TINY, 0.0))
@@ -70,7 +70,7 @@ class Balls:
         return upwards(np.sqrt((self.size**2).sum(axis=-1)))
 
     def each(self, change: Callable[[Floats], Any]) -> "Balls":
-        """Return the numbers with all three parts rearranged in the same way."""
+        """Return the numbers after applying ``change`` to each of their three parts."""
         return Balls(*(np.asarray(change(part)) for part in (self.mid, self.low, self.rad)))
 
     def __getitem__(self, at: Any) -> "Balls":
@@ -104,7 +104,7 @@ class Balls:
         return reduce(Balls.__add__, (self[(*every, k)] for k in range(count)))
 
     def where(self, here: Any, other: "Balls | None" = None) -> "Balls":
-        """Return the numbers where a condition holds, and ``other`` (by default zero) elsewhere."""
+        """Return the numbers where ``here`` is True, and ``other`` (by default zero) elsewhere."""
         if other is None:
             return self.each(lambda part: np.where(here, part, 0.0))
         return Balls(
@@ -150,7 +150,7 @@ def _product(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 def _halves(a: Floats) -> tuple[Floats, Floats]:
-    """Return two numbers of 26 bits each whose sum is a."""
+    """Return two numbers of at most 26 bits whose sum is a."""
     large = 134_217_729.0 * a
     first = large - (large - a)
     return first, a - first
@@ -169,7 +169,7 @@ def inverse_of(of: Balls) -> Balls:
 
 
 def put(all_of: Balls, at: npt.NDArray[np.int64], values: Balls) -> Balls:
-    """Return numbers with some rows replaced by others."""
+    """Return ``all_of`` with the rows ``at`` replaced by ``values``."""
     found = all_of.each(np.copy)
     found.mid[at], found.low[at], found.rad[at] = values.mid, values.low, values.rad
     return found

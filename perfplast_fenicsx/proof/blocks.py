@@ -21,9 +21,9 @@ Proof: admissible rigid motions have jumps w in the joints with w_n + μ‖w_t�
 The checker decomposes the stored forces into pressures and shear forces that satisfy these
 conditions exactly, on the first side of each contact. A residual force and moment remain on each
 block. Because the best forces are at their limits, no capacity remains for forces that balance the
-residual. Therefore a file has a second set of forces inside the limits, for loads at another
-factor. The spare capacity of a weighted mean of both sets is proportional to the weight of the
-second set. The bound is the mean of both factors with the same weights.
+residual. Therefore a file can contain a second set of forces inside the limits, for loads at
+another factor. The spare capacity of a weighted mean of both sets is proportional to the weight of
+the second set. The bound is the mean of both factors with the same weights.
 """
 
 from collections.abc import Sequence
@@ -64,7 +64,7 @@ class JointForces:
 
 @dataclass(frozen=True)
 class Carried:
-    """The loads that forces on joints provably carry.
+    """The loads that rigid blocks provably carry by forces on their joints.
 
     Attributes:
         factor: Proven factor of the sought loads; None if nothing is proven.
@@ -83,7 +83,7 @@ class Carried:
 def carried_by(
     body: Body, best: JointForces, inner: JointForces | None, loads: Sequence[Loads]
 ) -> Carried:
-    """Return the loads that forces on joints provably carry.
+    """Return the loads that rigid blocks provably carry by forces on their joints.
 
     Args:
         body: The bodies, none of which can yield.
@@ -113,14 +113,14 @@ def carried_by(
         mixed = joints.inside(parts[0].mixed(parts[1], share))
         room = anchors.room(joints, mixed, size)
         most = np.where(anchors.is_limited, room, np.inf)
-        # Scaled by the capacity of the inner forces: otherwise rounding loses small numbers beside
-        # large numbers.
+        # Forces are scaled by the capacity of the inner forces. Without this scaling, rounding
+        # loses small forces beside large forces.
         weights = np.minimum(share * inside, most)
 
         def push(
             forces: Floats, mixed: _Parts = mixed, factors: Factors = factors
         ) -> tuple[Floats, Floats]:
-            """Return the unbalanced forces under additional forces, and their errors."""
+            """Return the forces that remain unbalanced with additional ``forces``, and errors."""
             return joints.missing(mixed, factors, (anchors, forces))
 
         without = joints.missing(mixed, factors)
@@ -197,7 +197,7 @@ class _Blocks:
         self.areas, self.sizes = areas, (areas * areas).sum(axis=1).root()
 
     def loaded(self, factors: Factors) -> float:
-        """Return the sum of the magnitudes of loads."""
+        """Return the sum of the magnitudes of the loads at given factors."""
         body, found = self._body, 0.0
         for factor, loads in zip(factors, self._loads, strict=True):
             pulls, pushes = loads.sizes(body.volumes, body.areas)
@@ -229,7 +229,7 @@ class _Blocks:
         return (x.sum(axis=1) + x[np.arange(len(facets)), corners]) * Balls.part(self._body.dim + 1)
 
     def turned(self, of: Longs, places: Balls, forces: Balls) -> Balls:
-        """Return forces with their moments over extents, shape (n, 3 or 6)."""
+        """Return forces with their moments divided by the blocks' extents, shape (n, 3 or 6)."""
         arms = (places - Balls.exact(self._middle[of])) * Balls.exact(self._over[of])[:, None]
         parts = forces, crossed(arms, forces)
         return Balls(
@@ -237,7 +237,7 @@ class _Blocks:
         )
 
     def wrenches(self, of: Longs, places: Balls, forces: Balls) -> Balls:
-        """Return the sums of forces and of moments over extents on each block."""
+        """Return the resultant force and moment, divided by the extent, on each block."""
         each = self.turned(of, places, forces)
         order = np.argsort(of, kind="stable")
         of, each = of[order], each[order]
@@ -277,8 +277,8 @@ class _Spots(NamedTuple):
 class _Joints:
     """Points where forces can act: spots of joints, and supports with their held directions.
 
-    Forces at a spot act along a normal and tangents of the first side, without rounding. The
-    opposite forces act on the second side.
+    Forces at a spot act along a normal and tangents of the first side; the directions of these
+    vectors have no rounding error. The opposite forces act on the second side.
 
     Attributes:
         reason: Reason why the conditions cannot be checked, or None.
@@ -348,7 +348,7 @@ class _Joints:
         return self.inside(parts)
 
     def inside(self, parts: _Parts) -> _Parts:
-        """Return the decomposed forces with shears reduced to their limits."""
+        """Return the decomposed forces, with shears above their limits reduced to the limits."""
         shrunk = []
         for values, limit in zip((parts.shear, parts.adhesion), self._limits(parts), strict=True):
             size = self._sizes(values)
@@ -484,7 +484,7 @@ class _Anchors:
         block: Block on which each force acts, and block on which the opposite force acts (−1 for no
             block); shape (n, 2).
         places: Points of action on both blocks.
-        scale: Capacity of the spot, by which the unit forces are multiplied.
+        scale: Share of the spot's capacity up to which each force may act; 1 for supports.
     """
 
     kind: Longs
@@ -518,7 +518,7 @@ class _Anchors:
         return found
 
     def acting(self, blocks: _Blocks, forces: Floats) -> list[Balls]:
-        """Return the forces and moments on the blocks of both sides."""
+        """Return the forces and moments that anchors exert on the blocks of both sides."""
         values = self.along * Balls.exact(forces)[:, None]
         two = np.flatnonzero(self.block[:, 1] >= 0)
         return [

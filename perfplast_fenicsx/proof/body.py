@@ -18,7 +18,7 @@ from perfplast_fenicsx.proof.rubbing import fault_of, with_rubbing
 
 
 def with_rigid(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return the arrays, with empty rigid surfaces if the file has none."""
+    """Return the arrays; a file without rigid surfaces gets empty arrays for them."""
     d = np.shape(arrays.get("vertices", ()))[1:]
     none: dict[str, npt.NDArray] = {}
     if "rigid" not in arrays:
@@ -233,13 +233,13 @@ class Body:
 
     @cached_property
     def yield_radius(self) -> Floats:
-        """Return a stress that each cell carries, as scale of residuals; ∞ for elastic cells."""
+        """Return the yield radius of each cell (``Cones.radius``), a scale of residuals; or ∞."""
         weakest = self.cell_strength.min(axis=1)
         return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
 
     @cached_property
     def steepness(self) -> Floats:
-        """Return the largest dissipation per volume at a unit rate; 0 for elastic cells."""
+        """Return each cell's largest dissipation per volume at a unit rate; 0 if it is elastic."""
         strongest = self.cell_strength.max(axis=1)
         return np.asarray(np.append(self.cones.steepness, 0.0)[self.cone] * strongest)
 
@@ -294,7 +294,7 @@ class Body:
 
     @cached_property
     def places(self) -> Longs:
-        """Return the index in its cell of each facet's vertices, shape (num_facets, d)."""
+        """Return the indices of each facet's vertices in its cell, shape (num_facets, d)."""
         cells = self.cells[self.outer // (self.dim + 1)]
         return np.argmax(cells[:, None] == self.facets[:, :, None], axis=2)
 
@@ -335,7 +335,7 @@ class Body:
         return in_order_of(outer, mine, self.facets)
 
     def _check_strength(self) -> None:
-        """Refuse strengths that are not positive, or a variation that is not supported."""
+        """Refuse strength factors that are not positive or that the checker does not support."""
         strength = self.cell_strength
         if not (np.isfinite(strength) & (strength > 0)).all():
             raise ProofError("cell_strength is not positive and finite.")
@@ -351,7 +351,7 @@ class Body:
         check_sizes("a strength", self.cones.bound[self.cone, None] * strength)
 
     def _check_tags(self) -> None:
-        """Refuse contacts, obstacles and plates whose surface does not exist or is repeated."""
+        """Refuse invalid tags, contacts and obstacles without a surface, and repeated contacts."""
         named = {"contacts": self.contacts, "obstacles": self.obstacles, "rigid": self.rigid}
         if self.surface.size and self.surface.min() < 0:
             raise ProofError("surface has negative tags.")

@@ -27,8 +27,8 @@ IN_LEAF = 4
 def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
     """Yield indices of intersecting boxes, each pair once, in batches.
 
-    Boxes that are close to each other have a common ancestor near the leaves of a binary tree. The
-    function compares the children of two nodes only if the nodes' boxes intersect.
+    A binary tree for each set groups boxes that are close to each other. The function compares the
+    children of two nodes only if the nodes' boxes intersect.
 
     Args:
         ones: Least and largest coordinates of boxes, shape (2, n, d); every box has a positive
@@ -36,7 +36,7 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
         others: The boxes of the second set, in the same form.
 
     Raises:
-        ProofError: If the number of intersecting boxes is too large for the number of boxes.
+        ProofError: If the function must compare too many pairs for the number of boxes.
     """
     if not (ones.shape[1] and others.shape[1]):
         return
@@ -61,7 +61,7 @@ def box_pairs(ones: Floats, others: Floats) -> Iterator[tuple[Longs, Longs]]:
             continue
         wide = 2 if level < depth else IN_LEAF
         pieces = len(a) * wide**2 // AT_ONCE + 1
-        for piece in range(pieces):  # strided, to meet every kind of pair early
+        for piece in range(pieces):  # strided, to mix pairs of all places
             below = [wide * of[piece::pieces, None] + np.arange(wide) for of in (a, b)]
             pairs = np.broadcast_arrays(below[0][:, :, None], below[1][:, None])
             waiting.append((level + 1, pairs[0].ravel(), pairs[1].ravel()))

@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.verdict import ROUNDED, Checked, faults_of, roundin
 
 
 def overlapping(body: Body) -> int:
-    """Return the number of outer facets with another cell just inside, in the first such batch."""
+    """Count outer facets with another cell just inside, up to the first batch that has any."""
     slices, cells = _slices(body), body.vertices[body.cells]
     own = body.outer // (body.dim + 1)
     found = np.zeros(len(slices), dtype=bool)
@@ -56,8 +56,8 @@ def overlapping(body: Body) -> int:
 
 def _slices(body: Body) -> Floats:
     """Return flat simplices just inside outer facets, each within the facet's cell."""
-    # Depth and thickness of a simplex, relative to the height of its cell. Bodies that touch each
-    # other overlap by less, because of rounding.
+    # Depth and thickness of a simplex, relative to the height of its cell. Because of rounding,
+    # bodies that touch each other may overlap by less than this depth.
     depth = 1e-3
     cells = body.outer // (body.dim + 1)
     opposite = body.vertices[body.cells[cells, body.outer % (body.dim + 1)]][:, None]
@@ -87,7 +87,7 @@ class _Half:
         checked: Its verdict.
         body: The bodies.
         overlaps: Number of outer facets that have another cell just inside them.
-        power: Dissipation divided by the work L(v) of the sought loads.
+        power: Size of the works for an upper bound (:attr:`upper.Flow.power`); ∞ for a lower bound.
     """
 
     checked: Checked
@@ -142,7 +142,7 @@ def numbers_digest(path: str | Path) -> str:
 
 
 def _of_file(path: str | Path, of: Callable[[dict[str, dict[str, npt.NDArray]]], Told]) -> Told:
-    """Return the result of a function of a file's arrays and numbers by half."""
+    """Return the result of ``of`` for the arrays and numbers of each half of a file."""
     try:
         with stored_file(path) as file:
             halves = {kind: stored_arrays(file, kind) for kind in JUDGES if kind in file}
@@ -331,7 +331,7 @@ class _Found:
 
 
 def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
-    """Return what a stress proves, for loads at given factors."""
+    """Return the load factor that a stress proves, for loads at given factors."""
     stress, d = checked(arrays, ("stress",))["stress"], body.dim
     if stress.shape != (len(body.cells), 6 if body.is_revolved else d + 1, d, d):
         raise ProofError("the stress does not fit the cells.")
@@ -342,7 +342,7 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
     reasons += found.words()
     reasons += [] if found.reason is None else [found.reason]
     exact = left.measured["asymmetry"] == 0 and left.measured.get("axis", 0.0) == 0
-    if body.constant and not found.factor <= 1:  # otherwise the rows say so
+    if body.constant and not found.factor <= 1:  # such a stress cannot be scaled
         reasons.append(f"stresses are {found.factor:.17g} times as large as they may be")
     factor = None if reasons or not exact else _divided(factors[0], found.factor)
     told = left.measured, left.forces, left.loads, found.factor
@@ -350,7 +350,7 @@ def _of_stress(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
 
 
 def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) -> _Found:
-    """Return what forces on the joints of rigid blocks prove, for loads at given factors."""
+    """Return the load factor that forces on joints of rigid blocks prove, for given factors."""
     best = _joint_forces(body, arrays, "joint", factors)
     inner = None
     if "inner_force" in arrays:
@@ -368,7 +368,7 @@ def _of_blocks(body: Body, arrays: Mapping[str, npt.NDArray], factors: Factors) 
 def _joint_forces(
     body: Body, arrays: Mapping[str, npt.NDArray], prefix: str, factors: Factors
 ) -> JointForces:
-    """Return the forces on joints that belong to loads at given factors."""
+    """Return the arrays of joint forces with a prefix, for loads at given factors."""
     none = np.zeros((len(body.facets), body.dim, body.dim))
     names = (f"{prefix}_force", f"{prefix}_traction")
     forces, tractions = checked({names[1]: none, **arrays}, names).values()
@@ -378,7 +378,7 @@ def _joint_forces(
 
 
 def _divided(claimed: float, over: float) -> float:
-    """Return the lower bound from a claim whose stress exceeds its limit by a factor."""
+    """Return the lower bound from a claim whose stress exceeds its limit by a factor ``over``."""
     return claimed if over <= 1 else float(np.nextafter(claimed / over, -np.inf))
 
 

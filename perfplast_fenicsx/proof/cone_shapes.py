@@ -34,11 +34,11 @@ class Strengths(NamedTuple):
 
 
 def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
-    """Return flags of first cells whose cones may lie partly outside the second cells' cones.
+    """Return flags of cells whose cones in ``lower`` may lie partly outside those in ``upper``.
 
-    For slopes α < α' and the same axis, the cone with slope α lies within the cone with slope α' if
-    its apex is not higher, c/α ≤ c'/α'. Its apex then lies within the other cone, and below the
-    apex the other cone opens faster.
+    For slopes α < α' and the same axis, a cone with slope α lies within a cone with slope α' if the
+    apex of the first cone is not higher, c/α ≤ c'/α'. This apex lies within the second cone, and
+    below the apex the second cone opens faster.
 
     Args:
         lower: Strengths of n cells.

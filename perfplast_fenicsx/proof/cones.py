@@ -198,7 +198,7 @@ class Cones:
 
     @cached_property
     def radius(self) -> Floats:
-        """Return a stress that each material carries: c over the largest singular value of M.
+        """Return a scale of each material's stresses: c over the largest singular value of M.
 
         For bounds of principal stresses, all stresses of size c/√(2(1 + s²)) are admissible unless
         a principal stress exceeds f.
@@ -283,7 +283,7 @@ class Cones:
             pulled = np.where(cut, pulled, 0.0)[:, None] * values[..., 2]
             along[here] = np.where(cut[:, None], np.maximum(along[here], pulled), along[here])
         curved = self.is_curved[at]
-        if curved.any():  # c times the gauge
+        if curved.any():  # here ``along`` is c times the gauge
             k, f = (of[at[curved], None] for of in (self.curvature, self.bound))
             along[curved] = f * parabola.gauges(k, f, stress[curved])
         loose = self.bound[at] == 0
@@ -314,7 +314,7 @@ class Cones:
         return found
 
     def principal_power(self, at: Longs, rates: Floats) -> Floats:
-        """Return the dissipation for other bounds of principal stresses, and for parabolas.
+        """Return the dissipation per volume of cones that are ``is_pointwise``.
 
         The dissipation is convex in admissible rates.
         """
@@ -409,7 +409,7 @@ class Cones:
         return ~self.has_null & ~self.grows & ~self.is_principal
 
     def convex_power(self, at: Longs, rates: Floats) -> tuple[Floats, Floats]:
-        """Return a and b, linear in the rates, for the dissipation ‖a‖ + b of the other cones.
+        """Return a and b, linear in the rates, for the dissipation ‖a‖ + b of quadratic cones.
 
         Returns:
             a has the shape (num_cells, points, m), and b the shape (num_cells, points).

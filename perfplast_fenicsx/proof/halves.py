@@ -82,7 +82,7 @@ def _kinds(lower: Body, upper: Body) -> Iterator[tuple[Loads, Loads]]:
 
 
 def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
-    """Return whether vectors at given points differ by more than rounding.
+    """Return flags of rows whose vectors differ by more than rounding.
 
     Args:
         one: Vectors, shape (n, points, components).
@@ -125,7 +125,7 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
 
 
 def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
-    """Return centres of weaker cells in the upper half, and of cells with different loads."""
+    """Return centres of lower cells where the upper half is weaker, and where loads differ."""
     strong = strengths_of(lower, upper)
     kinds = list(_kinds(lower, upper))
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
@@ -273,7 +273,7 @@ def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_drucker(lower: Body, upper: Body) -> bool:
-    """Return whether the lower half has less friction μ (without adhesion) than the upper half."""
+    """Return whether the sum of all friction coefficients is smaller in the lower half."""
     sums = (body.contact_friction.sum() + body.obstacle_friction.sum() for body in (lower, upper))
     less, more = sums
     return bool(less < more)

@@ -117,7 +117,7 @@ class Jumps:
         return np.asarray(np.maximum(*sides) < FREE)
 
     def rows(self, some: Longs) -> tuple[Floats, Longs]:
-        """Return vectors r for which r·w ≤ −1 means separation, and the index of each r's jump.
+        """Return vectors r, and each r's jump: a jump w separates if r·w ≤ 0 for all its r.
 
         In 3D, an enclosing eight-sided pyramid replaces the friction cone.
         """
@@ -139,11 +139,11 @@ class Jumps:
         return np.concatenate(sides), np.tile(some, len(sides))
 
     def _freedom(self, side: Longs, free: Flags) -> Floats:
-        """Return the squared mobility of points along the contact normal."""
+        """Return the squared length of each normal's free part at a point; 0 without a point."""
         return np.where(side >= 0, ((self._units * free[side]) ** 2).sum(axis=1), 0.0)
 
     def parted(self, at: Balls, enters: Floats, free: Flags) -> Balls:
-        """Return the coefficients after free points were moved out of penetrations."""
+        """Return the coefficients after moving free points out of penetrations."""
         bad = enters > 0
         if not bad.any():
             return at

@@ -96,7 +96,7 @@ class Loads:
         return in_cells, areas * np.linalg.norm(self.traction, axis=2).mean(axis=1)
 
     def stress(self, places: Floats) -> float:
-        """Return a stress scale of the loads: their largest traction, pore or column pressure.
+        """Return the sum of the largest traction, pore pressure and column pressure of the loads.
 
         Args:
             places: Coordinates of the cells' vertices, shape (num_cells, d + 1, d).

@@ -159,7 +159,7 @@ class Overstress:
     reason: str | None
 
     def words(self) -> list[str]:
-        """Return why the stress proves no bound for ground with c = 0, and a remedy, in words."""
+        """Return words on why ground with c = 0 prevents a proof; empty if it does not."""
         if self.has_room:
             return []
         why = "ground with c = 0 has no strength left for rounding; give it a small cohesion"
@@ -245,7 +245,7 @@ def bare_vertices(body: Body, kinds: Sequence[tuple[float, Loads]]) -> Flags:
 
 
 def _room(used: Floats, size: Floats, bare: Flags) -> Floats:
-    """Return the remaining distance to the cones with c = 0 in cells; negative if too small.
+    """Return the distance of σ + τ from the boundaries of cones with c = 0; < 0 outside.
 
     −f(σ) is at least the linear function with the values −``used`` at vertices and 0 at bare
     vertices. In a cell with bare vertices, τ is quadratic in each of three parts. The Bernstein
@@ -282,7 +282,7 @@ def _balance(body: Body, stress: Floats, loads: Loads) -> tuple[Floats, Floats]:
 
 
 def _sizes(body: Body, loads: Loads) -> tuple[Floats, Floats]:
-    """Return magnitudes of forces in cells and on facets; divided by 2π for revolution."""
+    """Return magnitudes of forces in cells and on facets; for rings, divided by 2π."""
     if not body.is_revolved:
         return loads.sizes(body.volumes, body.areas)
     pushes = np.linalg.norm(applied(body, loads), axis=2).mean(axis=1)

@@ -118,7 +118,7 @@ def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs]
 def resting_in(body: Body, v: Floats) -> list[Longs]:
     """Return sets of plastic cells with a common cone that move almost as rigid bodies.
 
-    Rounding can cause more dissipation in very strong cells than the dissipation of all other
+    In very strong cells, rounding errors of the velocity can cause more dissipation than all other
     cells.
 
     Args:
@@ -150,7 +150,7 @@ def resting_in(body: Body, v: Floats) -> list[Longs]:
 
 
 def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
-    """Return the velocities at points of unit rigid motions about a centre, (n, d, 3 or 6)."""
+    """Return velocities of unit rigid motions about a centre at points x, (n, d, 3 or 6)."""
     d = x.shape[1]
     shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
     turns = [_turned(axis, x - centre) for axis in np.eye(2 * d - 3)]
@@ -282,7 +282,7 @@ class _Units:
         self._motions = motions
 
     def _allowed(self, mine: Longs, held: Flags, unit: int) -> tuple[Flags, Floats]:
-        """Return flags of the free components of a motion, and the centre of its rotation."""
+        """Return flags of the free components of a unit's motion, and the centre of rotation."""
         body, d = self._body, self._body.dim
         x = body.vertices[mine]
         fixed = held.any(axis=1)
@@ -336,10 +336,10 @@ class _Units:
         return found * Balls.exact(x[:, :1]) if self._body.is_revolved else found
 
     def moved_with(self, bodies: "_Units", motions: Floats) -> None:
-        """Add the motions of bodies to their units.
+        """Add the motion of each body to the units that it contains.
 
         Args:
-            bodies: The bodies.
+            bodies: Larger sets of points, which contain these units.
             motions: Motion of each body, including rotations.
         """
         d = self._body.dim
@@ -354,7 +354,7 @@ class _Units:
         self._turns = np.asarray(self._turns + turns * self._free[:, d:])
 
     def lifted(self, at: Balls, jumps: "Jumps", units: "_Units") -> Balls:
-        """Return the coefficients after whole bodies were moved out of penetrations."""
+        """Return the coefficients after moving whole bodies out of penetrations."""
         enters = jumps.enters(at)
         motions = self._lift(at, jumps, enters, np.ones(len(enters), dtype=bool))
         if motions is None:
@@ -366,7 +366,7 @@ class _Units:
         return units.moved(at + shift)
 
     def parted(self, at: Balls, jumps: "Jumps", enters: Floats, free: Flags) -> Balls:
-        """Return the coefficients after rigid bodies were moved out of remaining penetrations."""
+        """Return the coefficients after moving rigid bodies out of the remaining penetrations."""
         motions = self._lift(at, jumps, enters, jumps.alone(free))
         if motions is None:
             return at
@@ -376,9 +376,9 @@ class _Units:
         return self.moved(at)
 
     def _lift(self, at: Balls, jumps: "Jumps", enters: Floats, some: Flags) -> Floats | None:
-        """Return motions that separate selected penetrating jumps; None if least squares fails.
+        """Return motions that separate selected penetrating jumps; None if none are found.
 
-        The motions cause no penetration at neighbouring jumps.
+        The motions cause no penetration at jumps that nearly penetrate.
         """
         if not self._free.any():
             return None
@@ -436,7 +436,7 @@ def _hinges(x: Floats, held: Flags, first: Floats) -> Iterator[Floats]:
     Args:
         x: Vertices that supports hold, shape (n, d).
         held: Flags of the axes along which supports hold the vertices, of the same shape.
-        first: The first point to return.
+        first: The first point to yield.
     """
     every = []
     for j, of_first in enumerate(first):

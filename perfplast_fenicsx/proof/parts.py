@@ -54,8 +54,8 @@ def mean_shares(values: Floats) -> Floats:
         values: Values of the functions at the vertices k, shape (..., dim + 1, n).
 
     Returns:
-        ∫ λ_k f divided by the volume, of the same shape as the values. Each entry is the sum of f_k
-        and of all values, divided by (dim + 1)(dim + 2).
+        ∫ λ_k f divided by the volume, of the same shape as the values. Entry k is f_k plus the sum
+        of all values, divided by (dim + 1)(dim + 2).
     """
     n = values.shape[-2]
     return np.asarray((values + values.sum(axis=-2, keepdims=True)) / (n * (n + 1)))

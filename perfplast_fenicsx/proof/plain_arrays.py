@@ -77,7 +77,7 @@ def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
 
 
 def number_of(name: str, values: Any) -> float:
-    """Return a number of the file.
+    """Return the value of a stored number as a float.
 
     Raises:
         ProofError: If the value is not one finite real number.
@@ -125,7 +125,7 @@ def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
     found: dict[str, npt.NDArray] = {}
     most_axes = 4  # largest number of axes of a proof's arrays
     for name in (*FLOATS, *LONGS, *FLAGS):
-        if name not in group or name == "revolved":  # a number of the group
+        if name not in group or name == "revolved":  # 'revolved' is a number, not an array
             continue
         data = group[name]
         if not isinstance(data, h5py.Dataset) or data.shape is None:

@@ -43,7 +43,7 @@ def check_principal(
 
 def eigenvalues(vector: Floats) -> Floats:
     """Return the principal stresses in ascending order, shape (..., 3) from vectors (..., m)."""
-    if vector.shape[-1] == 3:  # in the plane
+    if vector.shape[-1] == 3:  # plane strain
         mean = vector[..., :2].mean(axis=-1)
         vector = np.insert(vector, 2, mean, axis=-1)
     return _values(vector)

@@ -202,8 +202,8 @@ class Outer:
 
     Attributes:
         rest: Tractions times area minus load tractions times area, shape (num_facets, n, d).
-        left: Tractions that nothing balances.
-        acting: Tractions that act on the facets.
+        left: Tractions times area that nothing balances.
+        acting: Tractions times area that loads, supports, contact and plates exert on the facets.
     """
 
     def __init__(

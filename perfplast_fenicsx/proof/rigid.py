@@ -41,7 +41,7 @@ class Rigid:
     turn: float
 
     def wanted(self, loads: Loads) -> Floats:
-        """Return the loads' force and moment about c over the extent; zero if not free."""
+        """Return the loads' force and moment (about c, over the extent); zero where not free."""
         force, moment = loads.rigid_force[self.number], loads.rigid_moment[self.number]
         about = moment - moments(self.middle[None], force[None])[0]
         found: Floats = np.append(force, about / self.extent) * self.free / self.turn
@@ -75,7 +75,8 @@ class Rigid:
             v: Velocities at the points.
 
         Returns:
-            Vectors a and ω times the extent, zero for held components.
+            The motion (a and ω times the extent, zero for held components), and the largest
+            difference.
         """
         d = x.shape[1]
         arms = np.asarray((x - self.middle) / self.extent, dtype=np.float64)

@@ -7,13 +7,13 @@ equilibrium, so only axial forces and jumps of tractions remain unbalanced.
 2. Each cell transfers the axial forces of all cells beyond it, by tractions that are zero on the
    axis.
 3. Radial forces that are linear in a cell balance the cell as a plane body. They are hoop stresses.
-4. Take tractions that are quadratic on each side of a triangle and in equilibrium with body forces
-   that are linear in it. They belong to a stress that is quadratic in each of the three parts into
-   which the centre divides the triangle (D. N. Arnold, J. Douglas, C. P. Gupta,
-   doi:10.1007/BF01379659). On the regular triangle, ``balance.QUADRATIC`` bounds the coefficients
-   of this stress. The stress is zero at vertices on the axis, at which the tractions are zero, and
-   can be made zero on a side on the axis. Then S/r is at most 2C/r' with the largest coefficient C
-   and the least positive radius r' among the vertices and the centre.
+4. Consider tractions that are quadratic on each side of a triangle and in equilibrium with body
+   forces that are linear in the triangle. Some stress with these tractions is quadratic in
+   each of the three parts into which the centre divides the triangle (D. N. Arnold, J. Douglas, C.
+   P. Gupta, doi:10.1007/BF01379659). On the regular triangle, ``balance.QUADRATIC`` bounds the
+   coefficients of this stress. The stress is zero at vertices on the axis, at which the tractions
+   are zero, and can be made zero on a side on the axis. Then S/r is at most 2C/r' with the largest
+   coefficient C and the least positive radius r' among the vertices and the centre.
 """
 
 from collections.abc import Sequence
@@ -159,21 +159,21 @@ class _Acting:
         self._put(body.outer // 3, outer)
 
     def _put(self, cells: Longs, tractions: Balls) -> None:
-        """Add tractions on cells, with the opposite sign."""
+        """Add to the cells the negative of tractions times length."""
         np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
         mean = tractions[..., ALONG].sum(axis=1) * Balls.part(3)
         np.add.at(self.forces, cells, -mean.mid)
         np.add.at(self.errors, cells, mean.rad + np.abs(mean.low) + 8 * U * np.abs(mean.mid))
 
     def carry(self, body: Body, facets: Longs, forces: Floats, errors: Floats) -> None:
-        """Add axial forces through facets, by tractions that are zero on the axis."""
+        """Add axial forces to the cells of facets, by tractions that are zero on the axis."""
         cells = body.outer[facets] // 3
         np.add.at(self.on_sides, cells, 1.5 * (np.abs(forces) + errors))
         np.add.at(self.forces, cells, forces)
         np.add.at(self.errors, cells, errors + 8 * U * np.abs(forces))
 
     def push(self, body: Body, anchors: Anchors, forces: Floats) -> None:
-        """Add the forces that anchors exert."""
+        """Add to the cells the axial tractions of anchors, multiplied by ``forces``."""
         for facets, sign in ((anchors.facets, -1.0), (anchors.opposite, 1.0)):
             at = np.flatnonzero((facets >= 0) & (forces != 0))
             values = anchors.along[at] * Balls.exact(sign * forces[at])[:, None]
@@ -221,7 +221,7 @@ def _reactions(
         rad[pieces[facets[at]], columns[at]] += lost[at] + U * np.abs(values[at])
 
     def push(forces: Floats) -> tuple[Floats, Floats]:
-        """Return the unbalanced forces under additional forces, and their errors."""
+        """Return the forces that remain unbalanced with additional ``forces``, and errors."""
         acting.push(body, anchors, forces[:own])
         for facets, sign in ((plates.first, 1.0), (plates.second, -1.0)):
             there = facets >= 0
@@ -268,7 +268,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
 
 
 def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the sum of the tractions that the sides of each cell transfer."""
+    """Return the sum of the tractions times length that the sides of each cell transfer."""
     count, across = len(body.cells), across_of(body)
     levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     forces, errors = acting.forces.copy(), acting.errors + pushes
@@ -282,6 +282,6 @@ def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
         np.add.at(sizes, towards, sizes[cells])
         np.add.at(forces, towards, forces[cells])
         np.add.at(errors, towards, errors[cells])
-    # All terms are non-negative. Each is rounded at most once for each cell between it and the
+    # All terms are non-negative. Each term is rounded at most once in each cell on the way to the
     # root.
     return upwards(found * (1 + 1e-12), 2 * count + 64)

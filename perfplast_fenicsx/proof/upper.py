@@ -111,8 +111,8 @@ class Flow:
         bound: The upper bound; None if nothing is proven.
         reasons: Reasons why nothing is proven.
         cost: Part of the bound that is due to undone volume changes and rounding.
-        power: The larger of the dissipation and the work of the loads, divided by the work of the
-            sought loads.
+        power: The larger of the dissipation and |dissipation − work of the permanent loads|,
+            divided by ``work``.
         work: Lower bound on the work of the sought loads.
         others: Largest possible work of the free loads at factor 1.
     """
@@ -138,7 +138,7 @@ def measure_velocity(body: Body, v: Floats) -> Flow:
     found = _measured(body, v, shapes, mechanism_of(body, v, shapes, resting))
     if not resting:
         return found
-    # Without cells at rest, points of deformable bodies move out of penetrations one by one.
+    # A second mechanism without rigid sets of cells may prove a better bound.
     other = _measured(body, v, shapes, mechanism_of(body, v, shapes))
     known = [np.inf if of.bound is None else of.bound for of in (found, other)]
     return found if known[0] < known[1] else other

@@ -177,7 +177,7 @@ class _Ways:
     def _join_contacts(self, shut: Flags) -> None:
         """Let volume pass through contacts, with the same bump on both sides.
 
-        The areas of matching facets, and so the fluxes, differ by rounding.
+        Rounding makes the areas of matching facets differ, and therefore the fluxes too.
         """
         body, wide, d = self._body, self._body.dim + 1, self._body.dim
         areas = self._shapes.areas.mid.reshape(-1, d)
@@ -213,7 +213,7 @@ class _Ways:
         return levels
 
     def fluxes(self, needed: Floats, errors: Floats) -> tuple[Floats, Floats]:
-        """Return the flux out of each cell, of the cell and all cells beyond it, and the error."""
+        """Return the flux out of each cell, with the fluxes of all cells beyond, and errors."""
         wide = self._body.dim + 1
         found, off = np.where(self._keeps, needed, 0.0), np.where(self._keeps, errors, 0.0)
         sizes = np.abs(found)
