@@ -44,7 +44,7 @@ class ContactSolver(Protocol):
         ...
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of contact QPs, of QPs solved by SNES-VI, and of its iterations."""
+        """Return the numbers of contact QPs, of solves by SNES-VI, and of SNES-VI iterations."""
         ...
 
 

@@ -94,7 +94,7 @@ def step_length(
             with its terms; called only if rounding errors decide.
         longest: Function that returns the largest step length; None for a largest length of 1.
         kinked: Whether the energy has kinks that the step may not account for. If the energy then
-            rises from the start, β is 0, and the next step has better information.
+            rises from the start, β is 0, and the next step uses a new linearisation of friction.
     """
     at_zero, at_one = slope(0.0), slope(1.0)
     if -STRETCHABLE * abs(at_zero) <= at_one <= SLOPE_REDUCTION * abs(at_zero):
@@ -232,7 +232,7 @@ class Iterate:
             self.lifted |= start is None or problem.motion.driven
         self._stick(start)
         self.fields.update()
-        if self.lifted:  # otherwise cells would yield artificially in the first step
+        if self.lifted:  # to avoid artificial yield in the first step
             self.fields.take_elastic_stress(before)
         return problem.first_active.copy() if start is None else start.active.copy()
 
@@ -258,7 +258,7 @@ class Iterate:
         return self.problem.friction.slip(self.y)
 
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
-        """Return strain and stress of a state after plastic flow, if supports or gaps then move."""
+        """Return strain and stress of ``start`` if laws have history and supports or gaps move."""
         problem = self.problem
         moves = problem.motion.moves_supports or problem.motion.driven
         if start is None or not (problem.history and moves):
@@ -327,7 +327,7 @@ class Iterate:
         Args:
             zeta: Load factor.
             stretch: Whether β may exceed 1 if J_ζ still falls steeply at β = 1.
-            halted: Whether the last step had β = 0; a second one would change nothing.
+            halted: Whether the last step had β = 0; a second such step would change nothing.
         """
         direction = self.direction
         load = self.problem.loads.work(direction.du.x.petsc_vec, zeta)
@@ -365,9 +365,9 @@ class Iterate:
     def descends_until(self, work: float, zeta: float) -> bool:
         """Return whether J_ζ still falls along δu at the point where L₀ + ζL₁ reaches ``work``.
 
-        The function considers at least ten times the work at u. J_ζ is convex, so J_ζ then falls
-        along the whole segment. The ray must stay in K_h, so pairs that δu would close keep their
-        gaps.
+        If ``work`` is smaller than ten times the work at u, the function considers ten times the
+        work at u. If J_ζ falls at this point, it falls along the whole segment, because J_ζ is
+        convex. The ray must stay in K_h, so pairs that δu would close keep their gaps.
         """
         direction, basis = self.direction, self.problem.basis
         jump = self._delta_y.array_r[basis.index]
@@ -442,7 +442,7 @@ class Iterate:
     def first_work(self, zeta: float) -> float:
         """Return the reference value for works in later steps, after the first step. Collective.
 
-        It is |L₀(u) + ζL₁(u)|, which may vanish, or |Ψ| + ½‖σ‖² if that is larger.
+        The value is the larger of |L₀(u) + ζL₁(u)|, which may vanish, and |Ψ| + ½‖σ‖².
         """
         return max(abs(self.total_work(zeta)), self.fields.size())
 

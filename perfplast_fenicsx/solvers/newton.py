@@ -19,8 +19,8 @@ search minimises Ψ along δu. ALG4 is Newton's method for ζ and u together,
 
 which the paper restricts to problems without contact. For a given active set, both solves act on
 the free unknowns and solve the quadratic program of ALG3. The active set is updated until it is the
-active set of the solution. So this module implements both as one method. ALG3 is damped from its
-second step on; ALG4 is damped only after its steps have diverged.
+active set of the solution. Therefore this module implements both as one method. ALG3 is damped from
+its second step on; ALG4 is damped only after its steps have diverged.
 """
 
 from collections.abc import Sequence

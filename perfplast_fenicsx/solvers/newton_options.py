@@ -130,8 +130,9 @@ def most_sets(options: NewtonOptions, history: Sequence[Iteration]) -> int | Non
     """Return how many times the next step may update its active set; None for no limit.
 
     Each update solves one linear system, and near the solution one update per step is sufficient.
-    After a damped step, the quadratic model was inaccurate; the last few of thousands of pairs can
-    change in the next step. After many steps the active sets may cycle, so there is no limit.
+    After a damped step, few updates are allowed: its quadratic model was inaccurate, and the last
+    few of thousands of pairs can change in the next step. After many steps the active sets may
+    cycle, so there is no limit.
     """
     if options.active_set != "adaptive":
         return None if options.active_set == "exact" else 1

@@ -111,7 +111,7 @@ def _shorten(
         if np.abs(missing / scale).max() <= tolerance:
             return level
         change = forces - before
-        if number == 0:  # a larger force change has closed gaps and shows the stiffness
+        if number == 0:  # a change beyond the tolerance gives the stiffness
             told = change * np.sign(step) > tolerance * scale
             own = np.divide(change, step, out=slope.diagonal().copy(), where=told)
             slope = np.diag(own)

@@ -1,4 +1,4 @@
-"""Explain in words why a level ends without a solution. Imports neither MPI nor DOLFINx."""
+"""Explain in words why a level ends without a solution; import neither MPI nor DOLFINx."""
 
 from collections.abc import Sequence
 

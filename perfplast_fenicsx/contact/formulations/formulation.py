@@ -109,7 +109,7 @@ def find_constraints(
 def _is_held(
     V: fem.FunctionSpace, tagged_mesh: TaggedMesh, contact: Contact, fixed: npt.NDArray[np.bool_]
 ) -> bool:
-    """Return whether supports hold any component of any node in contact. Collective."""
+    """Return whether supports hold any component of a node of ``contact``. Collective."""
     names = [name for name in (contact.primary, contact.secondary) if name in tagged_mesh.surfaces]
     facets = np.concatenate([np.zeros(0, np.int32), *map(tagged_mesh.facets, names)])
     nodes = fem.locate_dofs_topological(V, V.mesh.topology.dim - 1, np.unique(facets))

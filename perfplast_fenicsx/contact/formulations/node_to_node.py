@@ -35,8 +35,8 @@ class NodeToNode:
 
     The normal n is the mean of the normals of both surfaces, so it does not depend on their order.
     The host is a, unless supports hold a along n, or rows of other contacts already use more
-    directions of a than of b. Two normals at a node may coincide along a curve where three bodies
-    meet. If supports hold b along n as well, there is no row.
+    directions of a than of b. Along a curve where three bodies meet, for example, two contacts may
+    need the same direction of a node. If supports hold both a and b along n, there is no row.
 
     Attributes:
         contact: The two surfaces.
@@ -131,7 +131,7 @@ def _to_hosts(
         freer = secondary["free"].sum(axis=1) > primary["free"].sum(axis=1)
         on_primary &= ~(freer & can_host(secondary, normal))
     else:
-        more = 0.1  # perpendicular directions may rotate by this squared cosine
+        more = 0.1  # squared cosine that perpendicular directions may have
         freer = crowded(primary, normal) > crowded(secondary, normal) + more
         on_primary &= ~(freer & can_host(secondary, normal))
     host, guest = (

@@ -74,7 +74,7 @@ class NodeToObstacle:
 
 
 def _towards(faces: SurfaceNodes, node: Ints, into: Floats) -> Floats:
-    """Return the length or area of the faces at each node that face the obstacle, shape (n,)."""
+    """Return the length or area of each node's faces that face the obstacle, shape (n,)."""
     place = np.searchsorted(node, faces["node"])
     place[place == len(node)] = 0
     known = node[place] == faces["node"] if len(node) else np.zeros(len(faces), dtype=np.bool_)

@@ -1,8 +1,8 @@
 """Form the rows of friction: tangential jumps with the nodes and weights of the contact rows.
 
 A contact row is the jump between two surfaces along the normal n. The jump along a direction t in
-the surface has the same weights. Both are components of one vector; friction resists its tangential
-part.
+the surface has the same weights. Both jumps are components of one vector, whose tangential part
+friction resists.
 """
 
 from collections.abc import Sequence

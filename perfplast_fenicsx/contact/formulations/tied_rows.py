@@ -27,7 +27,7 @@ def tied_rows(
     """Return the rows of all ties. Collective.
 
     If a support or another tie holds a component of a node, the node hosts no row for this
-    component. Its neighbours take over its dual function, as in mortar contact.
+    component. The neighbours of this node take over its dual function, as in mortar contact.
 
     Args:
         V: Displacement space.

@@ -8,8 +8,8 @@ algorithm finds them, and slivers keep their area.
 
 The overlaps of curved facets are found between straight pieces. Their quadrature points are mapped
 to the host facet by reference coordinates, and from there to the guest facet along the host's
-normal. So areas, positions and normals belong to the second-order facets, not to the pieces (T.
-Dickopf and R. Krause, Int. J. Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
+normal. Therefore areas, positions and normals belong to the second-order facets, not to the pieces
+(T. Dickopf and R. Krause, Int. J. Numer. Meth. Engng 77, 2009, doi 10.1002/nme.2464).
 """
 
 import functools
@@ -95,7 +95,7 @@ def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
 
 
 def _most(flat: Floats) -> Floats:
-    """Return for each pair the least coordinate, each taken at its largest over the corners."""
+    """Return, for each pair, the least of the coordinates' largest values over the corners."""
     corners = range(flat.shape[1])
     largest = functools.reduce(np.maximum, (flat[:, corner] for corner in corners))
     return functools.reduce(np.minimum, largest.T)
@@ -268,7 +268,7 @@ def _tangents(x: Floats, at: Floats) -> list[Floats]:
 
 
 def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
-    """Return where lines meet facets, by one Newton step from a nearby point.
+    """Return reference coordinates where lines meet facets, by one Newton step.
 
     Args:
         x: Points of the lines, shape (n, q, gdim).
@@ -371,7 +371,7 @@ def candidates(host: Pieces, guest: Pieces, reach: float, behind: float) -> tupl
 def _opposite(
     host: Pieces, guest: Pieces, first: Longs, second: Longs, reach: float, behind: float
 ) -> npt.NDArray[np.bool_]:
-    """Return whether two pieces face each other and a normal of one may meet the other."""
+    """Return for each pair whether the pieces face each other and a normal may meet both."""
     n = host.normal[first]
     facing = np.einsum("ni,ni->n", n, guest.normal[second])
     between: Floats = guest.centre[second] - host.centre[first]

@@ -64,7 +64,7 @@ def distances(
     Collective.
 
     The distance refers to the guest facet that the normal meets. If the normal meets no facet, as
-    at the border of the covered part, the line or curve of the nearest facet is extended.
+    at the border of the covered part, the function extends the nearest facet.
 
     Args:
         comm: Communicator of the ranks.
@@ -286,7 +286,7 @@ class Surface:
     facets: Facets
 
     def measure(self, comm: MPI.Intracomm) -> tuple[float, float]:
-        """Return the length or area of the surface, and the mean over its facets. Collective."""
+        """Return the length or area of the surface, and the mean of its facets. Collective."""
         local = np.array([pieces_of(self.facets).measure.sum(), len(self.facets)])
         area, count = comm.allreduce(local)
         return float(area), float(area / max(count, 1))

@@ -21,8 +21,8 @@ whatever part of a facet is covered.
 
 The module sums the integrals of all overlapping pieces by pairs of facets, and multiplies them by
 the factors D_e M_e⁻¹ of each host facet. If the host facet has Bernstein functions and its normal n
-varies, the module also computes integrals with n, interpolated between the nodes. They are
-necessary because the coefficients of a displacement vector times a nodal normal differ by O(h²)
+varies, the module also computes integrals with n, interpolated between the nodes. These integrals
+are necessary because the coefficients of a displacement vector times a nodal normal differ by O(h²)
 from the coefficients of the normal component.
 """
 
@@ -391,7 +391,7 @@ def mortar_rows(
     # surrounding ∫|Ñ|.
     rounding = 1e-14
     able = able & touched & (d > rounding * around)
-    # A node can have a multiplier if this fraction of its function is on the covered part.
+    # A node can have a multiplier if at least this fraction of its function is on the covered part.
     least_covered = 0.1
     fit = able & (d >= least_covered * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
@@ -462,7 +462,7 @@ def _heirs(
     if coupled(hosts["x"].shape[2], hosts["node"].shape[1]):
         for middle, ends in enumerate(
             EDGES[3], start=3
-        ):  # so that chain ends do not refer to each other in a ring
+        ):  # so that heirs do not refer to each other in a ring
             may[:, middle, :3] &= ~np.any(fits[:, ends], axis=1, keepdims=True)
     facet, old, new = np.nonzero(may)
     rows = np.empty(len(facet), dtype=[("place", np.int64), ("rank", np.int32), ("heir", np.int64)])

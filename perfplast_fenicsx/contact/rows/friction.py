@@ -2,7 +2,7 @@
 
 In the jump basis, the tangential jumps s of a row with friction are unknowns in addition to the
 normal jump. Friction adds Σ c‖s − s₀‖ to the energy, where c is a force; friction forces μ lie in
-the balls ‖μ‖ ≤ c. At the jumps s₀ the slip is zero. They include prescribed motions of supports and
+the balls ‖μ‖ ≤ c. At the jumps s₀ the slip is zero; s₀ includes prescribed motions of supports and
 obstacles, and earlier slip in stages.
 """
 
@@ -28,7 +28,8 @@ class Friction:
         direction: Unit vector of each jump, zero if the jump does not exist, shape (num_places,
             gdim − 1, gdim).
         area: Tributary length or area of each point, shape (num_places,).
-        coulomb: Coefficient of Coulomb's friction, shape (num_places,); 0 without it.
+        coulomb: Coefficient of Coulomb's friction, shape (num_places,); 0 at points without
+            Coulomb's friction.
         adhesion: Force at which slip begins without pressure, shape (num_places,).
         bound: Force c at which slip begins, shape (num_places,). With Coulomb's friction, c follows
             from the contact force and is updated in place.

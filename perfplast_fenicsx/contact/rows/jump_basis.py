@@ -6,9 +6,9 @@ TᵀKT.
 
 Only the normal jump is an unknown, not the tangential jumps. The block size is therefore unchanged,
 and multigrid needs as few iterations as without contact. Two touching blocks with 85 thousand
-unknowns are an example. With the rigid motions of each body, CG took 15 iterations in this basis
-and 16 without contact. CG took 60 iterations with the rigid motions of both bodies together, and
-105 if the whole jump replaced the displacement of the host.
+unknowns are an example. If multigrid uses the rigid motions of each body, CG took 15 iterations in
+this basis and 16 without contact. CG took 60 iterations if multigrid used the rigid motions of both
+bodies together, and 105 if the whole jump replaced the displacement of the host.
 """
 
 from collections.abc import Sequence
@@ -108,7 +108,7 @@ def make_basis(
     comm, index_map, gdim = V.mesh.comm, V.dofmap.index_map, V.dofmap.index_map_bs
     sizes, first = unknowns(V), index_map.local_range[0] * gdim
     pair, column, value = _without_supports(constraints.B, ~fixed[: index_map.size_local])
-    host = constraints.host.astype(np.int64) * gdim  # number of the first component
+    host = constraints.host.astype(np.int64) * gdim  # index of the host's first component
     axis = column - first - host[pair]
     at_host = (axis >= 0) & (axis < gdim)
     coefficient = np.zeros((len(host), gdim))

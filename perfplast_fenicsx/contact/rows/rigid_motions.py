@@ -10,8 +10,8 @@ frictionless pin may rotate in its hole, and a block may slide on another block.
 work on such a motion, bodies are in equilibrium in any position along it, and the stiffness K is
 singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs have no
 forces: for motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0, the
-equation (K + Σ k e eᵀ)δ = b implies Fᵀe k eᵀδ = 0, so eᵀδ = 0. So δ solves Kδ = b, and the springs
-take no part of the loads.
+equation (K + Σ k e eᵀ)δ = b implies Fᵀe k eᵀδ = 0 and thus eᵀδ = 0. Therefore δ solves Kδ = b, and
+the springs carry no part of the loads.
 """
 
 import logging
@@ -158,7 +158,7 @@ def nodes_of(B: PETSc.Mat, gdim: int) -> Longs:
 
 
 def null_space(gram: Floats) -> Floats:
-    """Return an orthonormal basis of the null space, as columns."""
+    """Return an orthonormal basis of the null space of ``gram``, as columns."""
     values, vectors = np.linalg.eigh(gram)
     negligible = 1e-10  # limit of eigenvalues that count as zero, relative to the largest
     return vectors[:, values <= negligible * max(values.max(initial=0), 1e-300)]
@@ -396,15 +396,15 @@ class FreeMotions:
         return np.divide(sums[0], sums[1], out=np.zeros(self.count), where=sums[1] > 0)
 
     def driven(self, forces: Sequence[PETSc.Vec]) -> str | None:
-        """Return why no equilibrium exists if one of these forces works on a motion, else None.
+        """Return why no equilibrium exists if a force does work on a motion, else None.
 
         Collective.
         """
         if not self.count:
             return None
         drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
-        # Smallest relative work of a load on a motion that is not a rounding error. Reference: the
-        # work if all nodal forces acted along the motion.
+        # Smallest relative work of a load on a motion that is not a rounding error. The reference
+        # is the work of nodal forces that all act along the motion.
         driven = 1e-8
         some = np.flatnonzero(drives > driven)
         if not some.size:

@@ -1,8 +1,8 @@
 """Match opposite nodes of two surfaces, and compute their normals and gaps.
 
-Each node is sent to the rank of its slab of space, where a k-d tree matches it; matched nodes may
-be sent on. A node is a row of a structured type. The matching uses its coordinates "x" and its
-outward unit "normal".
+The module sends each node to the rank of its slab of space, where a k-d tree finds the opposite
+node. Matched nodes may then go to other ranks. A node is a row of a structured type. The matching
+uses its coordinates "x" and its outward unit "normal".
 """
 
 from collections.abc import Sequence

@@ -137,12 +137,12 @@ def faces_of(V: fem.FunctionSpace, facets: SurfaceFacets) -> tuple[FaceNodes, Fa
 
 
 def _faces(node: Longs, normals: Floats) -> Longs:
-    """Return the number of the face to which each row belongs, counted at its node.
+    """Return the number of each row's face; faces are numbered separately at each node.
 
     A face contains all facets whose normals differ by less than 40° from the normal of one of its
-    facets, the reference facet. For coarse facets the choice of the reference facet matters. It is
-    the facet most nearly perpendicular to a fixed direction, so the choice is the same on all ranks
-    and on both sides of a contact.
+    facets, the reference facet. For coarse facets the choice of the reference facet matters. The
+    function takes the facet most nearly perpendicular to a fixed direction, so that the choice is
+    the same on all ranks and on both sides of a contact.
     """
     face = np.full(len(node), -1)
     place = np.empty(len(node), dtype=np.int64)

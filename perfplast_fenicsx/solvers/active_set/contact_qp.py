@@ -105,7 +105,7 @@ def condense(
 
 
 def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
-    """Return the pairs that remain closed, from :func:`openings`; shape (n,)."""
+    """Return flags of the pairs whose result of :func:`openings` is zero; shape (n,)."""
     closed: PairFlags = openings(stiffness, forces) <= 0
     return closed
 
@@ -240,7 +240,7 @@ class ContactProgram:
         )
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of contact QPs, of QPs solved by SNES-VI, and of its iterations."""
+        """Return the numbers of contact QPs, of solves by SNES-VI, and of SNES-VI iterations."""
         return self._programs, self._programs - self._condensed, self._inequality.iterations
 
     def response(
@@ -276,7 +276,7 @@ class ContactProgram:
         return forces
 
     def _condense(self, found: Found, circling: PairFlags) -> tuple[Found, int]:
-        """Find the active set of the pairs that cycle. Collective.
+        """Find the active set by a QP condensed to the pairs that cycle. Collective.
 
         Returns:
             The result of SNES-VI from this active set, and the number of solved systems.

@@ -135,12 +135,12 @@ class EqualityProgram:
         return self.complete(self.begin(model, held, delta))
 
     def begin(self, model: QuadraticModel, held: PairFlags, delta: PETSc.Vec) -> Solution:
-        """Return the start of :meth:`minimise`, for :meth:`complete`. Collective.
+        """Return an initial solution with δ = 0 at free unknowns, for :meth:`complete`. Collective.
 
         Args:
             model: The quadratic model to be minimised.
             held: Held pairs on this rank, shape (num_pairs,).
-            delta: Vector for δ; it becomes zero, except at held unknowns.
+            delta: Vector for δ; the method sets it to zero, except at held unknowns.
         """
         delta.set(0)
         self._set_rhs(model, held, delta, 0.0)

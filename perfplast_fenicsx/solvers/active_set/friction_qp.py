@@ -16,16 +16,17 @@ stiffness k > 0. If ‖z‖ ≤ c, the point sticks, s = 0. Otherwise Newton's m
 
 which is a force, and springs perpendicular to it. No tangential direction is preferred.
 
-The splitting introduces a separate slip q that follows the jumps s of u, as strains do in ALG2.
-With the multiplier μ of s = q, and the penalty r k at a point with the stiffness k:
+The splitting introduces a separate slip q that follows the jumps s of u, as the separate strains e
+of ALG2 follow ε(u). With the multiplier μ of s = q, and the penalty r k at a point with the
+stiffness k:
 
 1. u minimises the energy with ½ r k ‖s − q + μ/(r k)‖² added,
 2.  q = shrink(s + μ/(r k)) by c/(r k),
 3. μ ← μ + r k (s − q), which lies in the ball ‖μ‖ ≤ c.
 
 No point is held or released, so the method converges to the solution, though possibly slowly,
-however many points are undecided. It is the friction method of ALG2, and the fallback of Newton's
-methods if their linearisations cycle.
+however many points are undecided. The splitting is the friction method of ALG2, and the fallback of
+Newton's methods if their linearisations cycle.
 
 In plane meshes, a dense program determines which pairs are closed and which points slip: minimise ½
 zᵀSz − gᵀz over z ≥ 0.
@@ -67,7 +68,7 @@ step. They hold a body that slips everywhere, and their forces vanish with the l
 
 @dataclass(frozen=True)
 class Slip:
-    """Which points of friction hosted by this rank slip, and in which direction.
+    """The state of the points of friction hosted by this rank: stick, or slip in a direction.
 
     Attributes:
         sticks: Whether the jump of each point is zero, shape (num_places,).
@@ -106,8 +107,8 @@ def slipping(jumps: Floats, bound: Floats, slips: npt.NDArray[np.bool_]) -> Slip
 def judge(slip: Slip, bound: Floats, stiffness: Floats, forces: Floats, jumps: Floats) -> Slip:
     """Return the linearisation at the forces and jumps that follow from the last linearisation.
 
-    A point that slips in the wrong direction is first set to stick. Otherwise a body that slips
-    everywhere would oscillate.
+    A point that slips in the wrong direction first becomes a sticking point. Without this rule, the
+    slip of a body that slips at all its points would reverse at each step.
 
     Args:
         slip: The last linearisation.
@@ -167,7 +168,7 @@ class FrictionSplitting:
         self._q, self._mu = np.zeros(friction.index.shape), np.zeros(friction.index.shape)
 
     def begin(self, jumps: Floats) -> None:
-        """Start from a slip and the friction forces that belong to it."""
+        """Start from the slip ``jumps`` and the friction forces that belong to this slip."""
         sizes, bound = norms(jumps), self._problem.friction.bound
         self._q = jumps.copy()
         slips = (sizes > 0) & np.isfinite(bound)
@@ -175,7 +176,7 @@ class FrictionSplitting:
         self._mu = share[:, None] * jumps
 
     def slip(self) -> Slip:
-        """Return the linearisation at the current values; the last trial μ + r k s has r = 1."""
+        """Return the linearisation at μ + k q, the last trial force if its step had r = 1."""
         z = self._mu + self._k[:, None] * self._q
         nothing = stuck(z.shape)
         return judge(nothing, self._problem.friction.bound, self._k, z, np.zeros_like(z))
@@ -353,7 +354,7 @@ class FrictionProgram:
             active: Initial active set.
             slip: Initial linearisation.
             most_sets: Solve only one linearisation, with at most this number of active sets; None
-                to continue until both are correct.
+                to continue until linearisation and active set are correct.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.

@@ -8,13 +8,15 @@ F_i < 0), and solves the Newton equation for the other unknowns. It then takes t
 projects onto the bounds. This module supplies two components.
 
 *F at pairs.* Pairs that penetrated and were projected have no force yet. F at the projected point
-would count them as open, and SNES-VI would cycle. So this module evaluates F at the solution before
-the projection. The sign of F at pairs follows the primal–dual active set method (M. Hintermüller,
-K. Ito, K. Kunisch, SIAM J. Optim. 13 (2003) 865): negative where a closed pair is in compression or
-an open pair penetrates. This method is a semismooth Newton method for the same program.
+would count them as open, and SNES-VI would cycle. Therefore this module evaluates F at the solution
+before the projection. The sign of F at pairs follows the primal–dual active set method (M.
+Hintermüller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2003) 865): negative where a closed pair is in
+compression or an open pair penetrates. This method is a semismooth Newton method for the same
+program.
 
-*The linear solves.* The reduced matrices of SNES-VI lose the block size and the near-nullspace. Its
-preconditioner is therefore an equality-constrained QP in the full space (:class:`ReducedSolve`).
+*The linear solves.* The reduced matrices of SNES-VI lose the block size and the near-nullspace. The
+preconditioner of this module is therefore an equality-constrained QP in the full space
+(:class:`ReducedSolve`).
 """
 
 import weakref

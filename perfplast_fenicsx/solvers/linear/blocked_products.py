@@ -2,8 +2,8 @@
 
 Memory traffic limits the speed of products. Storing only the upper triangle halves this traffic;
 single precision reduces it to a quarter. The smoothers of multigrid, which multiply six times for
-each product in CG, use single precision. This changes the preconditioner by about 1e-7. CG itself,
-coarse spaces and factors use double precision.
+each product in CG, use single precision. The relative change of the preconditioner is about 1e-7.
+CG itself, coarse spaces and factors use double precision.
 
 This module also generates the C source of the products, in either precision. Vectors are padded to
 the vector width. Entries that are loaded beyond a row are multiplied by zeros or stored in the

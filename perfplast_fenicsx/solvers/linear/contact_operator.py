@@ -4,8 +4,8 @@ Products with vectors use K and T, so only one matrix is stored in addition. Thi
 linear solves; a scaled identity replaces its rows and columns at held unknowns.
 
 A and K differ only in the rows of contact nodes and their neighbours; elsewhere T is the identity.
-So only these few rows are multiplied. A is K with these rows replaced, if K has space for their
-entries.
+Therefore only these few rows are multiplied. The module replaces them in K to obtain A, if K has
+space for their entries.
 """
 
 from petsc4py import PETSc

@@ -86,7 +86,7 @@ def price(ksp: PETSc.KSP, matrix: PETSc.Mat) -> Price:
 
 
 def entries_of(factors: PETSc.Mat, which: int) -> float:
-    """Return a number of entries by MUMPS's index; negative numbers are millions."""
+    """Return MUMPS's number of entries with index ``which``; MUMPS stores millions negatively."""
     entries = factors.getMumpsInfog(which)
     return float(entries if entries >= 0 else -1e6 * entries)
 
@@ -130,7 +130,8 @@ def check_memory(ksp: PETSc.KSP) -> Analysis | None:
         MUMPS's analysis; None for other solvers, whose memory the function does not check.
 
     Raises:
-        TooLarge: If it needs more; the message gives the required and the available memory.
+        TooLarge: If the factorisation needs more; the message gives the required and the available
+            memory.
     """
     pc, (matrix, _) = ksp.getPC(), ksp.getOperators()
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
@@ -305,7 +306,7 @@ class SupernodalFactors:
         try:
             self._ksp.setOperators(matrix)
             self._ksp.setUp()
-        except PETSc.Error as failure:  # not positive definite, or too large for its integers
+        except PETSc.Error as failure:  # indefinite, or too large for CHOLMOD's integers
             log.debug("MUMPS replaces CHOLMOD for factorisations (PETSc's error %d)", failure.ierr)
             self.destroy()
         return self._ksp

@@ -1,7 +1,7 @@
 """Solve systems by a Krylov method with any PETSc preconditioner.
 
 The Krylov method multiplies by the blocks of the upper triangle (:class:`BlockedProducts`), which
-is more than twice as fast; preconditioners use the matrix itself.
+is more than twice as fast as multiplying by the full matrix. Preconditioners use the full matrix.
 """
 
 from collections.abc import Mapping
@@ -68,8 +68,8 @@ class Krylov:
 
     def attach(self) -> None:
         """Pass the matrices to the PETSc solver; needed again if its preconditioner is reset."""
-        # PETSc passes its own matrices to a part of the preconditioner that has the matrix of the
-        # whole.
+        # PETSc overwrites the matrices of a part of the preconditioner if the part has the same
+        # matrix as the whole preconditioner.
         assert self._products is not None
         product = self._products.matrix
         self._ksp.setOperators(product, product if self._parts else self._matrix)

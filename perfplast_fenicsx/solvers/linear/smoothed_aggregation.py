@@ -1,9 +1,9 @@
 """Create coarse spaces of multigrid: linear elements, then smoothed aggregation, body by body.
 
 In the jump basis, the operator couples the bodies. Aggregates that mix bodies would need more than
-the rigid motions of one body (for example the in-plane slip of frictionless contact). So the
+the rigid motions of one body (for example the in-plane slip of frictionless contact). Therefore the
 aggregates are formed from the stiffness K in nodal unknowns, in which bodies are uncoupled and 6
-motions (in 2D 3) suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K
+motions (3 in 2D) suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K
 Q. In the jump basis y = M u, the finest interpolation is M P without the rows of held unknowns. At
 a closed pair, the host follows the normal displacement of its guest, and slides along it. Coarser
 levels use their own operators in the same way. A set-up forms the coarse operators PᵀAP.
@@ -11,9 +11,9 @@ levels use their own operators in the same way. A set-up forms the coarse operat
 For quadratic elements, the first coarse space consists of linear elements
 (:class:`LinearElements`), which M maps in the same way, and the vertices are aggregated.
 
-Plastic flow hardly changes the volume of a body. Motions in which each aggregate moves as a rigid
-body change the volume, and so have a much larger energy. Therefore the last Newton increment can be
-added as a motion of every aggregate.
+Plastic flow hardly changes the volume of a body. If each aggregate moves as a rigid body, the
+volume changes, and the energy is much larger. Therefore the last Newton increment can be added as a
+motion of every aggregate.
 
 :class:`Aggregates` stores the aggregates of nodes on a multigrid level and their motions. Each
 column of a tentative interpolation Q is a motion of one aggregate, and zero elsewhere; the columns
@@ -174,7 +174,7 @@ def aggregate(nodes: Floats, stiffness: PETSc.Mat) -> list[Aggregates]:
     ksp = PETSc.KSP().create(stiffness.comm)
     prefix = own_prefix(ksp, COARSE, AGGREGATION)
     PETSc.Options()[prefix + "pc_gamg_agg_nsmooths"] = (
-        0  # Q itself, whatever options the user gives
+        0  # no smoothing, whatever options the user gives
     )
     ksp.setOptionsPrefix(prefix)
     pc = ksp.getPC()

@@ -6,9 +6,9 @@ piece. Its nodes are copies of the mesh nodes, torn from the nodes of other piec
 :class:`TornStiffness` stores K of all pieces on a rank, torn from each other, and its generalised
 inverse K⁺. The pieces are uncoupled. One sparse matrix on this rank contains the stiffness of all
 pieces, and one factorisation factorises them all. The kernel of K consists of the rigid motions R.
-Take as many springs as there are motions, and M with invertible MᵀR. Then K⁺ = (K + k M Mᵀ)⁻¹ is a
-generalised inverse of K itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T. Kozubek, P.
-Kovář and A. Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
+Let M have one column (a spring) for each motion, and let MᵀR be invertible. Then K⁺ = (K + k M
+Mᵀ)⁻¹ is a generalised inverse of K itself, K K⁺ K = K, for any k > 0 (T. Brzobohatý, Z. Dostál, T.
+Kozubek, P. Kovář and A. Markopoulos, Int. J. Numer. Meth. Engng 88 (2011), 493).
 """
 
 from dataclasses import dataclass

@@ -313,7 +313,7 @@ class TfetiProgram:
         return Asked(r, self._bodies.forces(r), room, work, accuracy, noise, rtol)
 
     def _forget(self, contact: Floats | None = None) -> None:
-        """Keep only contact forces, or set them; gluing forces would depend on the last step."""
+        """Reset λ to its contact forces, or to ``contact``, without the last gluing forces."""
         kept = self.multipliers[self._dual.contact] if contact is None else contact
         self.multipliers = np.zeros(self._dual.size)
         self.multipliers[self._dual.contact] = kept
@@ -363,7 +363,8 @@ class TfetiProgram:
         Args:
             asked: The contact QP.
             closed: Closed pairs.
-            given: Whether the closed pairs are fixed; if not, δ is inaccurate when some are wrong.
+            given: Whether the closed pairs are fixed; if not, δ is inaccurate when some pairs are
+                wrong.
 
         Returns:
             Pairs in the wrong state; None if a body moves freely.
