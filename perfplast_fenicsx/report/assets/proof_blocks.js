@@ -1,7 +1,7 @@
 // A lower bound of rigid blocks: forces on joints and supports that balance the loads on each block.
-// The forces on file are decomposed into pressures and shear forces within their limits. Other forces
+// The forces of the file are decomposed into pressures and shear forces within their limits. Other forces
 // balance the residual, but forces at their limits have no spare capacity for them. Therefore a file
-// has a second set of forces inside the limits, so that a weighted mean of both sets has spare
+// can have a second set of forces inside the limits, so that a weighted mean of both sets has spare
 // capacity; the bound is the mean of both factors with the same weights.
 
 /** Read the forces on joints at the vertices of facets, and the load factors that they balance. */
@@ -100,7 +100,7 @@ function blockBound(body, { best, inner }) {
       own.flat().forEach((y, k) =>
         { if (y !== 0n) left.acts[Math.floor(body.outer[i] / w) * d + (k % d)] = 1; });
     }
-    /** Apply forces at a vertex of a facet, and opposite ones at the vertex of the opposite facet. */
+    /** Apply forces at a vertex of a facet, and opposite forces at the vertex of the opposite facet. */
     const push = (i, j, o, p, F) => [[i, j, 1n], [o, p, -1n]].forEach(([facet, vertex, sign]) => {
       if (facet < 0) return;
       const c = Math.floor(body.outer[facet] / w), v = body.ofFacet(facet)[vertex],

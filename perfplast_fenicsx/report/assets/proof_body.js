@@ -309,7 +309,7 @@ function apart(a, b) {
       for (let i = 0; i < axis.length; i++) y += (p[i] - a[0][i]) * axis[i];
       low[k] = Math.min(low[k], y); high[k] = Math.max(high[k], y);
     }));
-    const width = Math.min(high[0] - low[0], high[1] - low[1]); // a millionth of it counts as touching
+    const width = Math.min(high[0] - low[0], high[1] - low[1]); // an overlap of a millionth counts as 0
     return width > 0 && Math.min(...high) - Math.max(...low) <= 1e-6 * width;
   };
   const ends = [from(a), from(b)].map((of) => [...of, ...range(of.length).flatMap(

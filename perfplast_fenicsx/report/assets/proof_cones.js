@@ -9,7 +9,7 @@ function vector(t, d, hoop) {
     : [t[0], t[4], t[8], r * (t[5] + t[7]), r * (t[2] + t[6]), r * (t[1] + t[3])];
 }
 
-/** Principal values in ascending order; in the plane, those in the plane and `out`. */
+/** Principal values in ascending order; for plane vectors, the two in-plane values and `out`. */
 function principal(v, out) {
   if (v.length === 3) {
     const mean = (v[0] + v[1]) / 2, radius = Math.hypot((v[0] - v[1]) / 2, v[2] * Math.SQRT1_2);
@@ -86,7 +86,7 @@ function parabola(c, k, m) {
   if (m !== 3) refuse("cone_curvature is given for bodies that are not in plane strain");
   if (!(k > 0 && k < 1e60 && c > 0)) refuse("cone_curvature or its bound is not positive and finite");
   if (!(k <= 1e12 * c && c <= 1e12 * k)) refuse("cone_curvature differs too much from the tensile strength");
-  const weak = ((k + Math.sqrt(k * k + 2 * k * c)) / (2 * k * c)) * UP; // as σ₁ ≤ 1 and R² ≤ 1/2
+  const weak = ((k + Math.sqrt(k * k + 2 * k * c)) / (2 * k * c)) * UP; // for ‖σ‖ = 1, σ₁ ≤ 1 and R² ≤ 1/2
   const sizes = (v) => { const e = principal(v, 0); return [e[0] + e[2], e[2] - e[0]]; };
   return {
     c, s: 0, f: NaN, k, digits: 256 * U, grows: true, linear: false, keeps: false, takes: false,
@@ -142,7 +142,7 @@ function roundCone(c, q, M, m) {
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
     steepest: Math.sqrt(most), growth: (Math.sqrt(most) + norm(q)) * UP,
     excess: (v) => norm(times(M, v)) + dots(q, v),
-    ratio: (v) => { // for c = 0, relative to the strength that the stress itself gives
+    ratio: (v) => { // for c = 0, relative to the strength that the pressure gives
       if (c > 0) return (norm(times(M, v)) + dots(q, v)) / c;
       return dots(q, v) < 0 ? norm(times(M, v)) / -dots(q, v) : v.some((y) => y) ? Infinity : 0;
     },

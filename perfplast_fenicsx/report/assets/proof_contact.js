@@ -1,6 +1,6 @@
 // Find the opposite facets of two surfaces in contact; the gap between them may have any size.
 
-/** Rows { a, b, order, normal, c, mu } of pairs of facets; b = −1 stands for an obstacle. */
+/** Rows { a, b, order, normal, c, mu } of pairs of facets; b = −1 for an obstacle. */
 function contactOf(body) {
   const { d, w, x, facets } = body, rows = [];
   const points = range(body.f).map((i) => range(d).map((j) => {

@@ -36,7 +36,7 @@ function exact(values, most = 0) {
   return { v: Array.from(values, (x) => BigInt(x * scale)), e };
 }
 
-/** Numbers rounded to multiples of 2^e; a stress or a velocity may be rounded, since any is allowed. */
+/** Numbers rounded to multiples of 2^e; for stresses and velocities, which a proof may choose. */
 function rounded(values, e) {
   const scale = 2 ** -e;
   return Array.from(values, (x) => BigInt(Math.round(x * scale)));
@@ -77,7 +77,7 @@ const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0n);
 const cross = (a, b) => (a.length === 2 ? [a[0] * b[1] - a[1] * b[0]]
   : [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]);
 const minus = (a, b) => a.map((x, i) => x - b[i]), add = (a, b) => a + b;
-const dots = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0); // of doubles
+const dots = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0); // scalar product of doubles
 const row = (values, size, k) => [...values.subarray(k * size, (k + 1) * size)];
 const norm = (a) => Math.hypot(...a);
 const count = (n) => Array.from({ length: n }, (_, i) => i), few = [];

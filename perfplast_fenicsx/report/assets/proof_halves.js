@@ -1,4 +1,4 @@
-// Whether both halves have the same bodies, on any two meshes (docs/proof.md, same bodies).
+// Check whether both halves have the same bodies, even on different meshes (docs/proof.md, same bodies).
 
 /** Refuse halves with different bodies. The upper half may have more strength and more friction. */
 function compare(lower, upper) {
@@ -112,7 +112,7 @@ function sharedFacets(lower, upper) {
   return pairs;
 }
 
-/** The common length or area of two facets in a plane: one is cut by the sides of the other. */
+/** The common length or area of two facets in a plane: the sides of one facet cut the other facet. */
 function commonArea({ x, normal }, small) {
   if (x.length === 2) {
     const [u, v] = [x, small.x].map((of) => of.map((p) => dots(minus(p, x[0]), [-normal[1], normal[0]])));
@@ -227,7 +227,7 @@ function coneShapes(body) {
 
 /** Whether a cone is known to lie in another one, both with their bounds times factors. */
 function isIn(one, other, factor, times) {
-  const small = 1e-12; // for shapes of size 1; the first checker rounds them to 1e-11
+  const small = 1e-12; // for shapes of size 1; the Python checker rounds them to 1e-11
   if (one.family.some((y, i) => Math.abs(y - other.family[i]) > small)) return false;
   const [c, most] = [one.bound * factor, other.bound * times * (1 + 1e-12)];
   if (Math.abs(one.slope - other.slope) <= small) return c <= most;

@@ -177,7 +177,7 @@ function stressBound(body, half) {
     const off = size * 2 ** (body.e * (d - 1)) * UP;
     const lost = rest[i].map((r) => r.map((y, a) => (frees[a] ? y : 0n)));
     if (!body.glued[i]) left.act(body.outer[i], body.ofFacet(i), lost, off, bare);
-    else left.loose[c] += off; // of which a plate asks
+    else left.loose[c] += off; // errors on plates: forces known only by their size
   }
   anchors.push(...plates(body, left, rest, factors));
   reactions(body, anchors, left).forEach((p, i) => {
@@ -200,13 +200,13 @@ function stressBound(body, half) {
       const at = (c * body.values + k) * d * d;
       const v = vector(stress.subarray(at, at + d * d), d, theta[k]).map((y) => y / rho[k]);
       const off = 256 * U * (norm(v) + most), size = tau + off;
-      if (!cone.c) { used[k] = cone.excess(v) + off * cone.growth; continue; } // no scale helps
+      if (!cone.c) { used[k] = cone.excess(v) + off * cone.growth; continue; } // scaling does not help
       const ratio = cone.ratio(v) + (size && size * cone.weak);
       over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
       if (!(over < Infinity)) refuse("the forces that the stress leaves unbalanced cannot be balanced");
     }
     if (cone.c) continue;
-    const bares = own.some((is) => is); // τ is zero there too, and its coefficients at most twice as steep
+    const bares = own.some((is) => is); // where σ = 0, τ = 0 too; near there τ is at most twice as steep
     const closest = Math.max(...used.filter((_, k) => !own[k]), ...(bares ? [used.reduce(add, 0) / w] : []));
     if (!(closest + (bares ? 2 : 1) * tau * cone.growth <= 0)) {
       refuse("in ground with c = 0, the stress is too close to the yield surface to balance its residual forces");

@@ -97,7 +97,7 @@ function motionsOf(body, flow, { every, lock = [] }, loose = false) {
   // Around an axis, bodies move along it; v = ru contains the radius
   const turned = (a, m) => (revolved ? [0, a[0]] : d === 2 ? [-a[1], a[0]] : cross(unit(m), a));
   const armOf = (v, about) => range(d).map((i) => x[v * d + i] - (revolved ? 0 : x[about[i] * d + i]));
-  // A hinge, by the vertices that have its coordinates: those held along an axis have others alike
+  // A possible hinge takes coordinate j from a vertex. Vertices held along another axis must share it.
   const hinges = range(d).map((j) => [first, ...range(d).flatMap((i) => {
     const there = i === j ? [] : fixed.filter((v) => held[v][i]);
     return there.length && there.every((v) => X[v * d + j] === X[there[0] * d + j]) ? [there[0]] : [];
@@ -195,7 +195,7 @@ function bent(body, flow, rows, resting) {
   units.forEach((unit, k) => {
     let [shift, turn] = unit.motion;
     unit.every.forEach((p) => { unitOf[p] = k; });
-    if (unit.stuck) { // it is not moved again either
+    if (unit.stuck) { // later steps do not move it either
       const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
       shift = moveAcross(shift,
         unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
@@ -274,7 +274,7 @@ function bent(body, flow, rows, resting) {
     const depth = jumps.map(enters), worst = Math.max(0, ...depth), whole = round < 2;
     if (!(worst > 0)) break;
     movers.clear();
-    const near = jumps.flatMap((row, k) => { // all bodies separate if any penetrate, by twice as much
+    const near = jumps.flatMap((row, k) => { // jumps that penetrate or nearly penetrate
       if (!(depth[k] > -1e3 * worst)) return [];
       const sides = [row.p, row.q].map((p, m) => (p < 0 ? null : [moverOf(p, whole), m ? -1 : 1, p]));
       if (sides[0][0] === sides[1]?.[0]) return [];
@@ -458,7 +458,7 @@ function overRadius(r) {
     for (let j = 0; j < 3; j++) found[j] += (j === k ? 3 : 1) / 30 / r[k];
     for (const [a, b] of [[0, 1], [0, 2], [1, 2]]) found[edge(a, b)] += (a === k ||
       b === k ? 2 : 1) / 30 / r[k];
-  } else if (axis.length === 1) { // it is so along the edge opposite, over the distance from the axis
+  } else if (axis.length === 1) { // the same on the opposite edge, over the distance from the axis
     const [b, c] = away, [s, t] = [1 / r[b], 1 / r[c]];
     found[b] = s / 6 + t / 18; found[c] = s / 18 + t / 6; found[edge(b, c)] = (s + t) / 9;
     found[edge(axis[0], b)] = (2 * s + t) / 9; found[edge(axis[0], c)] = (s + 2 * t) / 9;
