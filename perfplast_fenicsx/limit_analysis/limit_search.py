@@ -1,11 +1,11 @@
 """Compute the limit load at which a loading path levels off, with its bounds and its mechanism.
 
 ζ(α) is continuous, does not fall, and tends to ζ_lim as α grows (properties iii and v of Čermák,
-Haslinger, Sysala, COMPLAS XII, 2013). So every computed ζ(α) is a lower bound on the limit load of
-the discrete problem. If the curve is nearly flat, the displacement increment is nearly a mechanism.
-The mechanism gives an upper bound on the discrete limit load, and the direction for the next
-extrapolation of the path. The search ends when both bounds agree. They are not bounds for the body
-itself.
+Haslinger, Sysala, COMPLAS XII, 2013). Every computed ζ(α) is therefore a lower bound on the limit
+load of the discrete problem. If the curve is nearly flat, the displacement increment is nearly a
+mechanism. The mechanism gives an upper bound on the discrete limit load, and the direction for the
+next extrapolation of the path. The search ends when both bounds agree. These bounds do not bound
+the limit load of the body itself.
 
 With Coulomb's friction no limit theorem holds. In this case the module brackets the load at which
 the loading path loses equilibrium. The lower end of the bracket is the largest load factor at which
@@ -151,8 +151,8 @@ class _Path:
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.
         levels: The levels that carry their loads.
-        before: State of the level before ``last`` whose work exceeds the work of all earlier
-            levels.
+        before: State of the level before ``last`` among the levels whose work exceeds the work of
+            all earlier levels.
         last: State of the last level whose work exceeds the work of all earlier levels.
         most: State with the largest carried load.
         refused: Number of trial loads that were not carried.
@@ -338,7 +338,7 @@ def limit_load(
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level, with the result up to that level.
         search: State of an earlier search, to continue it.
-        reached: Last point of the earlier search.
+        reached: Last converged state of the earlier search.
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, or is too small to distinguish sliding from

@@ -77,7 +77,7 @@ class _Search:
     """The state of a search for the curve.
 
     Attributes:
-        weakening: The problem.
+        weakening: The problem, whose strengths the search divides by F.
         solver: Solver of levels with a prescribed work.
         tolerance: Relative tolerance of F.
         monitor: Called after each Newton step.
@@ -128,7 +128,13 @@ class _Search:
         return StrengthPath(tuple(self.found), False, f"{most_points} points were found")
 
     def _first(self) -> _Point | None:
-        """Return the first equilibrium with plastic flow, or the last elastic one. Collective."""
+        """Return the first equilibrium with plastic flow, or else the last elastic equilibrium.
+
+        Collective.
+
+        Returns:
+            The point; None if no level converged.
+        """
         newton = Newton(self.weakening.problem, self.solver.options, lender=self.solver)
         found: tuple[float, Level] | None = None
         factor = 1.0
@@ -151,7 +157,10 @@ class _Search:
         return _Point(found[0], found[1].state)
 
     def _at(self, work: float, before: _Point | None, last: _Point) -> _Point | None:
-        """Return the point with a given work; None if no level converged. Collective."""
+        """Return the point with a given work; None if a level or the search for F has failed.
+
+        Collective.
+        """
         problem = self.weakening.problem
         start = last.state
         factor = last.factor

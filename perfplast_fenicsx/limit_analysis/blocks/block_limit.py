@@ -57,7 +57,9 @@ class FoundForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
-    """The best forces and the best motion; the same on all ranks, except arrays by facet.
+    """The best joint forces and the best motion of blocks.
+
+    All ranks have the same data, except for arrays by facet.
 
     Attributes:
         lower: Outcome of the search for forces, and the load factor λ of the forces.
@@ -187,7 +189,7 @@ class _Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Jumps:
-    """The velocity jumps at the vertices of joints, and the vertices without coinciding copies.
+    """Matrices that map motions of blocks to velocity jumps at joints.
 
     Attributes:
         axes: Orthonormal axes of each facet, with the normal first, shape (n, d, d).
@@ -291,7 +293,7 @@ class _Placed:
     loads: tuple[Floats, Floats, Floats]
 
     def of(self, given: JointForces) -> _OnJoints:
-        """Return the joint forces with the reactions of the supports."""
+        """Return the forces of a solution on joint facets, with the reactions of the supports."""
         facets, jumps, sticky = self.facets, self.jumps, self.sticky
         d, unit = self.blocks.corners.shape[2], self.units[0]
         shape = (len(facets.rows), d, d)
@@ -322,7 +324,10 @@ class _Placed:
 
 
 def _frictions(strengths: list[ContactStrength], follows: bool) -> Floats:
-    """Return the friction coefficients; without ``follows``, 0 for slip that is not associated."""
+    """Return the friction coefficients of joints.
+
+    If ``follows`` is false, the coefficient is 0 for joints whose slip is not associated.
+    """
     return np.array([it.friction if follows or it.associated else 0.0 for it in strengths])
 
 

@@ -10,7 +10,7 @@ do the work f·w ≥ 0 on all jumps with w_n + μ‖w_t‖ ≤ 0. By duality, tw
 largest λ for which forces in the cones balance λL₁ + L₀, and the minimum of −L₀(v) over all motions
 v with these jumps and L₁(v) = 1. Because w is linear on a facet, the conditions are required only
 at the vertices. If surfaces adhere, shear tractions also act. These tractions are linear on a
-facet, have at most the norm c, and do at most the work ∫c‖w_t‖.
+facet, have a norm of at most c, and do at most the work ∫c‖w_t‖.
 
 In 2D each problem is one linear program. In 3D, polyhedral cones replace the circular cones:
 inscribed cones for the forces, and circumscribed cones for the motions. Both bounds are therefore
@@ -111,8 +111,8 @@ class JointForces:
         outcome: Whether forces were found.
         value: Load factor λ.
         aside: Factor of the free loads.
-        cones: Forces of cones, shape (num_cones, d).
-        discs: Forces of discs, shape (num_discs, d − 1).
+        cones: Forces at the points with cones, shape (num_cones, d).
+        discs: Forces at the points with discs, shape (num_discs, d − 1).
     """
 
     outcome: Outcome
@@ -124,11 +124,11 @@ class JointForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockMotion:
-    """The motion that gives the smallest λ.
+    """The motion that gives the smallest upper bound on λ.
 
     Attributes:
         outcome: Whether a motion was found.
-        value: λ.
+        value: Upper bound on λ.
         motion: Amplitudes of the motion v with L₁(v) = 1, shape (num_motions,).
     """
 
@@ -151,7 +151,7 @@ class _Edges:
 
     @classmethod
     def first(cls, places: Places) -> "_Edges":
-        """Return the initial edges."""
+        """Return the initial edges at the points whose ``size`` is positive."""
         rubs = np.flatnonzero(places.size > 0)
         count = 2 if places.across == 1 else FIRST_EDGES
         angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
@@ -218,8 +218,9 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
     """Return forces strictly inside their limits, at a factor near the best one; None if not found.
 
     A linear program maximises a weighted sum of the distances of the forces from the sides of the
-    cones. The first tenth of each distance has ten times the weight. Adhesive tractions use half of
-    the adhesion.
+    cones. Each distance is a sum of parts. The limit of each part is a tenth of the previous limit,
+    and its weight is ten times the previous weight. Adhesive tractions use at most half of the
+    adhesion.
 
     Args:
         program: Linear program for the forces.
@@ -275,7 +276,11 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
 def _sharpened(
     program: JointProgram, rtol: float, inside: bool
 ) -> tuple[JointForces | BlockMotion, int]:
-    """Solve linear programs with successively more edges, for inscribed or circumscribed cones."""
+    """Return the result of the last of several linear programs, and the number of programs.
+
+    Each program has more edges than the previous program. If ``inside`` is true, cones and discs
+    are inscribed, and otherwise circumscribed.
+    """
     discs = program.discs if inside else program.outer_discs
     every = (program.cones, discs)
     edges = [_Edges.first(places) for places in every]
@@ -301,7 +306,7 @@ class _Solved:
         value: Load factor λ.
         columns: Work of each unit force, and of each load, on the unknown motions, shape
             (num_motions, num_columns).
-        generators: The unit forces of cones and of discs: the points, and the components.
+        generators: Points and components of the unit forces of cones, and of discs.
         sizes: Magnitude of each unit force in the solution, shape (num_forces,).
         aside: Factor of the free loads.
         motion: The motion in the dual solution.
@@ -379,13 +384,13 @@ class _Solved:
         for places, mine, part in zip(every, edges, parts, strict=True):
             if places.across == 1 or not len(mine.of):
                 continue
-            if inside:  # For forces: the direction opposite to the slip.
+            if inside:  # The new edges are forces that oppose the slip.
                 jump = places.jumps(self.motion)
                 slip = -jump[:, int(places.cone) :]
                 off = places.size * np.linalg.norm(slip, axis=1)
                 off = off + jump[:, 0] if places.cone else off
                 weight = np.linalg.norm(jump, axis=1)
-            else:  # For sides: those that cut off the violation of the circular cone.
+            else:  # The new edges cut off forces outside the circular cone.
                 slip = part[:, int(places.cone) :]
                 limit = -part[:, 0] if places.cone else np.ones(places.count)
                 weight = np.linalg.norm(slip, axis=1)
@@ -412,7 +417,7 @@ class _Solved:
         return JointForces(self.outcome, self.value, self.aside, *self.parts(every))
 
     def block_motion(self, every: tuple[Places, ...]) -> BlockMotion:
-        """Return the motion of a program with circumscribed cones, with its upper bound."""
+        """Return the motion and its upper bound on λ from a program with circumscribed cones."""
         if self.outcome is not Outcome.FOUND:
             return BlockMotion(self.outcome, np.nan, self.motion)
         motion, program = self._admissible(every), self.program
@@ -446,7 +451,7 @@ class _Solved:
 
 
 def _generators(places: Places, edges: _Edges, inside: bool) -> tuple[Longs, Floats]:
-    """Return the unit forces that generate the sets: their points, and their components."""
+    """Return the points and the components of the unit forces that generate admissible sets."""
     of, across = edges.inside(places) if inside else edges.outside(places)
     across = across * places.size[of][:, None]
     if not places.cone:
@@ -469,7 +474,7 @@ def _columns(places: Places, generators: tuple[Longs, Floats]) -> csr_array:
 
 
 def _balanced(columns: csr_array, wanted: Floats, x: Floats, forces: int) -> Floats:
-    """Return forces in balance up to rounding, from forces in balance to a tolerance."""
+    """Return the solution ``x`` with a correction that leaves the balance only rounding errors."""
     used = np.append(x[:forces] > 1e-9 * np.abs(x).max(initial=0.0), np.ones(len(x) - forces, bool))
     some = columns[:, used].toarray()
     found = np.where(used, x, 0.0)

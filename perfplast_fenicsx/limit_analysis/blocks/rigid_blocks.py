@@ -64,7 +64,7 @@ class Frames:
 
 
 def _row_type(d: int) -> np.dtype:
-    """Return the structured dtype of a joint facet, which node matching needs."""
+    """Return the structured dtype of joint facets, with the fields that node matching needs."""
     return np.dtype(
         [
             ("x", np.float64, 3),
@@ -173,7 +173,7 @@ def rigid_blocks(problem: Problem) -> RigidBlocks:
     first = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(first, of_cell, keys)
     comm.Allreduce(MPI.IN_PLACE, first, MPI.MIN)
-    # ordered by their first cells, independently of the number of ranks
+    # Blocks are numbered by their first cells, so the ranks do not affect the numbers.
     number = np.argsort(np.argsort(first))
     of_cell, of_node = number[of_cell], number[problem.bodies.of_node]
     middle, extent = _sizes(comm, body.vertices, of_cell, count)
@@ -236,7 +236,7 @@ def _sizes(
 
 
 def held_directions(body: BoundBody) -> Floats:
-    """Return the directions in which supports hold the owned exterior facets; 0 if they are free.
+    """Return the directions in which supports hold the owned exterior facets; 0 if free.
 
     Returns:
         Directions, shape (num_outer, d + 1, d). The first d rows are Cartesian axes; the last row
@@ -298,7 +298,7 @@ def _loads(
     act(of_cell, body.vertices.mean(axis=1), loads.forces * volumes[:, None])
     outer = body.geometry.exterior
     tractions = body.geometry.at_corners(outer, loads.tractions[outer])
-    means = (np.eye(d) + 1) / (d * (d + 1))  # Integrals of products of barycentric coordinates.
+    means = (np.eye(d) + 1) / (d * (d + 1))  # mean products of barycentric coordinates
     spread = np.einsum("f,ab,fbi->fai", body.geometry.areas(outer), means, tractions)
     for vertex in range(d):
         act(of_outer, corners[:, vertex], spread[:, vertex])
@@ -307,7 +307,7 @@ def _loads(
 
 
 def _joined(rows: npt.NDArray[np.void], interfaces: Sequence[Interface]) -> JointFacets:
-    """Return the facets with their opposite facets, in an order that the ranks do not affect."""
+    """Return the facets with their opposite facets; the ranks do not affect the order."""
     rows = rows[np.lexsort([rows["key"], rows["side"], rows["interface"]])]
     d = rows["normal"].shape[1]
     first, second, orders, into, alone = [rows[:0]], [rows[:0]], [], [], []

@@ -1,4 +1,4 @@
-"""Declare the adaptation of meshes to bounds, and when the adaptation ends."""
+"""Declare mesh refinement that the bounds on the limit load drive, and when it ends."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -7,9 +7,9 @@ contributions to the gap or to this dissipation. See M. Ciria, J. Peraire and
 J. Bonet, doi:10.1002/nme.2310.
 
 The module also bounds the least load factor that the bodies carry, by reversing the live loads.
-With permanent loads the load factors that the bodies carry form an interval, because the set of
+With permanent loads, the load factors that the bodies carry form an interval, because the set of
 admissible stresses is convex. The interval need not contain 0: a wall may need the force of a prop.
-If it does not contain 0, a bound of the largest load factor alone would be misleading.
+If the interval does not contain 0, a bound of the largest load factor alone would be misleading.
 """
 
 import time
@@ -160,7 +160,7 @@ def adaptive_bounds(
 ) -> AdaptiveBounds:
     """Return bounds on the limit load on successively refined meshes. Collective.
 
-    The function ends earlier if a mesh does not fit into memory.
+    The refinement also ends if the next mesh does not fit into memory.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
@@ -291,8 +291,8 @@ def least_load(
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If a live load is the force of a pin, which cannot pull, and in the cases of
-            :func:`limit_bounds.limit_bounds`.
+        InputError: If a live load is the force of a pin, which cannot pull, or if
+            :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     check_turns(problem.given.loads)
     turned = _turned(problem)

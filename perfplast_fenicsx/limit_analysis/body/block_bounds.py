@@ -50,7 +50,7 @@ def are_blocks(problem: Problem) -> bool:
 
 
 def check_blocks(problem: Problem) -> None:
-    """Refuse joints for which rigid blocks cannot be bounded. Collective.
+    """Refuse joints with which the limit load of rigid blocks cannot be bounded. Collective.
 
     Raises:
         InputError: If a joint is not supported; the message says why.

@@ -201,6 +201,7 @@ class BodyBounds(NotebookResult):
         joints: Proof by joint forces instead of a stress, for bodies that cannot yield.
         question: The loads that the bounded factor multiplies: the live loads, or the constant
             loads if the mesh does not carry the constant loads (:class:`load_factor.Question`).
+        least: Bounds of the least load factor; None if they were not computed.
     """
 
     problem: Problem
@@ -229,7 +230,10 @@ class BodyBounds(NotebookResult):
 
     @property
     def limits(self) -> tuple[Bound, Bound]:
-        """Return the bounds of ζ; their values are ``None`` if the constant loads are bounded."""
+        """Return the bounds of the factor ζ of the live loads.
+
+        Their values are ``None`` if the bounds are those of a multiple of the constant loads.
+        """
         if self.question is Question.LIMIT:
             return self.lower, self.upper
         why = (
@@ -332,7 +336,7 @@ class BodyBounds(NotebookResult):
 
     @property
     def least_in_words(self) -> str:
-        """Return sentences on the bounds of the least load factor; empty if not computed."""
+        """Return sentences on the least load factor; empty if its bounds were not computed."""
         if self.least is None:
             return ""
         lower = self.lower.value if self.lower.strict else None
@@ -353,7 +357,7 @@ class BodyBounds(NotebookResult):
 
 
 def _visible(velocity: fem.Function) -> tuple[Floats, Floats]:
-    """Return the corners of the visible triangles, and the velocity there. Collective.
+    """Return the corners of the visible triangles, and the velocity at them. Collective.
 
     The triangles are the cells of a plane mesh or the exterior facets of a mesh of tetrahedra,
     gathered from all ranks.
@@ -379,7 +383,9 @@ def _visible(velocity: fem.Function) -> tuple[Floats, Floats]:
 
 
 def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str | None:
-    """Return a sentence on whether the bodies carry constant loads alone; None if more is known.
+    """Return whether the bodies carry the constant loads alone, as a sentence.
+
+    The result is ``None`` if this is not known, or if a factor of the live loads was computed.
 
     Args:
         limit: Limit load of the mesh.
@@ -477,7 +483,8 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
             # times as many cells, and the cost of the factors grows faster than the number of
             # cells.
             longer = {2: (4, 8), 3: (15, 50)}
-            # Relative cost of bounds on several meshes; the last mesh has twice as many cells.
+            # Relative cost of bounds on several meshes. The last mesh has twice as many cells as
+            # the first.
             adapting = (2, 5)
             yield (
                 f"the bounds are {percent(apart)} apart, as the mesh is coarse. adapt = "
@@ -509,7 +516,7 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
 
 
 def _times(many: tuple[int, int], seconds: float) -> str:
-    """Return the cost in words, as multiples of this run and as times."""
+    """Return the cost in words, as multiples of the duration of this run and as durations."""
     least, most = (clock(number * seconds) for number in many)
     return f"{many[0]} to {many[1]} times as long as this ({least} to {most})"
 

@@ -1,12 +1,13 @@
 """Create the problems whose limit loads are bounded, and convert their results back.
 
-The limit loads of these bodies bound the limit loads of the declared bodies. The bodies differ from
-the declared bodies for ground with ψ < φ, and for pore pressures with kinks in cells.
+The bodies of these problems differ from the declared bodies if ground has ψ < φ, or if pore
+pressures have kinks inside cells. Their limit loads then bound the limit loads of the declared
+bodies.
 
 The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If both
 surfaces lie on each other, the bodies do not change. Two polygons that approximate one curve
-overlap and leave gaps. Then the bounds hold for a projected model, in which each body ends at the
-polygon through the nodes of both surfaces.
+overlap and leave gaps. For such surfaces the bounds hold for a projected model, in which each body
+ends at the polygon through the nodes of both surfaces.
 """
 
 import logging
@@ -55,7 +56,7 @@ class FlowProblem:
 
 
 def flow_problem(problem: Problem) -> FlowProblem:
-    """Return the flow problem of a problem. Collective.
+    """Return the problem whose mechanism gives the upper bound of a problem. Collective.
 
     Args:
         problem: See :func:`limit_bounds.admitted`.
@@ -84,7 +85,7 @@ def is_straight(problem: Problem) -> bool:
 
 @dataclass(frozen=True)
 class VelocityOf:
-    """A velocity, and the problem in whose displacement space it is.
+    """A velocity, and the problem whose displacement space contains it.
 
     Attributes:
         problem: The problem.
@@ -98,7 +99,7 @@ class VelocityOf:
 def of_displacements(
     problem: Problem, flow: VelocityOf, mesh: LimitLoad
 ) -> tuple[fem.Function, LimitLoad]:
-    """Return the velocity u, and a limit load with it and with the forces conjugate to u.
+    """Return the velocity u, and the limit load with u and with the contact forces conjugate to u.
 
     Collective.
 
@@ -147,9 +148,10 @@ def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Fun
 
 
 def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
-    """Return the bodies for a lower and for an upper bound. Collective.
+    """Return the problems for the lower and for the upper bound. Collective.
 
-    Both are on the mesh of the problem, and associated (:mod:`nonassociated_flow`).
+    Both problems have the mesh of the given problem and associated flow
+    (:mod:`nonassociated_flow`).
 
     Args:
         problem: The bodies as they were declared.
@@ -249,10 +251,10 @@ def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMe
 
 
 def with_matching_facets(problem: Problem) -> Problem:
-    """Return the problem with matching facets in contact, and shared facets at ties. Collective.
+    """Return the problem with matching facets at contact surfaces and with glued ties. Collective.
 
-    Facets that cannot match stay unchanged. Contact acts at each point, also if mortar rows were
-    requested.
+    Facets that cannot match stay unchanged. Contact conditions apply at each node, even if the
+    mortar formulation was requested.
     """
     return with_glued_ties(with_divided_interfaces(_at_each_point(problem)))
 

@@ -1,4 +1,4 @@
-"""Find the strength factors F at which each strict bound of the multiple of the loads is 1."""
+"""Find the strength factors F at which each strict bound of the multiple μ of the loads is 1."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -69,7 +69,7 @@ class FactorRoots:
     @property
     def rtol(self) -> float:
         """Return the relative distance of each bound to the best bound of its kind on its mesh."""
-        finer = 0.1  # share of the tolerance, in μ
+        finer = 0.1  # ratio of the tolerance of μ to the tolerance of F
         return finer * self.tolerance
 
     def of_mesh(self) -> float:
@@ -148,11 +148,11 @@ class FactorRoots:
         """
         sign, found = 1 if kind == "lower" else -1, self.found[kind]
         first, last = (max, min) if kind == "lower" else (min, max)
-        aim = 0.5  # target within the tolerance, on the safe side of the root
+        aim = 0.5  # distance of the target from the root on its safe side, in tolerances
         failures, most_failures = (
             0,
             3,
-        )  # number of consecutive failures from rounding, once a factor is known
+        )  # allowed number of consecutive failures from rounding, once a factor is known
         for _ in range(MOST_SEARCHES):
             known, strict = _known(found, kind)
             safe = [*self.shown(kind), *([known_elsewhere] if known_elsewhere else [])]
@@ -176,7 +176,7 @@ class FactorRoots:
                 factor = _next(known, sign * aim * room, self.steepness)
                 if other_side and sign * (factor - other_side) >= 0:  # no root is there
                     factor = math.sqrt(other_side * min(known, key=lambda it: abs(known[it])))
-            else:  # less strength lets confined bodies collapse; with more, coarse meshes carry
+            else:  # less strength gives confined bodies a mechanism; more makes coarse meshes carry
                 factor = (max if sign < 0 else min)(found) * STEP**-sign
             while known and factor in found and factor not in known:  # the search gave no result
                 factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))
@@ -188,7 +188,7 @@ class FactorRoots:
         return first(shown) if shown else None
 
     def _bound(self, kind: str, factor: float) -> None:
-        """Compute and store the bound of μ at F of one kind. Collective."""
+        """Compute and store one kind of bound of μ at F. Collective."""
         self.searches += 1
         reduced = weakened(self.problem, factor)
         if kind == "upper":
@@ -231,8 +231,8 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
     The next F is the approximate root of the lower bound. The factor lies between the largest F at
     which the bodies provably stand and the least F at which the bodies provably fall. On coarse
     meshes this root is closer to the root of the body than the root of the upper bound. On the last
-    mesh it is also nearly the final lower bound. On a mesh without a mechanism, F grows while the
-    bodies provably carry the loads. Otherwise F stays constant until finer cells have a mechanism.
+    mesh this root is also nearly the final lower bound. On a mesh without a mechanism, F grows if
+    the bodies provably carry the loads, and otherwise stays constant.
 
     Args:
         curves: Curves of the meshes so far.
@@ -261,13 +261,13 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
 
 
 def _within(factor: float, one: float, other: float, near: float) -> float:
-    """Return F if it is well between two other factors, and otherwise their geometric mean.
+    """Return F if it lies between two limits with a margin, and otherwise their geometric mean.
 
     Args:
         factor: F.
         one: One limit.
         other: The other limit, smaller or larger than the first.
-        near: Least allowed relative distance to the limits.
+        near: Largest margin, as a relative distance from the limits.
     """
     low, high = sorted((math.log(one), math.log(other)))
     margin = 0.05 * (high - low)

@@ -6,9 +6,9 @@ bending parts, which the stress shows. Along the bands and parts it may be coars
 
 For plane meshes, the module defines the length of edges by the change of the solution along them.
 In slip layers, the velocity changes only across the layers. If principal stresses rotate about a
-point, they change only around the point. Cells that are long in the direction without change are
-equally good. Of two edges of equal length, the edge with the larger change is longer in this
-metric.
+point, they change only with the angle around the point. Cells may be long in the direction in which
+the solution does not change. Of two edges of equal length, the edge with the larger change is
+longer in this metric.
 """
 
 from mpi4py import MPI
@@ -56,7 +56,7 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
     shares = np.maximum(shares, 0.0)
     wanted = part * comm.allreduce(float(shares.sum()))
     low, high = 0.0, comm.allreduce(float(shares.max(initial=0.0)), MPI.MAX)
-    halvings = 60  # steps from the largest contribution to the least marked one
+    halvings = 60  # bisections of the interval that contains the smallest contribution to mark
     for _ in range(halvings):
         middle = (low + high) / 2
         enough = comm.allreduce(float(shares[shares >= middle].sum())) >= wanted
@@ -84,8 +84,8 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
     marked = np.full(cells.size_local, part >= 1.0)
     if dissipation is not None and part < 1.0:
         # If very few cells limit the stress, they cause the whole gap, and the indicators elsewhere
-        # belong to a stress that is too small. Then the function marks only these cells, unless the
-        # bounds are already close, because more stress would then not help.
+        # belong to a stress that is too small. In this case the function marks only these cells. If
+        # the bounds are already close, a larger stress helps little, and it also marks other cells.
         most, few, near = 0.9, 0.005, 0.1
         here = largest_shares(problem.comm, dissipation, most)
         if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:
@@ -165,7 +165,7 @@ def _around_vertices(
         tagged_mesh: The mesh.
         cells: Vertices of the owned cells, shape (num_cells, 4).
         places: Coordinates of these vertices, shape (num_cells, 4, 3).
-        values: Values at corners of cells, shape (num_cells, 4, m), as in the result.
+        values: Values at corners of cells, shape (num_cells, 4, m). The result has the same shape.
     """
     vertices = tagged_mesh.mesh.topology.index_map(0)
     volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1]))
@@ -182,7 +182,10 @@ def _around_vertices(
 
 
 def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
-    """Return each gradient divided by its norm; rounding errors remain small. Collective."""
+    """Return each gradient divided by its norm. Collective.
+
+    A gradient that consists only of rounding errors stays small.
+    """
     sizes = np.linalg.norm(gradients, axis=(1, 2), keepdims=True)
     least = 1e-4 * comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
     return np.divide(
@@ -214,7 +217,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
 
     space = found.mechanism.function_space
     u = found.mechanism.x.array.reshape(-1, 2)[space.dofmap.list[: len(x)]]
-    a, b = np.array([(1, 2), (0, 2), (0, 1)]).T  # ends of the edges, whose nodes come last
+    a, b = np.array([(1, 2), (0, 2), (0, 1)]).T  # ends of the edges in the order of their nodes
     in_middle = np.concatenate([slopes / 3, (slopes[:, a] + slopes[:, b]) * 4 / 3], axis=1)
     of_velocity = np.einsum("cni,cnj->cij", u, in_middle)
 
@@ -222,7 +225,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
         [(found.stress[..., 0] - found.stress[..., 1]) / np.sqrt(2), found.stress[..., 3]], axis=2
     )
     of_stress = np.einsum("cni,cnj->cij", deviator, slopes)
-    more = 3.0  # weight of the stress: a fan with slip layers also needs directions
+    more = 3.0  # weight of the stress, which must count also in fans with slip layers
     comm, apart = tagged_mesh.mesh.comm, np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     sizes = apart.max(axis=1)
     of_mechanism = _stretches(comm, of_velocity * sizes[:, None, None], u)
@@ -264,7 +267,7 @@ def finer_mesh(
     hardly more cells than this one would cost as much and improve little. In 2D, a twelfth more
     cells at the right places can still close a fifth of the gap. In 3D each mesh costs more than
     all previous meshes together. The function therefore marks more cells if the next 3D mesh would
-    have few more.
+    have few additional cells.
 
     Args:
         problem: The bodies and their loads, on this mesh.
@@ -349,7 +352,7 @@ def refined(
         found: Bounds on the mesh. In 2D, cells become long where mechanism or stress changes in one
             direction only. In 3D, bisection cuts the edges along which velocity and stress change.
             Cells at singular edges with the largest loss of the lower bound become fans instead of
-            being refined, because more directions reduce this loss.
+            being refined, because faces in more directions reduce this loss.
         cells: Largest number of cells of the mesh. In 2D, fans of long cells are created at once if
             they add less than a fourth of this number, and otherwise gradually with each mesh.
     """
@@ -430,9 +433,9 @@ def _with_fans(
         The mesh, the remaining marks of its owned cells, and their directions of change.
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
-    most = 0.5  # share of the multipliers' dissipation, which few cells often have
+    most = 0.5  # share of the multipliers' dissipation, which often lies in few cells
     nearly = 0.5  # part of this share that must be at such edges; otherwise cell size matters too
-    valence = 12  # cells around edges; each costs as many cells as the edge has
+    valence = 12  # wanted number of cells around each edge
     few = largest_shares(comm, dissipation, most)
     edges = singular_edges(tagged_mesh, given, valence) & few[:, None]
     cut = edges.any(axis=1)

@@ -1,9 +1,9 @@
 """Compute both bounds in parallel on two ranks, each bound on its rank's own copy of the mesh.
 
-Factorisations dominate the cost of a bound, and two ranks factorise hardly faster than one. So each
-rank computes one bound, and waits for the other rank only when steps are reported. The module then
-transfers the results to the mesh that both ranks share (benchmarks/halves_at_once.py measures the
-saving).
+Factorisations dominate the cost of a bound, and two ranks factorise hardly faster than one.
+Therefore each rank computes one bound, and waits for the other rank only when steps are reported.
+The module then transfers the results to the mesh that both ranks share
+(benchmarks/halves_at_once.py measures the saving).
 """
 
 import logging
@@ -108,7 +108,7 @@ class Copied:
     def limit(
         self, root: int, flow: FlowProblem, own: FlowProblem | None, found: LimitLoad | None
     ) -> LimitLoad | None:
-        """Return a limit load with its mechanism and its stress, but without contact forces.
+        """Return a limit load on the shared mesh, with mechanism and stress but no contact forces.
 
         Collective.
 
@@ -136,7 +136,7 @@ class Copied:
         return LimitLoad(**(told | fields))
 
     def stress(self, root: int, found: StaticBound | None) -> StaticBound:
-        """Return a lower bound with its stress. Collective.
+        """Return a lower bound with its stress on the shared mesh. Collective.
 
         Args:
             root: The rank with the result.
@@ -155,7 +155,7 @@ class Copied:
 
 
 def _rows(function: fem.Function, own: FlowProblem) -> Floats:
-    """Return the values at the nodes or points of each cell, or of each of its parts."""
+    """Return the values of a function at the nodes of each cell, or of each part of split cells."""
     dofmap = function.function_space.dofmap
     values: Floats = function.x.array.reshape(-1, dofmap.index_map_bs)[dofmap.list]
     return values if own.split is None else by_cells(values, own.split)
@@ -193,9 +193,9 @@ class Halves:
 
 
 def pays(below: Problem, above: Problem) -> bool:
-    """Return whether both bounds in parallel are faster and fit (benchmarks/halves_at_once.py).
+    """Return whether both bounds in parallel are faster and fit into memory. Collective.
 
-    Collective.
+    The limits were measured with benchmarks/halves_at_once.py.
     """
     comm, dim = below.comm, below.bodies.gdim
     cells = below.tagged_mesh.mesh.topology.index_map(dim).size_global
@@ -204,7 +204,7 @@ def pays(below: Problem, above: Problem) -> bool:
     few, many = ((1_000, 100_000), (250, 10_000))[dim - 2]
     of_a_cell = (25e3, 250e3)[
         dim - 2
-    ]  # bytes per cell for each half; at most 17 and 230 kB were measured
+    ]  # bytes per cell for each bound; at most 17 and 230 kB were measured
     ranks = 2
     if comm.size != ranks or not few <= cells <= many or not is_straight(above):
         return False
@@ -222,7 +222,7 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
         below: The bodies of the lower bound.
         above: The bodies of the upper bound, on the same mesh.
         rtol: Relative distance of each bound to the best bound of its kind on this mesh.
-        monitor: Called on both ranks after each step of either.
+        monitor: Called on both ranks after each step of either rank.
 
     Returns:
         The results; None if the work of a rank does not fit into memory.

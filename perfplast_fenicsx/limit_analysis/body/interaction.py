@@ -8,8 +8,8 @@ work of *all* loads that the bodies carry:
     a A(v) + b B(v) ≤ D(v) − L₀(v).
 
 This half-space contains the whole set. The hull and the intersection of the half-spaces are two
-proven polytopes, and the boundary of the set lies between them. The search takes one direction
-after another, each where the polytopes are farthest apart.
+proven polytopes, and the boundary of the set lies between them. The search bounds the loads in one
+direction after another. Each new direction is the one in which the polytopes are farthest apart.
 """
 
 import math
@@ -79,7 +79,7 @@ class Envelope(NotebookResult):
 
     Attributes:
         carried: Pairs or triples that the bodies provably carry, shape (n, d): one for each
-            direction with a strict lower bound, after zero if there are no permanent loads. The
+            direction with a strict lower bound. Without permanent loads, the first row is zero. The
             bodies also carry all points of their convex hull.
         sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1). The bodies carry no
             point outside any half-space.

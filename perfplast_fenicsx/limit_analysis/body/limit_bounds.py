@@ -88,7 +88,7 @@ MOST_RESERVE = 0.1
 """Largest share of the strengths that a lower bound with constant loads reserves for rounding."""
 
 MOST_TIMES = 6
-"""Largest number of repeated searches for this bound, each with a larger reserve."""
+"""Largest number of repeated searches for a lower bound, each with a larger reserve."""
 
 
 def limit_bounds(
@@ -98,7 +98,7 @@ def limit_bounds(
 
     The mechanism of the upper bound preserves the volume everywhere; for this purpose the function
     splits tetrahedra from their centres. In dilating bodies the mechanism dilates enough
-    everywhere, because the laws are imposed at the vertices. Bodies do not penetrate each other
+    everywhere, because the flow rule is imposed at the vertices. Bodies do not penetrate each other
     between the nodes. The function first divides corner cells of plane bodies that could carry no
     stress (:mod:`lone_corners`). At the end the proof checker (:mod:`proof.checker`) judges both
     bounds: a bound is strict only as far as the checker proves it.
@@ -174,9 +174,9 @@ def _bounds(
 ) -> BodyBounds:
     """Return a proven lower bound of one problem and an upper bound of the other. Collective.
 
-    Both problems share one mesh, and are mostly identical. With constant loads the checker may
-    refuse a stress only because it needs a reserve for rounding. The function then seeks the stress
-    again with a larger reserve.
+    Both problems share one mesh, and in most cases they are identical. With constant loads, the
+    checker may refuse a stress only because the stress leaves too little reserve for rounding. The
+    function then seeks the stress again with a larger reserve.
     """
     at_once = halves_at_once(below, above, rtol, monitor) if pays(below, above) else None
     if at_once is None:
@@ -256,7 +256,7 @@ def mechanism_bound(
 def _of_flow(
     flow: FlowProblem, limit: LimitLoad
 ) -> tuple[BodyBounds, MechanismRates | None, AlfeldSplit | None]:
-    """Return the upper bound of a mechanism, with rates and split as :func:`mechanism_bound`."""
+    """Return the results of :func:`mechanism_bound` from a flow problem and its limit load."""
     limit = _with_forces_of_pairs(flow.problem, resisted(limit))
     return *_of_mesh(flow.problem, limit), flow.split
 

@@ -99,7 +99,7 @@ def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str,
 
 
 def _unlike(problem: Problem, kinds: Longs, steepness: Floats) -> tuple[Longs, Longs, Floats]:
-    """Return a number for each pair of a kind of cone and a factor for its slope. Collective.
+    """Number the distinct pairs of a kind of cone and a factor for its slope. Collective.
 
     Args:
         problem: Problem with the ranks.
@@ -192,7 +192,7 @@ class StressProof:
 
     Attributes:
         problem: The problem, on straight cells.
-        bound: λ.
+        bound: The lower bound λ.
         stress: Mandel vectors at the vertices of this rank's cells, shape (num_cells, tdim + 1, m),
             or coefficients of rσ (:mod:`stress_cells`), shape (num_cells, 6, 4).
         question: The loads that λ multiplies.
@@ -216,7 +216,7 @@ class ForceProof:
 
     Attributes:
         problem: The problem, on straight cells of bodies that cannot yield.
-        bound: λ.
+        bound: The lower bound λ.
         joints: The forces.
         question: The loads that λ multiplies.
         divisor: F that divides strengths; None without such a factor.
@@ -245,7 +245,7 @@ class VelocityProof:
 
     Attributes:
         problem: The problem, on straight cells.
-        bound: λ.
+        bound: The upper bound λ.
         velocity: A function in the problem's V, with up-to-date ghosts; in axisymmetry v = ru.
         question: The loads that λ multiplies.
         divisor: F that divides strengths; None without such a factor.
@@ -362,7 +362,7 @@ def _stress(proof: StressProof) -> Blocks:
     d = mesh.geometry.dim
     stress = matrices(proof.stress)[..., :d, :d]
     if proof.problem.tagged_mesh.axisymmetric:
-        stress = stress[:, [0, 1, 2, 5, 4, 3]]  # numbered as the edges of velocities
+        stress = stress[:, [0, 1, 2, 5, 4, 3]]  # in the order of the velocity's nodes
     return {"stress": block(cell_ordering(mesh), stress.copy())}
 
 
@@ -423,7 +423,7 @@ def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
 
     Args:
         proof: Proof with the bodies and loads.
-        follows: Whether all slip is taken as associated. Otherwise contacts whose friction is not
+        follows: Whether all slip is treated as associated. If false, contacts whose friction is not
             associated keep only their adhesion.
     """
     problem, question = proof.problem, proof.question

@@ -1,4 +1,4 @@
-"""Enclose a convex set of two or three numbers between two polytopes, along rays from zero."""
+"""Enclose a convex set of pairs or triples of numbers by two polytopes, along rays from zero."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -11,8 +11,8 @@ def rays_at(angles: Floats) -> Floats:
 
     Args:
         angles: Degrees. For two numbers shape (n, 1), counted from the first axis to the second.
-            For three numbers shape (n, 2); the second angle is measured from that plane towards the
-            third axis.
+            For three numbers shape (n, 2); the second angle is measured from the plane of these
+            axes towards the third axis.
 
     Returns:
         Shape (n, 2) or (n, 3).
@@ -118,9 +118,9 @@ def farthest_apart(
         asked: Angles of earlier directions, shape (k, d − 1).
 
     Returns:
-        The relative distance; inf if the hull or the half-spaces are missing on a ray. Then the
-        angles (degrees) at which both are farthest apart, away from all earlier directions, shape
-        (d − 1,); None if there are no such angles.
+        The relative distance; inf if the hull or the half-spaces are missing on a ray. The second
+        value contains the angles (degrees) at which both are farthest apart, away from all earlier
+        directions, shape (d − 1,); None if there are no such angles.
     """
     number = len(signed)
     angles = spread(signed, 0.5 if number == 2 else 3.0)

@@ -1,11 +1,11 @@
 """Compute a factor of safety, which divides strengths, with proven lower and upper bounds.
 
 If F divides the strengths (cohesions, slopes of friction and yield stresses), the bodies carry the
-loads μ(F) times (:class:`load_factor.Question`), and μ falls with F. A stress that carries the
-loads once proves that the factor of safety is at least F. A mechanism that collapses under the
-loads proves that the factor is at most F. The module seeks the root F of ln μ = 0 for each strict
-bound of μ separately, by secants of ln μ over ln F. Each result is slightly on the safe side of its
-root.
+loads μ(F) times (:class:`load_factor.Question`), and μ decreases as F increases. If the weakened
+bodies have an admissible stress in balance with the loads, the factor of safety is at least F. If
+they have a mechanism that collapses under the loads, the factor is at most F. The module seeks the
+root F of ln μ = 0 for each strict bound of μ separately, by secants of ln μ over ln F. Each result
+is slightly on the safe side of its root.
 """
 
 import logging
@@ -76,8 +76,8 @@ class FactorOfSafety(NotebookResult):
         searches: Number of computed bounds on all meshes; lower and upper bounds count separately.
         taken: Idealisations of ground, surfaces, pore pressures and strengths, as clauses
             (:func:`body_bounds.taken_as`).
-        estimate: Whether Davis' associated ground replaces the ground; the values are then not
-            bounds.
+        estimate: Whether Davis' associated ground replaces the declared ground; the values are then
+            not bounds.
         path: The curve of F over the work, on the mesh of the upper factor; None if not requested.
         kept: Strengths that F does not divide, in words.
         missed: A sentence on why a factor is missing, or why both factors are further apart than
@@ -200,7 +200,7 @@ def _from_curves(
     Args:
         problem: The problem on the first mesh.
         curves: Results on all meshes.
-        adaptation: The request.
+        adaptation: The requested adaptation; None without a request.
         ended: Why there is no finer mesh; empty if ``until`` was met at one F.
     """
     given = problem.given
@@ -274,9 +274,9 @@ def _of_blocks(
 ) -> FactorOfSafety:
     """Return the factor of safety of bodies that cannot yield, from their joints. Collective.
 
-    Joints without adhesion carry every multiple of the permanent loads, or no multiple. So the
-    function bisects F between a factor at which the joints carry the loads and a factor at which
-    they do not.
+    Joints without adhesion carry every multiple of the permanent loads, or no multiple. The
+    function therefore bisects F between a factor at which the joints carry the loads and a factor
+    at which they do not.
     """
     found: dict[float, BodyBounds] = {}
 
@@ -289,7 +289,10 @@ def _of_blocks(
         return found[factor]
 
     def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
-        """Return the largest factor found at which a condition holds, and the least without it."""
+        """Return factors next to each other: a condition holds at the first, not at the second.
+
+        A factor that was not tested is 1 / FAR or FAR.
+        """
         low, high, factor = 1 / FAR, FAR, 1.0
         while math.log(high / low) > tolerance:
             low, high = (factor, high) if holds(bounds(factor)) else (low, factor)
@@ -425,7 +428,7 @@ def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> Non
 def _better_of(
     one: tuple[float | None, float | None], other: tuple[float | None, float | None]
 ) -> tuple[float | None, float | None]:
-    """Return the larger lower bound and the smaller upper bound; None if both are missing."""
+    """Return the larger lower bound and the smaller upper bound; None where both are missing."""
     lowers, uppers = (
         [it for it in pair if it is not None] for pair in zip(one, other, strict=True)
     )
@@ -440,7 +443,7 @@ def _compute_curves(
     The reason is empty if the bounds are close enough. The caller then seeks the roots on the last
     mesh.
 
-    The function seeks F again on each mesh. At a fixed F, a coarse mesh may carry its loads with
+    The function seeks F again on each mesh. At a fixed F, a coarse mesh may carry the loads with
     far too small strengths, and would then be refined in the wrong places.
 
     Args:

@@ -1,4 +1,4 @@
-"""Find points, edges and cells that need a finer mesh for any error indicators.
+"""Find points, edges and cells that need a finer mesh regardless of error indicators.
 
 At a singular point, each cell has only one stress. The angles of the cells therefore limit the
 lower bound, however fine the mesh is elsewhere.
@@ -8,7 +8,7 @@ the plane normal to the edge. Bisection adds no new directions, at any cell size
 around the edge add directions.
 
 In 2D, cells may be too wide where loads, supports or contacts end. Principal stresses rotate at
-such points. A lower bound needs many directions out to the same distance, and therefore long and
+such points. A lower bound needs many directions of edges with equal lengths, and therefore long and
 thin cells. Next to a side with known traction, the stress is uniform within a certain angle. Long
 cells within this angle do not improve the lower bound, and they worsen the mechanism.
 
@@ -247,7 +247,7 @@ def wide_corners(
     near_enough = 0.004  # gap at which angles are halved; the angles cause a third of this gap
     if gap is not None and 0 < gap < near_enough:
         widest /= 2.0 ** np.ceil(np.log(near_enough / gap) / np.log(4.0))
-    near = np.deg2rad(42.0)  # from a side: without friction the stress is uniform within 45°
+    near = np.deg2rad(42.0)  # angle from a side; without friction, stress is uniform within 45°
     topology = tagged_mesh.mesh.topology
     vertices, points = corners(tagged_mesh.mesh)
     vertices = vertices[: topology.index_map(2).size_local]
@@ -259,7 +259,7 @@ def wide_corners(
 
 
 def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floats:
-    """Return the larger of the angles from the nearer side to both edges of a corner. Collective.
+    """Return for each corner the larger of its two edges' angles to the nearer side. Collective.
 
     Args:
         tagged_mesh: Mesh of triangles.
@@ -273,7 +273,8 @@ def _from_sides(tagged_mesh: TaggedMesh, points: Floats, vertices: Ints) -> Floa
     outer = exterior_facet_indices(topology)
     ends = topology.connectivity(1, 0).array.reshape(-1, 2)[outer]
     along = _directions(points[ends[:, 1]] - points[ends[:, 0]])
-    # The sum of two complex numbers and the sum of their squares determine both directions.
+    # Complex numbers represent the directions of the two sides at a vertex. The sum of these
+    # numbers and the sum of their squares determine both numbers.
     sums = la.vector(topology.index_map(0), 4, dtype=np.float64)
     table = sums.array.reshape(-1, 2, 2)
     for end, direction in ((0, along), (1, -along)):
@@ -329,7 +330,7 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
     Collective.
 
     Returns:
-        In DOLFINx's order of edges, shape (num_cells, 6).
+        Flags in DOLFINx's order of edges, shape (num_cells, 6).
     """
     topology = problem.tagged_mesh.mesh.topology
     topology.create_entities(1)
@@ -417,7 +418,7 @@ def with_room_for_stress(problem: Problem) -> Problem:
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:
-    """Return the plane problem with cohesionless cells divided that could carry no stress.
+    """Return the plane problem with division of cohesionless cells that could carry no stress.
 
     Collective.
 

@@ -1,4 +1,4 @@
-"""Define the protocol for a kind of cone, the only interface of the interior point iteration.
+"""Define the protocols through which the interior point iteration uses all kinds of cones.
 
 A program has blocks: points with one kind of cone, or contact pairs. Each point or pair of a block
 has two cone members. The static member is linear in the stress or force, and in unknowns of the
@@ -293,7 +293,7 @@ class Block(Protocol):
         ...
 
     def flow(self, moduli: Moduli) -> None:
-        """Write the moduli of the flow that determines the units, at the start's stress."""
+        """Write the moduli at the initial stress, for the flow that determines the units."""
         ...
 
     def static(self, borne: Borne, own: Floats) -> Floats:
@@ -313,7 +313,7 @@ class Block(Protocol):
         ...
 
     def missing(self, products: Floats, mu: float) -> Floats:
-        """Return the change that brings outliers closer to μ, with a limit for large ones."""
+        """Return the change that brings outlying products closer to μ; decreases are limited."""
         ...
 
     def scaled(self, now: Members, rates: Rates) -> ScaledBlock:
@@ -441,13 +441,13 @@ class Products:
         return Products(self.blocks, [block.raised(part, by) for block, part in both])
 
     def missing(self, mu: float) -> "Products":
-        """Return the change that brings outliers closer to μ, with a limit for large ones."""
+        """Return the change that brings outlying products closer to μ; decreases are limited."""
         both = zip(self.blocks, self.parts, strict=True)
         return Products(self.blocks, [block.missing(part, mu) for block, part in both])
 
 
 def missing_of(values: Floats, mu: float) -> Floats:
-    """Return the change of eigenvalues towards μ; a decrease is at most ``mu / NEAR``."""
+    """Return the change of outlying eigenvalues towards μ, with decreases of at most μ/NEAR."""
     most = mu / NEAR
     missing: Floats = np.maximum(np.clip(values, NEAR * mu, most) - values, -most)
     return missing

@@ -1,4 +1,4 @@
-"""Formulate a limit load as a static and a kinematic problem, in units with numbers about 1.
+"""Formulate a limit load as a static and a kinematic problem, in units with values near 1.
 
 At points with weights w, the problems are
 
@@ -22,8 +22,9 @@ this flow dissipates. For example, a weak layer in a stack flows alone, and a we
 strong column flows together with the strong column. The program then treats far stronger bodies as
 elastic. Both bounds remain bounds: the program scales the final stress into the true yield sets,
 and computes the dissipation of a velocity with the true yield radii. If the stress does not exceed
-yield in the strong bodies, treating them as elastic does not change the result. Otherwise the next
-search treats the weakest of the strong bodies as plastic, too (:meth:`ConicProgram.stronger`).
+yield in the strong bodies, treating them as elastic does not change the result. If the stress
+exceeds yield there, the next search also treats the weakest of the strong bodies as plastic
+(:meth:`ConicProgram.stronger`).
 
 The flow also shows which part of the loads drives it. Mean stresses and the stresses of bodies that
 do not yield are unbounded. The program subtracts the loads that these stresses balance. If A⁺σ are
@@ -159,7 +160,7 @@ class ConicProgram:
         dilates: Whether any plastic point of any rank dilates.
         strongest: Largest γ (stress) of the plastic points.
         springs: Stiffness of contact that suits the stiffness of the bodies, shape (num_pairs,).
-        degree: Degree of the blocks of all ranks.
+        degree: Sum of the degrees of the blocks of all ranks.
         stress_unit: Unit of σ.
         load_unit: Unit of λ; ``force_unit`` is the unit of r.
         carried: Unbounded stress (mean stresses, and stresses at points that are not plastic) that

@@ -42,8 +42,8 @@ class Strains(Protocol):
         gdim: Number of normal components in the trace; p is the mean of the normal stresses.
         weights: Volume of each point, shape (count,).
         radii: Yield radius γ (stress) at zero mean stress, ∞ in elastic bodies, shape (count,).
-        slopes: Slope α, by which the radius falls with the mean stress, shape (count,).
-        tilts: Tilt t, shape (count, m); None where all are zero.
+        slopes: Slope α, by which the radius decreases with the mean stress, shape (count,).
+        tilts: Tilt t, shape (count, m); None if all tilts are zero.
         sets: Yield sets of other kinds, one entry for each kind. At the points of these sets, γ and
             α describe the narrowest cone with the same apex that encloses the set.
     """

@@ -4,7 +4,7 @@ Each step factorises one stiffness. The stress at a point changes by moduli time
 each kind of cone defines its moduli (:mod:`cone`). A step consists of Mehrotra's predictor and
 corrector and of Gondzio's corrections (:class:`cone.Products`), all with the same factors. The
 proximal point method determines the change of unbounded stresses (mean stresses, and all stresses
-in elastic bodies). It does not change the limit of the iteration.
+in elastic bodies). This method does not change the limit of the iteration.
 """
 
 from collections.abc import Sequence
@@ -159,9 +159,10 @@ class NewtonDirections:
         program.stiffness.factorise()
 
     def _find_of_loads(self, velocity: PETSc.Vec) -> None:
-        """Compute the motions under unit loads, the works of the loads, and the missing works.
+        """Compute the motions under the loads with unknown factors, and the works of these loads.
 
-        Collective.
+        Collective. The missing works are the differences between the required works on ``velocity``
+        (1 for L, 0 for free loads) and the actual works.
         """
         program, work = self._program, self._work
         self._loads = [program.load, program.free] if program.has_free else [program.load]
@@ -172,7 +173,7 @@ class NewtonDirections:
         self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
 
     def _of_all(self, velocity: PETSc.Vec) -> Floats:
-        """Return the works of the loads with unknown factors. Collective."""
+        """Return the work on a velocity of each load with an unknown factor. Collective."""
         return np.array([float(load.dot(velocity)) for load in self._loads])
 
     def products(self, change: Unknowns | None = None) -> Products:
@@ -283,7 +284,10 @@ class InteriorIteration:
         self.velocity.array[:] = velocity
 
     def kept(self) -> tuple[Unknowns, Floats]:
-        """Return the iterate and its velocity's entries; ``earlier`` stores the first result."""
+        """Return the iterate and the entries of its velocity.
+
+        The first call also stores both in ``earlier``.
+        """
         now = self.now, self.velocity.array_r.copy()
         self.earlier = self.earlier or now
         return now

@@ -123,7 +123,7 @@ def iterate(
     unbounded = 50.0
     far = unbounded * (program.degree + program.dead_to_live())
     far = max(far, least / program.load_unit)
-    # Largest unbalanced force and missing work that the bounds can remove afterwards.
+    # Largest unbalanced force and missing work that the caller can remove afterwards.
     least_residual = 1e-5
     # Largest unbalanced force, relative to the largest load, if unbalanced forces do almost no
     # work. For a body force on fine cells, the largest load is far below the rounding of the
@@ -249,7 +249,8 @@ def choose_units(program: ConicProgram, start: Start) -> bool:
         if power <= NO_STRAIN * abs(program.dead_work(flow)):
             power = abs(program.dead_work(flow))
         unit = power / program.work(flow) / max(program.degree, 1)
-        # initial forces are √springs; here they become the forces at the limit load
+        # The initial forces are √springs. The springs are therefore set to the squares of the
+        # forces at the limit load.
         if start.pushed:
             pushes = program.degree * unit * pushes
             forces = np.maximum(forces, pushes)
@@ -300,7 +301,7 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     plastic = program.plastic
     radii = program.strengths[plastic] * program.stress_unit
     least, largest = program.range(radii)
-    similar = 10.0  # ratio of strengths that are measured in one unit
+    similar = 10.0  # largest ratio of strengths that are measured in one unit
     if not largest > similar * least:
         return False
     _, deviator = program.strains.of(flow)
@@ -318,7 +319,7 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
 def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
     """Subtract the part of the permanent loads that unbounded stresses balance. Collective.
 
-    The function uses the present factors. If no flow remains, unbounded stresses balance all
+    The function uses the present factors of K. If no flow remains, unbounded stresses balance all
     permanent loads.
 
     Args:
@@ -326,7 +327,7 @@ def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
         springs: Springs of contact that the factors contain.
 
     Returns:
-        Contact forces beside the permanent loads (:func:`_forces_beside_dead`).
+        Contact forces that help to balance the permanent loads (:func:`_forces_beside_dead`).
     """
     flow = program.create_vector()
     try:
@@ -341,10 +342,10 @@ def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
 def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats) -> Floats:
     """Return contact forces at which unbounded stresses balance most of the permanent loads.
 
-    The factor of the growing loads is the factor, at least zero, with the least flow. Bodies that
-    preserve volume may touch under pressures of 100 times their strength. A search that starts with
-    smaller forces then takes steps of 1e-3 and stalls. The function uses the present factors.
-    Collective.
+    The growing loads act with the factor, at least zero, that gives the least flow. Bodies that
+    preserve volume may touch under pressures of 100 times their strength. A search for such bodies
+    that starts with smaller forces takes steps of 1e-3 and stalls. The function uses the present
+    factors of K. Collective.
 
     Args:
         program: The bodies and their loads.

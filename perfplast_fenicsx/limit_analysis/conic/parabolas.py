@@ -1,8 +1,8 @@
 """Bound in-plane stresses by a parabola, the criterion of Hoek and Brown, as two cones.
 
 The in-plane stress has the mean p, ‖s‖ = √2 R and σ₁ = p + R. The set is R² ≤ k (f − σ₁). A stress
-is in the set if a number t ≥ R exists with (2t + k)² ≤ 4k (P − p), where P = f + k/4. So each point
-has two second-order cone members,
+is in the set if a number t ≥ R exists with (2t + k)² ≤ 4k (P − p), where P = f + k/4. Each point
+therefore has two second-order cone members,
 
     (√2 t, s)   and   (P − p + k, P − p − k, 2t + k),
 
@@ -44,9 +44,9 @@ from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
 ROOT2 = math.sqrt(2.0)
 
 GENTLEST = 0.01
-"""Least tr ε of a strict mechanism, relative to ε₁ − ε₃; the proof checker uses the same value. At
-the stress at which the tangent of the parabola has this sine of the friction angle, the stress is
-about 2500 k, beyond all stresses of interest."""
+"""Least tr ε of a strict mechanism, relative to ε₁ − ε₃; the proof checker uses the same value. The
+tangent of the parabola has this sine of the friction angle at stresses of about 2500 k, which
+exceed all stresses of interest."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ class ParabolaPoints(SecondOrderMembers):
 
 
 class ScaledParabolaPoints(ScaledMembers):
-    """Points of this kind at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
+    """Points with parabolas at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: ParabolaPoints, now: Members, rates: Rates) -> None:
         """Factorise H of each point."""

@@ -63,7 +63,7 @@ def raised(products: Floats, by: float) -> Floats:
 
 
 def missing(products: Floats, mu: float) -> Floats:
-    """Return the change of products that brings outliers closer to μ; see :class:`cone.Block`."""
+    """Return the change that brings outlying products closer to μ; see :class:`cone.Block`."""
     size = np.linalg.norm(products[:, 1:], axis=1)
     low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
     found = np.empty_like(products)
@@ -176,7 +176,7 @@ class SecondOrderMembers:
 
 
 class _Points(SecondOrderMembers):
-    """The common part of both kinds of points; see :class:`cone.Block`."""
+    """The common part of :class:`Cylinders` and :class:`Cones`; see :class:`cone.Block`."""
 
     def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
         """Store the data of the points, in the units of the program.
@@ -320,7 +320,7 @@ class ScaledMembers:
 
 
 class ScaledCylinders(ScaledMembers):
-    """Points of this kind at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
+    """:class:`Cylinders` at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: Cylinders, now: Members, rates: Rates) -> None:
         super().__init__(now)
@@ -367,7 +367,7 @@ class ScaledCylinders(ScaledMembers):
 
 
 class ScaledCones(ScaledMembers):
-    """Points of this kind at an iterate, with their scaling; see :class:`cone.ScaledBlock`.
+    """:class:`Cones` at an iterate, with their scaling; see :class:`cone.ScaledBlock`.
 
     The moduli are W², and p changes by dp = −dS₀/α.
     """
@@ -385,7 +385,7 @@ class ScaledCones(ScaledMembers):
         return replace(moduli, along=along)
 
     def aim(self, products: Floats) -> Floats:
-        """Return r."""
+        """Return r with W z ∘ r = ``products``."""
         return quotient(self.scaling.point, products)
 
     def bear(self, aim: Floats, change: Borne) -> None:
@@ -420,7 +420,7 @@ class ConesAtPoints(Protocol):
     Attributes:
         radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
         slopes: Slope α, shape (count,).
-        tilts: Tilt t, shape (count, m); None where all are zero.
+        tilts: Tilt t, shape (count, m); None if all tilts are zero.
         sets: Yield sets of other kinds. At the points of these sets, γ and α describe the narrowest
             cone with the same apex that encloses the set.
     """

@@ -252,7 +252,7 @@ class PrincipalCones:
         return replace(self, bounds=bounds, tensions=tensions)
 
     def scaled(self, factors: Floats) -> "PrincipalCones":
-        """Return the cones with each bound b times the factor of its point, shape (count,)."""
+        """Return the cones with each b multiplied by its point's entry of ``factors`` (count,)."""
         return replace(self, bounds=self.bounds * factors[self.at])
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> "PrincipalPoints":
@@ -305,7 +305,7 @@ class PrincipalCones:
         return found
 
     def sizes(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return Σ|ε_i| for :meth:`powers`, shape (num,); of the deviator if p is unbounded."""
+        """Return Σ|ε_i| for :meth:`powers`, shape (num,); without tr ε where p is unbounded."""
         unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
         means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
         values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
@@ -468,7 +468,7 @@ class PrincipalPoints:
         out[at] = self._strengths / np.maximum(flows, 1 / stiffer)
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return t with which both members have the same least eigenvalue, shape (num,)."""
+        """Return t for which the first two matrices have the same least eigenvalue, (num,)."""
         X = self.members(np.zeros(self.cones.count), pressure, deviator)
         least = least_eigenvalue(X)
         found: Floats = (least[:, 1] - least[:, 0]) / 2
@@ -557,7 +557,7 @@ class ScaledPrincipal:
         return product(*scaled)
 
     def aim(self, products: Floats) -> Floats:
-        """Return r̃."""
+        """Return r̃ with Λ∘r̃ = ``products``."""
         return self._scaling.quotient(products)
 
     def bear(self, aim: Floats, change: Borne) -> None:

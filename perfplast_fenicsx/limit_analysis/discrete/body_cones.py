@@ -112,7 +112,8 @@ class BodyCones:
 
         Args:
             numbers: Index of the cone of each cell or point, shape (n,).
-            of: Function that returns the values of a profile at given indices: (m, ...) for (m,).
+            of: Function that returns the values of a profile, shape (m, ...), at indices of shape
+                (m,).
 
         Returns:
             Values, shape (n, ...); 1 for cones whose bound does not vary.
@@ -124,7 +125,7 @@ class BodyCones:
 
         Args:
             numbers: Index of the cone of each cell or point, shape (n,).
-            of: Function that returns the values of a sine at given indices: (m,) for (m,).
+            of: Function that returns the values of a sine, shape (m,), at indices of shape (m,).
 
         Returns:
             Factors, shape (n,); 1 for cones whose slope does not vary.
@@ -343,7 +344,7 @@ def materials_of(problem: Problem) -> Mapping[str, Material]:
 
 
 def _components(problem: Problem) -> tuple[bool, int]:
-    """Return whether no equation contains the out-of-plane stress; the size of Mandel vectors."""
+    """Return whether no equation contains the out-of-plane stress, and Mandel vectors' size."""
     return not problem.kinematics.whole, mandel_size(problem.tagged_mesh.mesh.geometry.dim)
 
 

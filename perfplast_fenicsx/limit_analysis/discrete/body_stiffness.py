@@ -133,7 +133,7 @@ class BodyStiffness:
 
         Args:
             problem: The problem of the bodies.
-            points: Strains at its points.
+            points: Strains at the points of the problem.
         """
         self._kernels, self._ffi = compiled(problem.comm, source())
         topology, V = problem.tagged_mesh.mesh.topology, problem.V
@@ -253,7 +253,7 @@ class ConicStiffness(SprungMatrix):
 
         Args:
             problem: The problem of the displacements.
-            points: Strains at its points.
+            points: Strains at the points of the problem.
         """
         self._problem = problem
         self._bodies = BodyStiffness(problem, points)

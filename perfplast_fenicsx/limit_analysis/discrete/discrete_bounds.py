@@ -43,11 +43,11 @@ PROGRESS = 0.999
 
 @dataclass(frozen=True)
 class StaticLoad:
-    """The load factor λ of a stress in equilibrium, scaled into the yield set without other loads.
+    """The load factor λ of a stress that is in equilibrium and within yield.
 
     Attributes:
-        value: The bound; None if equilibrium was not reached, or if with permanent loads the stress
-            exceeds yield.
+        value: The bound; None if equilibrium was not reached, or if the stress exceeds yield and
+            scaling cannot reduce it, because of permanent loads or points without cohesion.
         unbalanced: Largest unbalanced force, relative to the largest load.
     """
 
@@ -241,7 +241,7 @@ def _centred(iteration: InteriorIteration) -> float:
     program, v = iteration.program, iteration.velocity
     keeps = ~(program.plastic & (program.strains.slopes > 0))
     both = bool(program.comm.allreduce(bool(keeps.any()), MPI.LOR))
-    # Inadmissible part that may remain without cohesion, and if some bodies preserve their volume.
+    # Inadmissible part that may remain if points have no cohesion or if bodies preserve volume.
     # Strict bounds and the proof checker accept about `EXACT`.
     better = 1e-12
     most_centrings = 3

@@ -73,7 +73,7 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import variant
 
 MOST = 0.9
-"""Share of the inadmissible part that the named bodies contain together."""
+"""Share of the inadmissible part in the bodies that :func:`locking_bodies` returns together."""
 
 
 def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str, ...]:
@@ -147,8 +147,8 @@ def discrete_result(
 ) -> LimitLoad:
     """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
-    In the result, ``lower`` is the load of a stress, or −∞. The caller applies the bound 0 without
-    permanent loads.
+    In the result, ``lower`` is the load of a stress, or −∞. Without permanent loads, the caller
+    replaces a negative ``lower`` by 0.
     """
     mechanism = fem.Function(problem.V, name="mechanism")
     stress = fem.Function(problem.S, name="stress")
@@ -302,7 +302,10 @@ def _searched(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
 ) -> LimitLoad:
-    """Search, and repeat from other starts while they may improve the result. Collective."""
+    """Return the result of a search and of repetitions from other starts that may improve it.
+
+    Collective.
+    """
     found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
         before = found
@@ -419,10 +422,10 @@ def _search(
 
 
 def drucker_bounds(problem: Problem) -> DruckerBounds:
-    """Return Drucker's two bounds. Collective.
+    """Return Drucker's two bounds on the limit load with Coulomb's friction. Collective.
 
     Raises:
-        InputError: In the cases of :func:`interior_point`.
+        InputError: If :func:`interior_point` refuses the problem.
     """
     smooth, tied = (interior_point(make(problem)) for make in (without_friction, without_slip))
     return DruckerBounds(_carried(smooth), _borne(tied))

@@ -4,9 +4,9 @@ A place has the area A and a friction force c that resists the slip s. The place
 volume A h, the strain rate s/h and the yield radius c/A, where h = A^(1/(gdim − 1)). Its yield set
 is ‖μ‖ ≤ c, an interval in 2D, and the place dissipates c‖s‖.
 
-A place may also open by w along its normal, and pressure may increase its resistance. Then w/h is
-the trace of its strain rate. Its yield set is ‖μ‖ ≤ c − αp with the slope α, where p < 0 is
-compression.
+A place may also open by w along its normal, and pressure may increase its resistance. For such a
+place, w/h is the trace of the strain rate, and the yield set is ‖μ‖ ≤ c − αp with the slope α,
+where p < 0 is compression.
 """
 
 from dataclasses import dataclass, fields

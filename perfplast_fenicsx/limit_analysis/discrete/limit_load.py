@@ -66,7 +66,7 @@ class LimitLoad(NotebookResult):
         theorem: Whether limit theorems hold. With Coulomb's friction they do not hold
             (:mod:`limit_search`). ``lower`` is then the largest load among the levels of this path,
             and ``estimate`` is the same load if the search has ended. ``upper`` is the least load
-            at which no equilibrium was found. These numbers describe only this path and are no
+            at which no equilibrium was found. These numbers describe only this path and are not
             bounds.
         drucker: Drucker's two bounds with Coulomb's friction; None if they were not computed.
         locked: Bodies whose locking prevented a mechanism, if the interior point method found no

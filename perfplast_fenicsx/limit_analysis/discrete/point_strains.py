@@ -111,7 +111,7 @@ class PointCoordinates:
             (count,).
         profile: Spatially varying factor of γ, shape (count,); None if no strength varies.
         slopes: Slope α, shape (count,).
-        tilts: Tilt t, shape (count, m); None where all are zero.
+        tilts: Tilt t, shape (count, m); None if all tilts are zero.
         sets: Yield sets at points without a second-order cone.
         isotropic: Whether the coordinates are the trace and the deviator at all points.
         dilates: Whether at least one cone has a slope.

@@ -2,8 +2,8 @@
 
 The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. For a lower bound,
 each cell has a linear function that is nowhere above the profile. For a linear stress, the left
-side is then convex in position, and the right side is linear. So the stress is within yield in the
-whole cell if it is within yield at the vertices. For an upper bound, each cell has a linear
+side is then convex in position, and the right side is linear. The stress is therefore within yield
+in the whole cell if it is within yield at the vertices. For an upper bound, each cell has a linear
 function that is nowhere below the profile; the computed dissipation of a mechanism is then at least
 the true dissipation. Both bounds are strict.
 
@@ -66,7 +66,7 @@ def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side
         cones: Cones of the bodies.
         numbers: Index of the cone of each simplex, shape (n,).
         simplices: Vertices of the simplices, shape (n, k, d).
-        side: Whether the least or the largest is requested.
+        side: "below" for the smallest factors, "above" for the largest factors.
 
     Returns:
         Factors, shape (n,), 1 for cones whose slope does not vary; None if no slope varies.
@@ -86,7 +86,7 @@ def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
 
     Args:
         problem: The bodies, on straight cells.
-        side: Whether the least or the largest is requested.
+        side: "below" for the smallest factors, "above" for the largest factors.
     """
     vertices, places = corners(problem.tagged_mesh.mesh)
     cones = body_cones(problem)
@@ -263,7 +263,7 @@ weak bodies' strength. The rounding errors of strong bodies (1e-15) limit this a
 
 
 def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
-    """Return advice if a large share of an upper bound may come from rounding; otherwise no text.
+    """Return advice if rounding may cause a large share of an upper bound; otherwise no advice.
 
     Collective.
     """

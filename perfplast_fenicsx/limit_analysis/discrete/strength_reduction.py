@@ -120,7 +120,7 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
 
 
 def _less(rubs: Rubs, factor: float) -> Rubs:
-    """Return a contact or obstacle, with its friction divided by a factor if F divides it."""
+    """Return a contact or obstacle with its friction divided by F, unless ``reduced = false``."""
     if not rubs.reduced:
         return rubs
     tresca, coulomb = (
@@ -172,7 +172,7 @@ def check_all_divided(
     """Check that no material or contact has ``reduced = false`` without a strength factor.
 
     Raises:
-        InputError: If a material or contact has it; the message names the first of them.
+        InputError: If a material or contact has ``reduced = false``; the message names the first.
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(

@@ -8,7 +8,7 @@ surface can transmit the tractions r = (r_n, r_t) with
 
     r_n ≤ 0,   ‖r_t‖ ≤ c − μ r_n,
 
-with the adhesion c (a constant shear stress, as Tresca's) and the coefficient of friction μ. Let w
+with the adhesion c (a constant shear strength) and the coefficient of friction μ. Let w
 = v_b − v_a be the jump, with w_n along the outward normal of body a. If slip is normal to the set,
 w_n ≥ μ‖w_t‖, and the jump dissipates c‖w_t‖. The reason is that the set is the sum of the cone
 ‖r_t‖ ≤ −μ r_n and the disc ‖r_t‖ ≤ c. The support function of the cone is 0 for jumps with w_n ≥
@@ -17,8 +17,8 @@ w_n ≥ μ‖w_t‖, and the jump dissipates c‖w_t‖. The reason is that the 
 With μ = 0, slip is normal to the set, and both limit theorems hold. With Coulomb's friction, μ > 0,
 slip is not normal to the set, but Drucker's two theorems hold (J. Appl. Mech. 21 (1954), 71). True
 tractions are in the set, so the upper bound of this set also holds for real slip. Real slip
-dissipates (c + μp)‖w_t‖, which is at least the dissipation with μ = 0. So a lower bound with the
-adhesion c alone also holds. If a contact declares associated slip, for example a joint that
+dissipates (c + μp)‖w_t‖, which is at least the dissipation with μ = 0. Therefore a lower bound with
+the adhesion c alone also holds. If a contact declares associated slip, for example a joint that
 dilates, both limit theorems hold for the whole set.
 """
 
@@ -46,7 +46,7 @@ surfaces."""
 def facing_vertices(
     one: Floats, other: Floats, normals: Floats, turned: bool = False
 ) -> tuple[Longs, Floats]:
-    """Return the opposite facet's vertex for each vertex, and the largest distance along the facet.
+    """Return each vertex's match on the opposite facet, and their largest distance along the facet.
 
     Args:
         one: Vertices of facets, shape (n, d, d).

@@ -5,11 +5,11 @@ Stress and velocity programs, error indicators, the division of corners and the 
 arrays.
 
 A few unknowns determine all velocities on the facets of a rigid surface. If a body is tied to a
-rigid surface, only the resultant force and moment of the tractions are known. So the multiplier of
-the surface is a rigid motion a + ω × (x − c), with the centre c of the surface. The unknowns are a,
-and ω times the extent of the surface, which have the same unit. These 3 unknowns (6 in 3D) replace
-the first unknowns of one facet of the surface. The remaining unknowns of this facet, and the
-unknowns of the other facets of the surface, are zero.
+rigid surface, only the resultant force and moment of the tractions are known. The multiplier of the
+surface is therefore a rigid motion a + ω × (x − c), with the centre c of the surface. The unknowns
+are a, and ω times the extent of the surface, both in the same unit. These 3 unknowns (6 in 3D)
+replace the first unknowns of one facet of the surface. The remaining unknowns of this facet, and
+the unknowns of the other facets of the surface, are zero.
 """
 
 from collections.abc import Sequence
@@ -113,7 +113,7 @@ class RigidFacets:
     def followers(
         self, comm: MPI.Intracomm, numbers: FacetNumbers, vertices: Floats, nodes: int
     ) -> Followers:
-        """Return the cells at rigid surfaces, and the coefficients of their unknowns. Collective.
+        """Return how the unknowns of cells follow the motions of rigid surfaces. Collective.
 
         Args:
             comm: The ranks.
@@ -130,8 +130,8 @@ class RigidFacets:
         for number in range(count):
             at, side = np.nonzero(of_cells[cells] == number)
             x = vertices[cells[at][:, None], others[side]]
-            # the traction at a vertex acts on area/d, at the point at which the product equals the
-            # integral of the vertex's linear traction function
+            # The traction at a vertex acts on area/d, at the centre of the vertex's linear traction
+            # function.
             x = (x + x.sum(axis=1, keepdims=True)) / (d + 1)
             x = np.concatenate([x, np.tile(x.mean(axis=1, keepdims=True), (nodes - d, 1))], axis=1)
             follow = self.follow(number, x.reshape(-1, d)).reshape(-1, nodes, d, unknowns)
@@ -349,7 +349,7 @@ class BoundBody:
 
 @once_a_problem
 def bound_body(problem: Problem) -> BoundBody:
-    """Return the bodies of a problem; the function computes them once for each problem.
+    """Return the arrays of a problem for strict bounds; each problem computes them only once.
 
     Collective.
     """

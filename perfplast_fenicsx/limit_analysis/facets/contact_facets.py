@@ -153,10 +153,11 @@ class FaceJumps:
     speeds: Floats
 
     def entered(self, friction: float = 0.0) -> float:
-        """Return the largest relative penetration, or lack of separation for the slip.
+        """Return the largest penetration, relative to the velocities at its facet.
 
         Args:
-            friction: Coefficient μ of Coulomb's friction with associated slip.
+            friction: Coefficient μ of Coulomb's friction. If μ > 0, a separation that is too small
+                for associated slip counts as penetration.
         """
         most = (self.along + friction * self.across).max(axis=1, initial=0.0)
         found = np.divide(most, self.speeds, out=np.zeros_like(most), where=self.speeds > 0)
@@ -275,7 +276,7 @@ def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats
     """Return jumps of chosen pairs at all their nodes, and flags of these nodes. Collective.
 
     Returns:
-        Values for each local node, including ghosts; 0 or False at nodes that are not on the face.
+        Values for each local node, including ghosts; 0 or False at nodes without a chosen pair.
     """
     shares = problem.constraints.shares
     on_nodes, on_rows = shares.createVecs()
@@ -437,7 +438,7 @@ Record = npt.NDArray[np.void]
 
 @dataclass(frozen=True, eq=False)
 class FacingNodes:
-    """Pairs of opposite nodes; the rank that owns the first node has the pair.
+    """Pairs of opposite nodes; the rank that owns the first node stores the pair.
 
     Attributes:
         nodes: Global numbers of both nodes, shape (n, 2).
@@ -470,7 +471,7 @@ def owners(problem: Problem, nodes: Longs) -> Longs:
 
 
 def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
-    """Collect the facets around each pair of nodes. Collective.
+    """Return the pairs of opposite nodes, with the normals of all facets around them. Collective.
 
     Args:
         problem: The bodies and their contact.

@@ -40,7 +40,7 @@ def with_enclosed_pores(problem: Problem, side: str) -> Problem:
     """Return the problem with linear pore pressures above or below the given pressures. Collective.
 
     The function returns the problem itself if all pressures are linear in each cell, and if loads
-    grow. With growing loads one proof with the same loads contains both bounds.
+    grow. With growing loads, one proof contains both bounds, which therefore need the same loads.
 
     Args:
         problem: The bodies and their loads.

@@ -10,10 +10,10 @@ not sufficient: the values 0, 0 and −1 at one end, the middle and the other en
 surfaces have an averaged normal. Even with a velocity that does not penetrate along this normal,
 bodies can penetrate the adjacent facets. The function therefore gives each pair of nodes a cone of
 at most d directions around the normals of all facets at the pair. The constraints act on the jump
-along these directions, at midsides on its Bernstein coefficient. Then the mechanism penetrates no
-facet anywhere. If the constraints need more unknowns than the nodes have, for example where three
-bodies meet, the nodes move together. This excludes some mechanisms, but the load of each remaining
-mechanism is still an upper bound.
+along these directions, at midsides on its Bernstein coefficient. With these constraints, the
+mechanism penetrates no facet. If the constraints need more unknowns than the nodes have, for
+example where three bodies meet, the nodes move together. This excludes some mechanisms, but the
+load of each remaining mechanism is still an upper bound.
 
 :func:`with_associated_slip` makes slip with Coulomb's friction normal to the friction cone.
 Surfaces that slip then separate by w_n ≥ μ‖w_t‖, and only adhesion dissipates. In 2D, this

@@ -9,11 +9,12 @@ a surface with friction prescribes two combinations; shear and pressure are then
 whatever the adhesion is. Two cells that meet in the corner have six components, and the tractions
 prescribe at most six combinations.
 
-In 3D, a cell has four parts. Three parts meet at a vertex that belongs to a single cell, and their
-stresses at this vertex have 18 components. The tractions on three facets, and continuity at three
-facets between the parts, are also 18 conditions. These conditions are regular for one tetrahedron,
-and therefore for all tetrahedra, because Piola's transformation maps symmetric stresses to
-symmetric stresses and tractions to tractions.
+In 3D, corners need no division, because each cell consists of four parts (:mod:`stress_cells`).
+Three parts meet at a vertex that belongs to a single cell, and their stresses at this vertex have
+18 components. The tractions on three facets, and continuity at three facets between the parts, are
+also 18 conditions. These conditions are regular for one tetrahedron, and therefore for all
+tetrahedra, because Piola's transformation maps symmetric stresses to symmetric stresses and
+tractions to tractions.
 
 :func:`bare_vertices` finds vertices at which unconfined, cohesionless ground has no stress. On a
 free facet, σn = 0, so one principal stress is zero. Without cohesion, the yield condition then

@@ -18,12 +18,12 @@ The axisymmetric equations of equilibrium with a force b per volume, multiplied 
 
 Let the components of S, except S_θ, be quadratic in a cell with the Bernstein coefficients S_a at
 vertices and S_ab at edges. Their derivatives are linear, with the value 2 Σ_b ∇φ_b S_ab at the
-vertex a (S_aa = S_a). So the second equation holds everywhere if it holds at the vertices, and σ_θ
-is linear. Then S_θ = rσ_θ is quadratic with the coefficients r_a σ_θa and (r_a σ_θb + r_b σ_θa)/2.
-Bernstein polynomials are not negative. So S is within yield, ‖dev S‖ ≤ γr, if its coefficients
-satisfy this condition with the coefficients of r: r_a and (r_a + r_b)/2. The traction S·n on a
-facet is continuous if its three coefficients are continuous. On the axis, where a coefficient of r
-is zero, the coefficient of S is zero too.
+vertex a (S_aa = S_a). The second equation therefore holds everywhere if it holds at the vertices,
+and σ_θ is linear. With a linear σ_θ, S_θ = rσ_θ is quadratic with the coefficients r_a σ_θa and
+(r_a σ_θb + r_b σ_θa)/2. Bernstein polynomials are not negative. Therefore S is within yield,
+‖dev S‖ ≤ γr, if its coefficients satisfy this condition with the coefficients of r: r_a and
+(r_a + r_b)/2. The traction S·n on a facet is continuous if its three coefficients are continuous.
+On the axis, where a coefficient of r is zero, the coefficient of S is zero too.
 
 Each coefficient is a point of the cell, with the unknown σ: the coefficient of S divided by the
 coefficient of r. The multipliers of a cell are six y_r for the definitions of S_θ, three y_z at its
@@ -31,8 +31,9 @@ vertices, and three velocities on each facet. The formulas use only NumPy.
 
 :func:`with_points_at_vertices` evaluates laws at the vertices of cells, for strict bounds of bodies
 that dilate. The strain rates of a quadratic velocity are linear in a straight cell, and the
-admissible strain rates of a yield set form a convex cone. So strain rates that are admissible at
-the vertices are admissible everywhere. A body that dilates, tr ε ≥ α‖dev ε‖, dissipates (γ/α) tr ε,
+admissible strain rates of a yield set form a convex cone. Strain rates that are admissible at the
+vertices are therefore admissible everywhere. A body that dilates, tr ε ≥ α‖dev ε‖, dissipates
+(γ/α) tr ε,
 and the mean over the vertices integrates this linear function exactly.
 
 In axisymmetry, r²ε is quadratic. The points are then at vertices and edges, one for each Bernstein
@@ -208,8 +209,8 @@ def ring_matrices(x: Floats, axes: Floats) -> tuple[Floats, Floats]:
 
     Returns:
         Coefficients of the Mandel components, shape (num_cells, 6, 13, 4), with multipliers in the
-        order of :func:`ring_layout`; volumes, shape (num_cells, 6). A point on the axis has only
-        the multiplier of σ_θ; it keeps this unused unknown at zero.
+        order of :func:`ring_layout`; volumes, shape (num_cells, 6). At a point on the axis, only
+        the multiplier of σ_θ acts, which keeps this unused unknown at zero.
     """
     slopes, areas = gradients(x)
     radii, rho = x[..., 0], coefficients_of_radius(x)

@@ -175,7 +175,7 @@ class KinematicBound:
         usual = self._mean(viscosity[viscosity > 0])
         if not usual > 0:
             raise NoFlow("nothing dissipates")
-        viscosity[viscosity == 0] = usual  # has no effect at fully inadmissible rates
+        viscosity[viscosity == 0] = usual  # no effect where the whole rate is inadmissible
         flow.viscosity.x.array[: self._count] = viscosity
         if self._friction.count:
             rates = norms(flow.slips())
@@ -291,7 +291,7 @@ class Search:
 
     Attributes:
         points: Pairs (α − α₀, ζ) of the levels.
-        rest: Work α₀ at ζ = 0; None until this work is known, and if there are no loads at ζ = 0.
+        rest: Work α₀ at ζ = 0; None until this work is known, or if there are no loads at ζ = 0.
         estimates: Estimates of the limit load, one for each level, from the first level on that
             allows an estimate.
         upper: The smallest kinematic side so far; None without a kinematic side.

@@ -3,8 +3,8 @@
 The velocity v minimises ½∫ η‖ε(v)‖² − L₀(v) over all velocities with L₁(v) = 1 and without
 penetration. A penalty makes ε(v) nearly admissible for the laws. Further flows, under stresses in
 proportion to the inadmissible part, then remove this part by the method of conjugate residuals.
-These flows do not need exact solutions. They also remove parts whose pressures an element can
-hardly resolve.
+These flows do not need exact solutions. The method also removes parts whose pressures an element
+can hardly resolve.
 
 A few solves remove the inadmissible part that the penalty leaves. With reusable factors, a large
 penalty and few solves are fastest. With CG, a smaller penalty is better, because each solve takes
@@ -140,8 +140,8 @@ class IteratedFlow:
 
     penalty = 3e4
     exact = 1e-7
-    # with residuals, pairs near zero may open or close; this value also holds pairs that open
-    # slightly
+    # Because of residuals, pairs with jumps near zero may open or close. With this value, the flow
+    # also holds pairs that open slightly.
     closes = -1e-3
     large = False
 
@@ -329,8 +329,8 @@ class ViscousFlow:
         Collective.
 
         With inadmissible parts in this unit, the operator of conjugate residuals is symmetric. The
-        number of directions is the number of distinct magnitudes of pressures that the elements
-        resolve.
+        number of required directions is the number of distinct magnitudes of pressures that the
+        elements resolve.
         """
         Q = self._problem.Q
         owned, points = Q.dofmap.index_map.size_local, Q.dofmap.list

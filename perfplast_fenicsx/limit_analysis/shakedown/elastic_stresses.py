@@ -5,10 +5,11 @@ the stress is within yield at all vertices, it is within yield in the whole cell
 surface of the bodies, where elastic stresses are largest. With linear shape functions λ_v and
 linear strain rates, the equation
 
-    ∫ σ:ε = Σ_v |T|/(d + 1) σ_v:ε(x_v),    x_v = (2 x_v + Σ other vertices)/(d + 2),
+    ∫ σ:ε = Σ_v |T|/(d + 1) σ_v:ε(y_v),    y_v = (2 x_v + Σ_{w ≠ v} x_w)/(d + 2),
 
-is exact. The stress at a vertex thus does work on the strain at a point between the vertex and the
-centre of the cell. Linear functions in each cell approximate temperatures.
+with the vertices x_v of a cell T, is exact. The stress at a vertex thus does work on the strain at
+a point y_v between the vertex and the centre of the cell. Linear functions in each cell approximate
+temperatures.
 """
 
 import itertools

@@ -29,7 +29,7 @@ def check_something_yields(materials: Iterable[object], joints: bool) -> None:
         joints: Whether there are contacts or obstacles that may limit the load.
 
     Raises:
-        InputError: If neither is so.
+        InputError: If no body can yield and there are no such joints.
     """
     if all_elastic(materials) and not joints:
         raise InputError(
@@ -75,8 +75,8 @@ def check_flat_guides(problem: Problem) -> None:
     """Check that no support moves a curved surface along its normals.
 
     Raises:
-        InputError: If a support does so, which bounds do not support; the message names the first
-            surface.
+        InputError: If a support moves such a surface, because bounds do not support this motion.
+            The message names the first surface.
     """
     guides = problem.guides
     for surface, curved in zip(guides.surfaces, guides.curved, strict=True):
@@ -105,7 +105,7 @@ def check_loads(problem: Problem) -> None:
     """Check that there is a load, and that no prescribed motion grows. Collective.
 
     Raises:
-        InputError: If ζ moves supports or obstacles, or there is no load.
+        InputError: If ζ moves supports or obstacles, or if there is no load.
     """
     what = "strict bounds and the interior point method need loads that grow"
     if problem.motion.driven:

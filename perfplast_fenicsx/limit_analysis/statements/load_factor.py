@@ -38,7 +38,7 @@ class Question(StrEnum):
 
         Collective.
 
-        The vector is zero if there are no such loads.
+        A vector is zero if there are no loads of its kind.
         """
         none = live.duplicate()
         none.set(0.0)

@@ -1,11 +1,11 @@
 """Compute a lower bound on the body's limit load from a stress in equilibrium everywhere.
 
 The stress is linear in each cell (in 3D in each of its four parts), with continuous tractions, and
-nowhere exceeds yield. On contact surfaces, there is neither friction nor tension. Because yield
-sets are convex, these conditions need to hold only at the vertices. The interior point method
-(:mod:`interior_iteration`) computes the stress, with the multipliers of equilibrium as velocities.
-At the end, the module scales the stress into the yield set. Its load is therefore a bound even if
-the method has not converged.
+nowhere exceeds yield. Contact surfaces transmit no tension, and no shear except by adhesion or by
+friction with associated slip. Because yield sets are convex, these conditions need to hold only at
+the vertices. The interior point method (:mod:`interior_iteration`) computes the stress, with the
+multipliers of equilibrium as velocities. At the end, the module scales the stress into the yield
+set. The load of the scaled stress is therefore a bound even if the method has not converged.
 
 :class:`BalancedStress` combines stresses in equilibrium by weighted means. With permanent loads, a
 stress that exceeds yield cannot be scaled down. However, the mean of two stresses in equilibrium is

@@ -237,7 +237,7 @@ class StaticCertificate:
 def certify_stress(
     static: StaticProgram, pressure: Floats, deviator: Floats, load: float, aside: float = 0.0
 ) -> StaticCertificate:
-    """Measure the residuals of a stress at the points of :class:`MultiplierStrains`. Collective.
+    """Return the residuals of a stress at the points of :class:`MultiplierStrains`. Collective.
 
     Args:
         static: The conditions.

@@ -20,10 +20,10 @@ laws of the cells.
 
 :func:`slip_work` computes an upper bound on the dissipation by slip that also holds between nodes.
 The jump w of a quadratic velocity has Bernstein coefficients on a facet (:mod:`contact_facets`).
-The Bernstein polynomials are not negative and sum to 1. So ‖w_t‖ is at most the mean of the norms
-of the coefficients, weighted with the polynomials. Therefore ∫c‖w_t‖ is at most c times the area
-times the unweighted mean of these norms. The jump w lies in the cone w_n ≥ μ‖w_t‖ of associated
-Coulomb friction if all its coefficients lie in the cone.
+The Bernstein polynomials are not negative and sum to 1. ‖w_t‖ is therefore at most the mean of the
+norms of the coefficients, weighted with the polynomials. The integral ∫c‖w_t‖ is at most c times
+the area times the unweighted mean of these norms. The jump w lies in the cone w_n ≥ μ‖w_t‖ of
+associated Coulomb friction if all its coefficients lie in the cone.
 """
 
 import math
@@ -149,7 +149,8 @@ def at_vertices(problem: Problem, values: Floats) -> Floats:
 
     Returns:
         Values, shape (num_cells, d + 1, m), for the cells that this rank owns. If the points are
-        Bernstein coefficients (:mod:`point_strains`), the coefficients, shape (num_cells, 6, m).
+        Bernstein coefficients (:mod:`point_strains`), the result consists of these coefficients,
+        shape (num_cells, 6, m).
     """
     given = values[points_of_cells(problem)]
     if has_coefficients(problem):
@@ -402,7 +403,7 @@ def composite_vertex_rule(tdim: int, n: int) -> tuple[Floats, Floats]:
 
 
 def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions: int) -> Floats:
-    """Return upper bounds on the dissipation of cells. Not collective.
+    """Return upper bounds on the dissipation of axisymmetric cells. Not collective.
 
     Args:
         problem: Problem with v = ru as the unknown (:mod:`ring_flux`).

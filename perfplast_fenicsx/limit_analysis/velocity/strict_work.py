@@ -1,8 +1,8 @@
 """Compute the upper bound from a mechanism, and each cell's share of the gap between the bounds.
 
-In a straight cell, the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. So the
-integral of the norm is at most the integral of its linear interpolation on any subdivision of the
-cell (the composite vertex rule). If volume changes vanish at the quadrature points, they vanish
+In a straight cell, the strain rate of a quadratic velocity is linear, and ‖·‖ is convex. Therefore
+the integral of the norm is at most the integral of its linear interpolation on any subdivision of
+the cell (the composite vertex rule). If volume changes vanish at the quadrature points, they vanish
 everywhere. The strain rates tr ε ≥ α‖dev ε‖ of a dilating body form a convex cone. If they are
 admissible at the vertices, they are admissible everywhere, and they dissipate (γ/α) tr ε, which is
 linear. If bodies do not penetrate each other at contacts, the result is an upper bound for the body
@@ -10,9 +10,10 @@ that the mesh fills, not only for the mesh. :mod:`cell_dissipation` computes the
 slip.
 
 If strong bodies rest or move rigidly, their strain rates are rounding errors; the module computes
-their dissipation with the true strength. The remaining volume changes reduce the work of the loads,
-with mean stresses of the order of the tractions. Without this reduction, relative volume changes of
-1e-12 could make a bound wrong where loads nearly balance each other.
+their dissipation with the true strength. The module reduces the work of the loads by the work of
+mean stresses on the remaining volume changes. These mean stresses have ten times the magnitude of
+the loads. Without this reduction, relative volume changes of 1e-12 could make a bound wrong where
+loads nearly balance each other.
 
 :func:`gap_shares` computes the share of each cell in the gap between both bounds, for refinement.
 For an admissible mechanism with L(v) = 1 and a stress in equilibrium with λ⁻,
@@ -398,10 +399,11 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     Collective.
 
     Because of rounding in the velocities of other bodies, a body at rest may penetrate a body that
-    it touches. The check relates the penetration to the velocities of both bodies, and it is then
-    large. If zero velocities add penetration and no body penetrated another before, the bodies keep
-    their velocities. If there was penetration before, the function moves the other bodies away from
-    the bodies at rest. If penetration remains, it restores all velocities.
+    it touches. The check divides this penetration by the small velocities of both bodies, and the
+    quotient is large. If zero velocities add penetration and no body penetrated another before, the
+    bodies keep their velocities. If there was penetration before, the function moves the other
+    bodies away from the bodies at rest. If penetration remains, the function restores all
+    velocities.
 
     Args:
         problem: The bodies.
@@ -533,7 +535,7 @@ def _stretch(problem: Problem) -> Floats:
 
 
 def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
-    """Remove contact penetration from rounding. Collective.
+    """Remove penetration at contact surfaces that rounding has caused. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
