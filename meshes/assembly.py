@@ -67,7 +67,7 @@ def write_assembly(path: str | Path, size: float = 0.45, order: int = 1, number:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_assembly, "Mesh blocks in a row with pins and a lid.")
     parser.add_argument("--number", type=int, help="which one of all assemblies")
     write_from(parser, write_assembly)

@@ -60,7 +60,7 @@ def write_ball_in_socket(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_ball_in_socket, "Mesh an octant of a ball in a round socket.")
     parser.add_argument("--finer", type=float, help="mesh them apart, the socket so much finer")
     write_from(parser, write_ball_in_socket)

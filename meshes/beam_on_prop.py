@@ -36,7 +36,7 @@ def write_beam_on_prop(path: str | Path, size: float = 12.0, order: int = 1) -> 
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_beam_on_prop, "Mesh a beam on a prop.")
     write_from(parser, write_beam_on_prop)
 

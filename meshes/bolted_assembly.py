@@ -175,7 +175,7 @@ def _grip(rod: list[int]) -> list[int]:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_bolted_assembly, "Mesh a bolted assembly of ten bodies.")
     parser.add_argument("--glued", action="store_true", help="leave the bodies in one piece")
     parser.add_argument(

@@ -71,7 +71,7 @@ def _name(path: Path, names: Sequence[str]) -> None:
 
 
 def main() -> None:
-    """Write the STEP file that the command line asks for."""
+    """Write the STEP file that the command line describes."""
     parser = argparse.ArgumentParser(description="Write a bolted bracket of ten parts.")
     parser.add_argument("-o", "--output", dest="path", default="bolted_bracket.step")
     write_bolted_bracket(parser.parse_args().path)

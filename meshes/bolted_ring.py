@@ -63,7 +63,7 @@ def write_bolted_ring(path: str | Path, size: float = 3.0) -> None:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     write_from(mesh_parser(write_bolted_ring, "Mesh a bolt in a ring."), write_bolted_ring)
 
 

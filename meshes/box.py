@@ -45,7 +45,7 @@ def write_box(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     write_from(mesh_parser(write_box, "Mesh a unit cube with named faces."), write_box)
 
 

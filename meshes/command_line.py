@@ -27,7 +27,7 @@ def mesh_parser(write: Callable[..., None], description: str) -> argparse.Argume
 
 
 def write_from(parser: argparse.ArgumentParser, write: Callable[..., None]) -> None:
-    """Write the mesh that the command line asks for.
+    """Write the mesh that the command line describes.
 
     Args:
         parser: Parser of :func:`mesh_parser` for the same generator.

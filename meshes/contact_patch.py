@@ -1,8 +1,8 @@
-"""Mesh two stacked blocks with unstructured elements, in the plane or in space.
+"""Mesh two stacked blocks with unstructured elements, in 2D or 3D.
 
-``lower`` is the unit square (cube), and ``upper`` an equal one on top of it. The vertical axis is y
-in the plane and z in space. Surfaces are ``x0`` and, in space, ``y0`` (both bodies), ``bottom``,
-``top``, and the contact surfaces ``lower_seam`` and ``upper_seam``. The other sides have no name.
+``lower`` is the unit square or cube, and ``upper`` is an equal body on top of it. The vertical axis
+is y in 2D and z in 3D. Surfaces are ``x0`` and, in 3D, ``y0`` (both bodies), ``bottom``, ``top``,
+and the contact surfaces ``lower_seam`` and ``upper_seam``. The other sides have no name.
 """
 
 from pathlib import Path
@@ -40,9 +40,9 @@ def write_contact_patch(path: str | Path, dim: int = 3, size: float = 0.25, orde
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_contact_patch, "Mesh two stacked blocks.")
-    parser.add_argument("--dim", type=int, choices=(2, 3), help="in the plane or in space")
+    parser.add_argument("--dim", type=int, choices=(2, 3), help="2D or 3D")
     write_from(parser, write_contact_patch)
 
 

@@ -1,9 +1,10 @@
-"""Mesh a block in an L-shaped seat: one contact surface with a corner, in the plane or in space.
+"""Mesh a block in an L-shaped seat: one contact surface with a corner, in 2D or 3D.
 
-The block (0, 1)×(0, 1) lies in the seat (-LEG, 1)×(-LEG, 1) without the block; in space both are
-THICKNESS thick in z. Volumes ``block`` and ``seat``; surfaces ``top`` (y = 1) and ``right`` (x = 1)
-of the block, ``seat_bottom`` (y = -LEG) and ``seat_left`` (x = -LEG), in space ``z0`` and ``z1``
-(both bodies), and the contact surfaces ``block_corner`` and ``seat_corner``, of two faces each.
+The block is (0, 1)×(0, 1), and the seat is (-LEG, 1)×(-LEG, 1) without the block. In 3D both have
+the length THICKNESS in z. Volumes are ``block`` and ``seat``. Surfaces are ``top`` (y = 1) and
+``right`` (x = 1) of the block, ``seat_bottom`` (y = -LEG) and ``seat_left`` (x = -LEG), in 3D
+``z0`` and ``z1`` (both bodies), and the contact surfaces ``block_corner`` and ``seat_corner``, of
+two faces each.
 """
 
 from pathlib import Path
@@ -47,9 +48,9 @@ def write_corner_seat(path: str | Path, dim: int = 3, size: float = 0.2, order: 
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_corner_seat, "Mesh a block in an L-shaped seat.")
-    parser.add_argument("--dim", type=int, choices=(2, 3), help="in the plane or in space")
+    parser.add_argument("--dim", type=int, choices=(2, 3), help="2D or 3D")
     write_from(parser, write_corner_seat)
 
 

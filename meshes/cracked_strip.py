@@ -54,7 +54,7 @@ def write_cracked_strip(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_cracked_strip, "Mesh a quarter of a strip with a crack.")
     parser.add_argument("--width", type=float, help="half of the strip's width")
     parser.add_argument("--length", type=float, help="half of the strip's length")

@@ -43,7 +43,7 @@ def write_engine_bracket(path: str | Path) -> None:
 
 
 def main() -> None:
-    """Write the STEP file that the command line asks for."""
+    """Write the STEP file that the command line describes."""
     parser = argparse.ArgumentParser(description="Write a loading bracket with two lugs.")
     parser.add_argument("-o", "--output", dest="path", default="engine_bracket.step")
     write_engine_bracket(parser.parse_args().path)

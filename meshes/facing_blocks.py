@@ -1,8 +1,8 @@
 """Mesh two rectangles that face each other on y = 0 with matching nodes, finer near a point.
 
-Volume ``lower`` is (left, right)×(−below, 0), ``upper`` (left, right)×(0, above). Curves ``left``
-and ``right`` (both bodies), ``bottom``, ``top``, and the contact curves ``lower_seam`` and
-``upper_seam``.
+The volume ``lower`` is (left, right)×(−below, 0), and ``upper`` is (left, right)×(0, above). Curves
+are ``left`` and ``right`` (both bodies), ``bottom``, ``top``, and the contact curves ``lower_seam``
+and ``upper_seam``.
 """
 
 from pathlib import Path
@@ -54,7 +54,7 @@ def write_facing_blocks(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_facing_blocks, "Mesh two blocks that face each other.")
     write_from(parser, write_facing_blocks)
 

@@ -76,7 +76,7 @@ def write_fanned_footing(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_fanned_footing, "Mesh a strip footing with fans at its ends.")
     parser.add_argument("--cells", type=int, help="of each fan")
     write_from(parser, write_fanned_footing)

@@ -51,7 +51,7 @@ def write_footing(path: str | Path, size: float = 0.4, order: int = 1, finer: fl
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_footing, "Mesh a strip footing.")
     parser.add_argument("--finer", type=float, help="how many times smaller they are at its edges")
     write_from(parser, write_footing)

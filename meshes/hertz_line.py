@@ -78,7 +78,7 @@ def write_hertz_line(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_hertz_line, "Mesh a half-cylinder on a plane, half by symmetry.")
     parser.add_argument("--contact-size", type=float, help="edge length about the origin")
     parser.add_argument("--bodies", type=int, choices=(1, 2), help="2: its mirror image as well")

@@ -99,7 +99,7 @@ def write_hertz_sphere(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_hertz_sphere, "Mesh a half-ball on a plane, a quarter by symmetry.")
     parser.add_argument("--contact-size", type=float, help="edge length about the origin")
     parser.add_argument("--bodies", type=int, choices=(1, 2), help="2: its mirror image as well")

@@ -57,7 +57,7 @@ def write_hollow_shaft(path: str | Path, size: float = 0.5, order: int = 1) -> N
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_hollow_shaft, "Mesh a hollow shaft of eight walls.")
     write_from(parser, write_hollow_shaft)
 

@@ -1,7 +1,7 @@
 """Mesh a slender beam in the plane, with places for a load on its top.
 
-Volume ``beam`` = (0, LENGTH)×(0, 1); curves ``left``, ``right`` (its ends) and ``at0``, ``at1``,
-... (WIDTH wide, around ``PLACES``).
+The volume ``beam`` is (0, LENGTH)×(0, 1). Curves are ``left`` and ``right`` (the ends), and
+``at0``, ``at1``, ... on the top, each of the length WIDTH around one of ``PLACES``.
 """
 
 from pathlib import Path
@@ -39,7 +39,7 @@ def write_loaded_beam(path: str | Path, size: float = 0.25, order: int = 1) -> N
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_loaded_beam, "Mesh a beam under a load that moves.")
     write_from(parser, write_loaded_beam)
 

@@ -58,7 +58,7 @@ def write_pin_in_lug(path: str | Path, size: float = 0.4, order: int = 1) -> Non
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_pin_in_lug, "Mesh half of a lug and its pin.")
     write_from(parser, write_pin_in_lug)
 

@@ -1,7 +1,7 @@
 """Mesh a quarter of a square plate with a square hole in plane strain.
 
-The plate is (0, WIDTH)² without (0, HOLE)². Volume ``plate``; curves ``x0`` (x = 0, y ≥ HOLE),
-``y0`` (y = 0, x ≥ HOLE), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole`` (two lines).
+The plate is (0, WIDTH)² without (0, HOLE)². The volume is ``plate``. Curves are ``x0`` (x = 0, y ≥
+HOLE), ``y0`` (y = 0, x ≥ HOLE), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole`` (two lines).
 """
 
 from pathlib import Path
@@ -40,7 +40,7 @@ def write_plate_with_hole(path: str | Path, size: float = 0.25, order: int = 1) 
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_plate_with_hole, "Mesh a quarter of a plate with a square hole.")
     write_from(parser, write_plate_with_hole)
 

@@ -59,7 +59,7 @@ def write_platens(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_platens, "Mesh a quarter of a block between platens.")
     parser.add_argument("--platen", action="store_true", help="with a platen glued to the block")
     parser.add_argument("--grading", type=float, help="how much smaller elements are at the edge")

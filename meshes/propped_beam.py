@@ -1,8 +1,8 @@
-"""Mesh a beam in space that is held at one end and rests on a block at the other.
+"""Mesh a 3D beam that is held at one end and rests on a block at the other.
 
-Volumes ``beam`` = (0, 4)×(0, 1)×(0, THICK) and ``block`` = (3, 4)×(0, 1)×(−1, 0); surfaces ``held``
-(x = 0), ``y0`` (of both), ``floor`` (z = −1), ``top`` (of the beam), and the contact surfaces
-``beam_seam`` and ``block_seam``. Other faces have no name.
+Volumes are ``beam``, (0, 4)×(0, 1)×(0, THICK), and ``block``, (3, 4)×(0, 1)×(−1, 0). Surfaces are
+``held`` (x = 0), ``y0`` (of both), ``floor`` (z = −1), ``top`` (of the beam), and the contact
+surfaces ``beam_seam`` and ``block_seam``. Other faces have no name.
 """
 
 from pathlib import Path
@@ -39,7 +39,7 @@ def write_propped_beam(path: str | Path, size: float = 0.3, order: int = 1) -> N
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_propped_beam, "Mesh a beam on a block.")
     write_from(parser, write_propped_beam)
 

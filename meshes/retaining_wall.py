@@ -1,9 +1,9 @@
 """Mesh a stiff wall, and ground that extends below the toe of the wall, in plane strain.
 
-The ground is (0, width)×(-depth, 1) without the wall, which is (-1/2, 0)×(0, 1). Volumes ``ground``
-and ``wall``; curves ``top`` (the ground's), ``side``, ``bottom``, ``below`` (the ground's face
-below the toe), ``back``, ``crest`` and ``base`` of the wall, and the contact curves ``ground_face``
-and ``wall_face``, whose nodes match.
+The ground is (0, width)×(-depth, 1) without the wall, which is (-1/2, 0)×(0, 1). Volumes are
+``ground`` and ``wall``. Curves are ``top`` (the ground's), ``side``, ``bottom``, ``below`` (the
+ground's face below the toe), ``back``, ``crest`` and ``base`` of the wall, and the contact curves
+``ground_face`` and ``wall_face``, whose nodes match.
 """
 
 from pathlib import Path
@@ -57,7 +57,7 @@ def write_retaining_wall(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_retaining_wall, "Mesh a wall and the ground beside it.")
     parser.add_argument("--width", type=float, help="width of the ground")
     parser.add_argument("--depth", type=float, help="depth of the ground below the toe")

@@ -1,8 +1,8 @@
 """Mesh half of the section of a ring about the axis x = 0, as one ring or two nested rings.
 
-The section is (inner, outer)×(0, height), with x as radius. Volume ``ring``; curves ``inner``,
-``outer``, ``bottom`` and ``top``. With an interface: volumes ``inner_ring`` and ``outer_ring`` and
-the contact curves ``inner_ring_seam`` and ``outer_ring_seam``.
+The section is (inner, outer)×(0, height), with x as radius. The volume is ``ring``. Curves are
+``inner``, ``outer``, ``bottom`` and ``top``. With an interface, the volumes are ``inner_ring`` and
+``outer_ring``, and the contact curves are ``inner_ring_seam`` and ``outer_ring_seam``.
 """
 
 from itertools import pairwise
@@ -59,7 +59,7 @@ def write_ring(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_ring, "Mesh half the section of a ring.")
     parser.add_argument("--inner", type=float, help="inner radius")
     parser.add_argument("--outer", type=float, help="outer radius")

@@ -59,7 +59,7 @@ def write_roller_on_block(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_roller_on_block, "Mesh a roller on a block.")
     parser.add_argument("--contact-size", type=float, help="edge length about the origin")
     write_from(parser, write_roller_on_block)

@@ -87,7 +87,7 @@ def _write_half(path: str | Path, count: int, order: int, platen: bool) -> None:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_rough_cube, "Mesh an octant of a cube and a platen on it.")
     parser.add_argument("--no-platen", dest="platen", action="store_false", help="the cube alone")
     parser.add_argument("--half", action="store_true", help="half of the octant, with y ≤ x")

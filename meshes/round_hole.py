@@ -1,7 +1,7 @@
 """Mesh a quarter of a square plate with a round hole in its middle.
 
-The plate is (0, WIDTH)² outside the circle of radius 1 around the origin. Volume ``plate``;
-curves ``x0`` (x = 0), ``y0`` (y = 0), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole``.
+The plate is (0, WIDTH)² outside the circle of radius 1 around the origin. The volume is ``plate``.
+Curves are ``x0`` (x = 0), ``y0`` (y = 0), ``side`` (x = WIDTH), ``top`` (y = WIDTH) and ``hole``.
 """
 
 import math
@@ -41,7 +41,7 @@ def write_round_hole(path: str | Path, size: float = 0.1, order: int = 1) -> Non
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_round_hole, "Mesh a quarter of a plate with a round hole.")
     write_from(parser, write_round_hole)
 

@@ -1,10 +1,10 @@
 """Mesh a round punch with rounded edges on a round foundation: NAFEMS' second contact benchmark.
 
-The section of bodies of revolution about x = 0, in millimetres: the punch (0, 50)×(0, 100), whose
-edge has the radius FILLET, on the foundation (0, 100)×(−200, 0). Volumes ``punch`` and
-``foundation``; curves ``top`` (of the punch), ``bottom``, ``side`` (of the foundation), and the
-contact curves ``punch_seam`` (with the fillet) and ``foundation_seam`` (as far as x = 50). The
-bodies are meshed one by one.
+The mesh is half of the section of bodies of revolution about x = 0, in millimetres. The punch (0,
+50)×(0, 100), whose edge has the radius FILLET, stands on the foundation (0, 100)×(−200, 0). Volumes
+are ``punch`` and ``foundation``. Curves are ``top`` (of the punch), ``bottom``, ``side`` (of the
+foundation), and the contact curves ``punch_seam`` (with the fillet) and ``foundation_seam`` (as far
+as x = 50). The bodies have separate meshes.
 """
 
 from pathlib import Path
@@ -61,7 +61,7 @@ def write_rounded_punch(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_rounded_punch, "Mesh a punch with rounded edges.")
     parser.add_argument("--contact-size", type=float, help="edge length where the fillet begins")
     write_from(parser, write_rounded_punch)

@@ -1,8 +1,8 @@
-"""Mesh sectors of bodies in space between planes of symmetry, in few well-placed tetrahedra.
+"""Mesh sectors of 3D bodies between planes of symmetry, with few well-placed tetrahedra.
 
-Layers are thin at hinges and slip lines, and all diagonals end at the edge or corner at which these
-start (:mod:`meshes.kuhn`). Surfaces ``x0``, ``y0``, ``z0`` and ``oblique`` (x = y) are planes of
-symmetry; ``z0`` is a plane of antisymmetry if it is the middle of a bent body.
+Layers are thin at hinges and slip lines. All diagonals end at the edge or corner from which hinges
+and slip lines start (:mod:`meshes.kuhn`). Surfaces ``x0``, ``y0``, ``z0`` and ``oblique`` (x = y)
+are planes of symmetry; ``z0`` is a plane of antisymmetry if it is the middle of a bent body.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ from perfplast_fenicsx.mesh import gmsh_session
 
 
 def write_cantilever_quarter(path: str | Path, order: int = 1) -> None:
-    """(0, 5)×(0, ½)×(0, ½): volume ``beam``; ``wall`` (x = 0), ``end``, ``y0``, ``z0``."""
+    """Write (0, 5)×(0, ½)×(0, ½): volume ``beam``; ``wall`` (x = 0), ``end``, ``y0``, ``z0``."""
     x, cross = [0, 0.25, 0.5, 1, 1.75, 2.75, 3.75, 5], [0, 0.25, 0.5]
     beam = Kuhn((layers(x), layers(cross, "-"), layers(cross)))
     surfaces = {"wall": on(0, 0), "end": on(0, 5), "y0": on(1, 0), "z0": on(2, 0)}
@@ -35,7 +35,7 @@ def write_cantilever_quarter(path: str | Path, order: int = 1) -> None:
 
 
 def write_plate_sector(path: str | Path, order: int = 1) -> None:
-    """0 < y < x < 5, 0 < z < ½: ``plate``; ``y0``, ``oblique``, ``z0``, ``top``, ``edge``."""
+    """Write 0 < y < x < 5, 0 < z < ½: ``plate``; ``y0``, ``oblique``, ``z0``, ``top``, ``edge``."""
     across = layers([0, 1, 2, 3, 4, 4.5, 4.8, 5])
     plate = Kuhn((across, across, layers([0, 0.5])), in_sector)
     surfaces = {"y0": on(1, 0), "oblique": ON_DIAGONAL, "z0": on(2, 0), "top": on(2, 0.5)}
@@ -43,7 +43,7 @@ def write_plate_sector(path: str | Path, order: int = 1) -> None:
 
 
 def write_cube_sector(path: str | Path, order: int = 1, parts: int = 4) -> None:
-    """−½ < y < x < 0, 0 < z < ½: ``cube``; ``x0``, ``oblique``, ``z0``, ``top``."""
+    """Write −½ < y < x < 0, 0 < z < ½: ``cube``; ``x0``, ``oblique``, ``z0``, ``top``."""
     across = layers([i / parts / 2 - 0.5 for i in range(parts + 1)], "-")
     cube = Kuhn((across, across, layers([i / parts / 2 for i in range(parts + 1)])), in_sector)
     surfaces = {"x0": on(0, 0), "oblique": ON_DIAGONAL, "z0": on(2, 0), "top": on(2, 0.5)}
@@ -51,15 +51,18 @@ def write_cube_sector(path: str | Path, order: int = 1, parts: int = 4) -> None:
 
 
 def write_patch_sector(path: str | Path, order: int = 1) -> None:
-    """0 < y < x < 3, −2 < z < 0: ``ground``; ``y0``, ``oblique``, ``held``, ``top`` (x < 1).
+    """Write 0 < y < x < 3, −2 < z < 0: ``ground``; ``y0``, ``oblique``, ``held``, ``top`` (x < 1).
 
-    Long cells of many directions meet at the corner of ``top``, as the lower bound requires.
+    Long cells in many directions meet at the corner of ``top``, because the lower bound needs them.
     """
     _write_patch_corner(path, (fan, star, fan, star, star), order)
 
 
 def write_patch_finest_sector(path: str | Path, order: int = 1) -> None:
-    """The same body with more directions and four times as many cells."""
+    """Write the body of :func:`write_patch_sector` with more directions of long cells.
+
+    The mesh has four times as many cells.
+    """
     _write_patch_corner(path, (fan, star, fan, star, star, star), order)
 
 
@@ -75,7 +78,10 @@ def _write_patch_corner(
 
 
 def write_patch_edge_sector(path: str | Path, order: int = 1) -> None:
-    """The same body with short cells along the edge of ``top``, where mechanisms are thin."""
+    """Write the body of :func:`write_patch_sector` with short cells along the edge of ``top``.
+
+    Mechanisms are thin along this edge.
+    """
     across = layers([0, 0.5, 0.8, 0.9, 1, 1.1, 1.2, 1.5, 3], "++++----")
     body = Kuhn((across, across, layers([-2, -0.4, -0.15, 0])), in_sector).cells()
     _write_patch(path, fan(body, _edge_of_patch(body[0])), order)
@@ -93,7 +99,7 @@ def _write_patch(path: str | Path, body: Body, order: int) -> None:
 
 
 def write_bracket_half(path: str | Path, order: int = 1) -> None:
-    """An L of a post (0, 1)×(0, 4) and an arm (0, 4)×(3, 4) in (x, z), 0 < y < 1.
+    """Write an L of a post (0, 1)×(0, 4) and an arm (0, 4)×(3, 4) in (x, z), 0 < y < 1.
 
     Volume ``bracket``; surfaces ``foot`` (z = 0), ``end`` (x = 4) and ``y0``.
     """
@@ -105,7 +111,7 @@ def write_bracket_half(path: str | Path, order: int = 1) -> None:
 
 
 def write_blocks_half(path: str | Path, order: int = 1) -> None:
-    """Half of :func:`~perfplast_fenicsx.mesh.sample_meshes.two_blocks`, 0 < y < ½.
+    """Write half of :func:`~perfplast_fenicsx.mesh.sample_meshes.two_blocks`, 0 < y < ½.
 
     The surface ``y0`` belongs to both bodies.
     """
@@ -125,10 +131,10 @@ def write_blocks_half(path: str | Path, order: int = 1) -> None:
 
 
 def write_prop_half(path: str | Path, order: int = 1) -> None:
-    """Half of the tutorial's drawing ``docs/prop.step``, 0 < y < 25, with its names.
+    """Write half of the tutorial's drawing ``docs/prop.step``, 0 < y < 25, with its names.
 
     Volumes ``beam`` and ``block``; surfaces ``beam_x_low``, ``beam_z_high``, ``block_z_low``,
-    ``y0`` of both, and where they touch ``beam_joint`` and ``block_joint``.
+    ``y0`` of both, and the contact surfaces ``beam_joint`` and ``block_joint``.
     """
     left, right, y = [0, 12, 25, 50, 100, 150, 200, 250], [300, 325, 400], layers([0, 25])
     beam = Kuhn((layers([*left, *right], "-"), y, layers([100, 125, 150])))
@@ -148,7 +154,7 @@ def write_prop_half(path: str | Path, order: int = 1) -> None:
 
 
 def write_punch_sector(path: str | Path, order: int = 1) -> None:
-    """An eighth of the bodies of :mod:`meshes.square_punch`, 0 < y < x < 3, −2 < z < ½.
+    """Write an eighth of the bodies of :mod:`meshes.square_punch`, 0 < y < x < 3, −2 < z < ½.
 
     Volumes ``ground`` and ``punch``; surfaces ``y0``, ``oblique`` (of both), ``held``, ``top``,
     ``ground_seam`` and ``punch_seam``.

@@ -81,7 +81,7 @@ def write_shaft(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_shaft, "Mesh a quarter of a shaft.")
     parser.add_argument("--hub", type=float, help="outer radius of a hub")
     parser.add_argument("--length", type=float, help="of a bar")

@@ -1,4 +1,4 @@
-"""Add shapes to gmsh's current model, both in the plane and in space."""
+"""Add 2D and 3D shapes to gmsh's current model."""
 
 from collections.abc import Sequence
 

@@ -53,7 +53,7 @@ def write_slope(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_slope, "Mesh a slope.")
     parser.add_argument("--height", type=float, help="of the slope")
     parser.add_argument("--run", type=float, help="its length, level")

@@ -80,7 +80,7 @@ def _divided(parts: int) -> tuple[Floats, Longs]:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_sphere_sector, "Mesh a 120th of a thick spherical shell.")
     parser.add_argument(
         "--circumscribed", choices=("inner", "outer"), help="surface that does not cut its sphere"

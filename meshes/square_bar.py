@@ -1,7 +1,7 @@
 """Mesh a quarter of a bar along z with a square section of side 1.
 
-Volume ``bar`` is (0, ½)²×(0, length); surfaces ``x0``, ``y0`` (the symmetry planes), ``z0`` and
-``z1``, its ends.
+The volume ``bar`` is (0, ½)²×(0, length). Surfaces are ``x0``, ``y0`` (the symmetry planes), and
+``z0`` and ``z1`` (the ends).
 """
 
 from pathlib import Path
@@ -39,7 +39,7 @@ def write_square_bar(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_square_bar, "Mesh a quarter of a square bar.")
     parser.add_argument("--length", type=float, help="of the bar")
     write_from(parser, write_square_bar)

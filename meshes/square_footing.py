@@ -80,7 +80,7 @@ def write_square_footing(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(
         write_square_footing, "Mesh a quarter of the ground under a square footing."
     )

@@ -1,10 +1,10 @@
 """Mesh a square punch 2×2 on a block of ground: a quarter of both by symmetry, or an eighth.
 
-The ground is (0, WIDTH)²×(−DEPTH, 0), the punch (0, 1)²×(0, PUNCH). Volumes ``ground`` and
-``punch``; surfaces ``x0``, ``y0`` (the symmetry planes, of both bodies), ``bottom``, ``sides``
+The ground is (0, WIDTH)²×(−DEPTH, 0), the punch (0, 1)²×(0, PUNCH). Volumes are ``ground`` and
+``punch``. Surfaces are ``x0``, ``y0`` (the symmetry planes, of both bodies), ``bottom``, ``sides``
 (x = WIDTH and y = WIDTH), ``top`` (of the punch), and the contact surfaces ``ground_seam`` and
-``punch_seam``. The rest of z = 0 has no name. An eighth is what has y ≤ x, with the surface
-``diagonal``, of both bodies too, in place of ``x0``.
+``punch_seam``. The rest of z = 0 has no name. An eighth is the part y ≤ x, with the surface
+``diagonal`` of both bodies instead of ``x0``.
 """
 
 from pathlib import Path
@@ -53,7 +53,7 @@ def write_square_punch(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_square_punch, "Mesh a quarter of a square punch on ground.")
     parser.add_argument("--eighth", action="store_true", help="half of the quarter, with y ≤ x")
     write_from(parser, write_square_punch)

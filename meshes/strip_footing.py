@@ -84,7 +84,7 @@ def write_strip_footing(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_strip_footing, "Mesh half of a strip footing.")
     parser.add_argument("--punch", action="store_true", help="with a punch on the ground")
     parser.add_argument("--width", type=float, help="width of the ground")

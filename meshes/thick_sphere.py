@@ -120,7 +120,7 @@ def _circumscribe(sphere: int) -> None:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_thick_sphere, "Mesh an octant of a thick spherical shell.")
     parser.add_argument("--interface", type=float, help="radius at which to cut the shell in two")
     parser.add_argument(

@@ -97,7 +97,7 @@ def _chords(radius: float, start: int, end: int, sides: int) -> list[int]:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_thick_tube, "Mesh a quarter of a thick tube.")
     parser.add_argument("--outer", type=float, help="outer radius; the inner one is 1")
     parser.add_argument("--interface", type=float, help="radius at which to cut the tube in two")

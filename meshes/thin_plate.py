@@ -1,8 +1,9 @@
-"""Mesh the upper half of a quarter of a square plate of side 2, in flat tetrahedra.
+"""Mesh the upper half of a quarter of a square plate of side 2 with flat tetrahedra.
 
-The plate is (−1, 1)²×(−t/2, t/2); meshed is (0, 1)²×(0, t/2), as a load that is the same on both
-faces bends it, and stress and strain are odd in z. Volume ``plate``; surfaces ``x0``, ``y0`` and
-``z0`` (the planes of symmetry and the middle one), ``edge`` (both outer sides) and ``top``.
+The plate is (−1, 1)²×(−t/2, t/2), and the mesh fills (0, 1)²×(0, t/2). Half of the load acts on
+each face, so stress and strain of the bent plate are odd in z. The volume is ``plate``. Surfaces
+are ``x0``, ``y0`` and ``z0`` (the planes of symmetry, and the middle plane), ``edge`` (both outer
+sides) and ``top``.
 """
 
 from pathlib import Path
@@ -27,12 +28,12 @@ def write_thin_plate(
 
     Args:
         path: The file to write.
-        size: Length of the longest edges in the plane.
+        size: Length of the longest edges in the plane of the plate.
         order: Degree of the geometry, 1 or 2.
         thickness: Thickness of the whole plate.
         layers: Number of layers of elements, from the middle to the top.
-        column: Width of the outermost elements. Each next column towards the middle is twice as
-            wide, up to the size.
+        column: Width of the outermost elements. Each further column towards the middle is twice
+            as wide, up to ``size``.
     """
     places = _columns(size, column)
     with gmsh_session() as gmsh:
@@ -73,7 +74,7 @@ def _columns(size: float, column: float) -> list[float]:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_thin_plate, "Mesh the upper half of a quarter of a thin plate.")
     parser.add_argument("--thickness", type=float, help="of the whole plate")
     parser.add_argument("--layers", type=int, help="of elements in half of the thickness")

@@ -1,10 +1,10 @@
 """Mesh half of the section of a vessel with a torispherical head, about the axis x = 0.
 
-The inside is a cylinder of the radius RADIUS for −height ≤ y ≤ 0, a knuckle of a given radius about
-a point of y = 0 and a crown of another one about a point of the axis, which go over into each other
-smoothly; all have the thickness THICKNESS. Volume ``vessel``; curves ``inside``,
-``outside``, ``x0`` (on the axis) and ``end`` (y = −height). Lengths are those of the vessel of the
-benchmark LISA, in mm.
+The inner surface consists of a cylinder, a knuckle and a crown, which join smoothly. The cylinder
+has the radius RADIUS for −height ≤ y ≤ 0. The centre of the knuckle is on y = 0, and the centre of
+the crown is on the axis. The wall has the thickness THICKNESS. The volume is ``vessel``. Curves are
+``inside``, ``outside``, ``x0`` (on the axis) and ``end`` (y = −height). The default lengths are
+those of the vessel in the benchmark LISA, in mm.
 """
 
 import math
@@ -72,7 +72,7 @@ def write_torispherical_head(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_torispherical_head, "Mesh half a section of a vessel with a head.")
     parser.add_argument("--height", type=float, help="of the cylinder")
     parser.add_argument("--crown", type=float, help="inner radius of the crown")

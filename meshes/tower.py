@@ -1,7 +1,8 @@
-"""Mesh random blocks and quarters of cylinders on each other.
+"""Mesh a stack of random blocks and quarters of cylinders.
 
-Volumes ``body_0`` (the lowest one) and so on; surfaces ``x0`` and ``y0`` (planes of symmetry),
-``bottom`` and ``top``, and the contact surfaces ``body_0_seam_0``, ``body_1_seam_0`` and so on.
+Volumes are ``body_0`` (the lowest body) and so on. Surfaces are ``x0`` and ``y0`` (planes of
+symmetry), ``bottom`` and ``top``, and the contact surfaces ``body_0_seam_0``, ``body_1_seam_0`` and
+so on.
 """
 
 import math
@@ -56,7 +57,7 @@ def write_tower(path: str | Path, size: float = 0.4, order: int = 1, number: int
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_tower, "Mesh blocks and quarters of cylinders on each other.")
     parser.add_argument("--number", type=int, help="which one of all towers")
     write_from(parser, write_tower)

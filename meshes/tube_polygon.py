@@ -70,7 +70,7 @@ def write_tube_polygon(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_tube_polygon, "Mesh a quarter of a tube with straight sides.")
     parser.add_argument("--lesser", action="store_true", help="a polygon that lies in the tube")
     write_from(parser, write_tube_polygon)

@@ -1,8 +1,8 @@
 """Mesh ground with a vertical cut of height 1, in the plane z = 0.
 
-The cut extends from its foot (0, 0) to (0, 1). The ground behind it extends to x = −width, the
-ground in front of it to x = width, and both to y = −depth. The volume is ``ground``; curves are
-``face`` (the cut), ``top``, ``floor`` (y = 0), ``sides`` and ``bottom``.
+The cut extends from its foot (0, 0) to its crest (0, 1). The ground behind it extends to x =
+−width, the ground in front of it to x = width, and both to y = −depth. The volume is ``ground``;
+curves are ``face`` (the cut), ``top``, ``floor`` (y = 0), ``sides`` and ``bottom``.
 """
 
 from pathlib import Path
@@ -48,7 +48,7 @@ def write_vertical_cut(
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_vertical_cut, "Mesh ground with a vertical cut.")
     parser.add_argument("--width", type=float, help="of the ground on either side of the cut")
     parser.add_argument("--depth", type=float, help="of the ground below the foot of the cut")

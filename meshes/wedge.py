@@ -1,9 +1,9 @@
 """Mesh two blocks that meet on an inclined plane: an unstructured assembly with oblique contact.
 
-The box (0, 2)×(0, 1)×(0, 2) is cut from (0, ·, 0.75) to (2, ·, 1.25). Volumes ``lower`` and
-``upper``; surfaces ``x0``, ``x1`` (x = 2), ``y0``, ``y1`` (both bodies), ``bottom``, ``top``, and
-the contact surfaces ``lower_seam`` and ``upper_seam``. Frictionless blocks slide on the incline:
-hold ``x0`` or ``x1`` in x.
+The box (0, 2)×(0, 1)×(0, 2) is cut from (0, ·, 0.75) to (2, ·, 1.25). Volumes are ``lower`` and
+``upper``. Surfaces are ``x0``, ``x1`` (x = 2), ``y0``, ``y1`` (both bodies), ``bottom``, ``top``,
+and the contact surfaces ``lower_seam`` and ``upper_seam``. Frictionless blocks slide on the
+incline: hold ``x0`` or ``x1`` in x.
 """
 
 from pathlib import Path
@@ -65,7 +65,7 @@ def write_wedge(path: str | Path, size: float = 0.2, order: int = 1) -> None:
 
 
 def main() -> None:
-    """Write the mesh that the command line asks for."""
+    """Write the mesh that the command line describes."""
     parser = mesh_parser(write_wedge, "Mesh two blocks that meet on an inclined plane.")
     write_from(parser, write_wedge)
 
