@@ -35,7 +35,7 @@ def export(
     csv: bool = True,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
-    """Write the results of a run for other programs; the run may be active. Not collective.
+    """Write the results of a finished or active run for other programs. Not collective.
 
     Args:
         folder: The result folder.

@@ -68,7 +68,7 @@ class Statements:
         return self._noted + told
 
     def chosen(self) -> list[Keyword]:
-        """Return keywords of supports, loads and joints, through the first step with loads."""
+        """Return keywords of supports, loads and joints, up to and including the first loaded step."""
         loaded = [step for step, keyword in self._on_surfaces if keyword.name in LOADS]
         last = min(loaded, default=self._steps)
         return [keyword for step, keyword in self._on_surfaces if step <= last]
@@ -190,7 +190,7 @@ class UsedSurfaces:
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """Return the surface that a set of nodes forms; None, after adding a remark, if none."""
+        """Return the surface that a set of nodes forms; without a surface add a remark, return None."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
@@ -201,7 +201,7 @@ class UsedSurfaces:
         return self.use(name, facets)
 
     def named(self, name: str, what: str) -> str | None:
-        """Return the name of a ``*SURFACE``; None, after adding a remark, if no face is outer."""
+        """Return the name of a ``*SURFACE``; without an outer face add a remark, return None."""
         facets = self._facets.get(name.upper())
         if facets is None:
             raise missing(what, name)
@@ -230,7 +230,7 @@ class UsedSurfaces:
         return self._named.divided(taken)
 
     def _is_flat(self, elements: Longs) -> bool:
-        """Return whether no element of a set is solid, so that they are surface elements."""
+        """Return whether a set contains no solid elements, only surface elements."""
         blocks = [b for b in self._assembly.blocks if b.kind.shape.dim == self._dim]
         solid = [np.arange(b.first, b.first + len(b.nodes)) for b in blocks]
         return not np.isin(elements, np.concatenate(solid)).any()

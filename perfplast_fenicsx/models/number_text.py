@@ -42,7 +42,7 @@ def whole_numbers(lines: Iterable[str], what: str) -> Longs:
 
     Args:
         lines: Lines with blanks between the numbers.
-        what: Name of the numbers' objects, for messages.
+        what: Name of the objects that the numbers describe, for messages.
 
     Raises:
         InputError: If a line contains anything else.

@@ -147,7 +147,7 @@ class ElementFacets:
         return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Return whether facets exist that contain all outer corners among the nodes."""
+        """Return whether there are facets, and they contain all outer corners among the nodes."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]

@@ -35,7 +35,7 @@ def save_animation(reader: ResultReader, levels: Sequence[StoredLevel], target: 
     Raises:
         OSError: If the file cannot be written.
     """
-    most_frames = 60  # of more levels, this number is shown, with the last one
+    most_frames = 60  # largest number of levels that are shown; the last level is always shown
     chosen = np.unique(np.linspace(0, len(levels) - 1, min(len(levels), most_frames)).round())
     levels = [levels[int(i)] for i in chosen]
     scene, unit = reader.scene, reader.scene.unit_of_work(reader.gdim)

@@ -78,7 +78,7 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
         return -np.sign(evaluate(load.value, middles, load.on))[:, None] * normals
     if isinstance(load, SpreadLoad) and load.scalar:
         return np.zeros_like(normals)
-    # empty if the load is only a moment
+    # this list is empty if the load is only a moment
     values = list(np.atleast_1d(np.asarray(load.value, dtype=object)))
     if isinstance(load, Force) and not np.any(np.asarray(load.value, dtype=np.float64)):
         areas = np.linalg.norm(normals, axis=1)
@@ -143,7 +143,7 @@ def sample_obstacles(
     gdim = 2 if surface.plane else 3
     both = np.concatenate([points, surface.points])[:, :gdim]
     margin = 0.08  # margin around the bodies in which obstacles are drawn, relative to their size
-    # Not symmetric: otherwise a grid point may be the centre of an obstacle, without a direction.
+    # The margins differ, because a grid point at the centre of an obstacle has no direction to it.
     margins = margin * surface.size * np.array([1.0, 1.01, 1.02])[:gdim]
     low, high = both.min(axis=0) - margins, both.max(axis=0) + 1.003 * margins
     # Number of grid points in each direction.

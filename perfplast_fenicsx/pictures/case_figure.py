@@ -165,7 +165,7 @@ def _fill(axes: Axes, arrays: Arrays) -> None:
         )
         if several:
             middles = own.mean(axis=1)
-            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # where space is largest
+            x, y = middles[np.argmax(cKDTree(edges).query(middles)[0])]  # farthest from all edges
             style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 9}
             axes.text(x, y, str(name), color="#303030", parse_math=False, zorder=5, **style)
 

@@ -57,7 +57,7 @@ def drawn_on_rank0(comm: "MPI.Intracomm", draw: Callable[[], None]) -> bool:
         try:
             draw()
             drawn = True
-        except Exception as error:  # the other ranks wait for rank 0
+        except Exception as error:  # rank 0 must go on, because others wait for it
             log.warning("%s", error)
     return bool(comm.bcast(drawn))
 

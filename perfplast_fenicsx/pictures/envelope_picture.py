@@ -27,7 +27,7 @@ def save_envelope(
     path: Path,
     alone: bool = False,
 ) -> None:
-    """Draw the region of carried load multiples and the region of others, with their boundaries.
+    """Draw the load multiples that are certainly carried, and those that are certainly not carried.
 
     Args:
         rows: Rows of :meth:`~perfplast_fenicsx.limit_analysis.body.interaction.Envelope.rows`.

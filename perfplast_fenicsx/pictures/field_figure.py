@@ -78,7 +78,7 @@ def _largest(frames: Sequence[Surface]) -> float:
 
 
 def velocity_in_words(share: float) -> str:
-    """Return in words how a mechanism's velocity is drawn, which has no absolute size.
+    """Return a note on the scale of a drawn mechanism, whose velocity has no absolute size.
 
     Args:
         share: Largest displacement in the picture, relative to the size of the bodies.

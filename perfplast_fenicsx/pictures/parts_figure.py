@@ -68,7 +68,9 @@ def rooms(seen: Longs) -> Room:
             continue
         distance = np.asarray(distance_transform_edt(np.pad(seen[part] == number, 1)))
         ys, xs = np.nonzero(distance >= 0.97 * distance.max())
-        from_middle = (ys - ys.mean()) ** 2 + (xs - xs.mean()) ** 2  # matters for long faces
+        from_middle = (ys - ys.mean()) ** 2 + (
+            xs - xs.mean()
+        ) ** 2  # centres the number on long faces
         y, x = ys[from_middle.argmin()], xs[from_middle.argmin()]
         if distance[y, x] >= 1.5:  # pixels; smaller faces count as invisible
             place = (x + part[1].start - 1, y + part[0].start - 1)
@@ -197,7 +199,7 @@ def title_lines(hidden: Sequence[int], columns: int) -> list[str]:
     words = "Bodies, and the numbers of their free faces"
     if hidden:
         words += f"; not visible: {', '.join(map(str, sorted(hidden)))}"
-    in_view, most = 60, 5  # characters above a view, and lines
+    in_view, most = 60, 5  # largest number of characters above a view, and of lines
     return wrap(words, in_view * columns, max_lines=most, placeholder=" ...")
 
 

@@ -11,7 +11,7 @@ from perfplast_fenicsx.rounding import ROUNDING
 
 
 def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
-    """Return the works α and load factors ζ of levels, after the start of the curve.
+    """Return the works α and load factors ζ at the start of the curve and at the levels.
 
     The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0), the
     curve starts at this level, where these loads have already done work.

@@ -18,7 +18,7 @@ def replace_picture(path: Path, figure: Any) -> None:
     """Save a matplotlib figure in the format that the file name's suffix names.
 
     Raises:
-        OSError: If the system refuses; then the old file is unchanged.
+        OSError: If the file cannot be written; an existing file is then unchanged.
     """
     image = io.BytesIO()
     figure.savefig(image, format=path.suffix.lstrip(".") or "png")

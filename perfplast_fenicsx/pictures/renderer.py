@@ -122,7 +122,7 @@ def _on_contact(surface: Surface, title: str, values: Floats, colours: str, labe
     panel.facets = surface.marks["contact"]
     if not surface.plane:
         panel.title += ", seen through the bodies"
-        # In space, pressures below this share of the largest pressure are drawn with this opacity.
+        # In 3D, pressures below this share of the largest pressure are drawn with this opacity.
         # So surfaces that hardly touch each other hide nothing.
         pressed, faint = 0.02, 0.12
         opacity = np.where(values > pressed * values.max(), 1.0, faint)
@@ -172,7 +172,7 @@ def _stress(frames: Sequence[Surface]) -> Panel:
     # A yield ratio above this limit counts as plastic; the law gives 1 apart from rounding.
     plastic_from = 0.9999
     for label, bodies in groups:
-        # pale to the body's colour for elastic stress, red above
+        # elastic stresses have colours from pale to the body's colour; plastic stresses are red
         elastic = [(0.0, "#f6f6f2"), (plastic_from, hue(bodies[0]))]
         stops = [*elastic, (plastic_from, PLASTIC), (1.0, PLASTIC)]
         colormap = LinearSegmentedColormap.from_list("stress", stops, N=20_000)
@@ -225,7 +225,7 @@ def compose(
         images: Image of each panel, shape (height, width, 3).
         words: Title and subtitle.
         view: Direction of view.
-        dpi: Pixels in 1/5.9 of the figure's height.
+        dpi: Pixels per inch; the figure is 5.9 inches high.
         curve: Function that draws into an additional last panel.
     """
     columns = len(shown) + (curve is not None)
@@ -347,7 +347,7 @@ class Renderer:
         self._skin = skin = frames[-1]
         self._pixels, self._flat, self._size = pixels, skin.plane, skin.size
         self._frames = np.array([a.points + scale * a.at_points["displacement"] for a in frames])
-        # On the same facets in all frames, so arrows move with the bodies and do not jump.
+        # Arrows are on the same facets in all frames, so they move with the bodies and do not jump.
         lengths = shares(states, scene.on_surfaces)
         self._arrows = [
             load_arrows(skin, moved, scene.on_surfaces, lengths[number])
@@ -428,7 +428,7 @@ class Renderer:
     ) -> None:
         """Add selected facets over transparent bodies: triangles, or thick lines with a rim."""
         skin = self._skin
-        # Opacity of plane bodies, and of skins in space.
+        # Opacity of plane bodies, and of skins in 3D.
         opacities = {True: 0.2, False: 0.12}
         for body in range(len(skin.names)):
             glass = skin.body == body
@@ -463,12 +463,12 @@ class Renderer:
     def _obstacle(
         self, distances: Floats, corner: Floats, spacing: Floats
     ) -> list[tuple[pv.DataSet, Paint]]:
-        """Return the meshes of an obstacle near the bodies from its distances, with options."""
+        """Return the meshes of an obstacle near the bodies, with the options of their drawing."""
         if distances.min() >= 0:
             return []
         grid = pv.ImageData(dimensions=distances.shape, spacing=spacing, origin=corner)
         grid.point_data["distance"] = distances.ravel(order="F")
-        # in space slightly inside, since VTK would mix it with the touching surface
+        # in 3D the surface lies slightly inside the obstacle, because VTK mixes coincident surfaces
         depth = 0.0 if self._flat else IN_FRONT * self._size
         skin = grid.contour([-depth], scalars="distance")
         if not self._flat:

@@ -150,7 +150,7 @@ class StoredFlow:
 
 
 class ResultReader:
-    """A result folder in the state of its first reading."""
+    """Reads a result folder. Later changes of data that were already read have no effect."""
 
     def __init__(self, path: str | Path) -> None:
         """Check that the folder has results.

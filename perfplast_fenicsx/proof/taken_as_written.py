@@ -1,4 +1,4 @@
-"""Describe data of a proof that the reader must check, because the checker cannot check them."""
+"""Describe the data of a proof that the checker cannot check, so that the reader can check them."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from perfplast_fenicsx.proof.rings import around, normals_of, times_radius
 
 
 def cuts_of(body: Body) -> Floats:
-    """Return the middle of each pair of outer facets with equal vertices, shape (num_pairs, d).
+    """Return the centroid of each pair of coinciding outer facets, shape (num_pairs, d).
 
     The function includes only pairs that are neither in contact nor on obstacles. At these pairs,
     nothing prevents the bodies from separating or penetrating each other. An admissible stress in
@@ -18,7 +18,7 @@ def cuts_of(body: Body) -> Floats:
     touch = [*body.contacts.ravel(), *body.obstacles]
     free = np.flatnonzero(~np.isin(body.surface, touch))
     places = body.vertices[body.facets[free]]
-    # Distance below which points coincide, relative to the size of the bodies.
+    # Distance below which points coincide: a small fraction of the size of the bodies.
     same = 1e-9 * max(float(np.ptp(body.vertices, axis=0).max(initial=0.0)), np.finfo(float).tiny)
     keys = np.rint(places / same)
     for axis in reversed(range(d)):
@@ -37,13 +37,13 @@ MANY = 24
 
 
 def taken_as_written(body: Body) -> str:
-    """Return one sentence on the bodies, strengths, supports, contact and loads of a half."""
+    """Return a sentence on the bodies, strengths, supports, contacts and loads of a proof."""
     d = body.dim
     shape = "triangles" if d == 2 else "tetrahedra"
     shape += ", sections of rings around x = 0," if body.is_revolved else ""
     parts = [
-        f"{len(body.cells)} {shape} of volume {body.volumes @ around(body):.6g}, glued where they"
-        " share vertices",
+        f"{len(body.cells)} {shape} of total volume {body.volumes @ around(body):.6g}, connected"
+        " where they share vertices",
         *_cuts(body),
         _strengths(body),
         _supports(body),
@@ -55,30 +55,30 @@ def taken_as_written(body: Body) -> str:
         parts.append(f"permanent loads, whose resultants are {_loads(body, body.constant)}")
     if body.others:
         words = _loads(body, body.others)
-        parts.append(f"loads of any factor, whose resultants at factor 1 are {words}")
+        parts.append(f"loads with arbitrary factors, whose resultants at factor 1 are {words}")
     return f"Taken as written: {'; '.join(parts)}."
 
 
 def _listed(words: list[str]) -> str:
-    """Return the words as a list, with the number of omitted words."""
+    """Return the first entries, separated by commas, and the number of the other entries."""
     more = len(words) - MOST_WORDS
     return ", ".join(words[:MOST_WORDS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _cuts(body: Body) -> list[str]:
-    """Return words on unconnected coinciding facets; an empty list without such facets."""
+    """Return a clause on coinciding facets without contact; an empty list without such facets."""
     places = cuts_of(body)
     if not len(places):
         return []
     return [
-        f"cut open between {len(places)} pairs of coinciding facets without contact, as at "
-        f"{_vector(places[0])}: the bound is for bodies with this cut"
+        f"cuts between {len(places)} pairs of coinciding facets without contact, for example at "
+        f"{_vector(places[0])}: the bound holds for bodies with these cuts"
     ]
 
 
 def _strengths(body: Body) -> str:
     if not body.plastic.any():
-        return "blocks that bear any stress"
+        return "blocks of unlimited strength"
     weights = body.volumes * around(body)
     numbers = np.bincount(body.cone + 1, weights=weights, minlength=len(body.cone_bound) + 1)
     volumes = np.asarray(numbers, dtype=np.float64)
@@ -92,13 +92,13 @@ def _strengths(body: Body) -> str:
         words.append(f"{cone}{body.varies_by(number)} {where}")
     what = "‖dev σ‖" + (", or ‖Mσ‖" if any("M" in cone for cone in cones.values()) else "")
     if (curved := body.cones.is_curved[used]).all():
-        return f"strength {_listed(words)}"
+        return f"strength: {_listed(words)}"
     what += ", or a limit of (σ₁ − σ₃)²" if curved.any() else ""
-    return f"yield radii (the largest {what}) {_listed(words)}"
+    return f"yield radii (the largest {what}): {_listed(words)}"
 
 
 def _of_one_axis(body: Body, used: Longs) -> Longs:
-    """Return the cones among ``used`` with a slope along the in-plane mean stress."""
+    """Return those of the cones ``used`` that are circular around the in-plane mean stress."""
     M, q = body.cone_matrix[used], body.cone_slope[used]
     if q.shape[1] != 3:
         return used[:0]
@@ -113,7 +113,9 @@ def _of_one_axis(body: Body, used: Longs) -> Longs:
 
 
 def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
-    """Return the range of many cones in words, for example of one cone for each cell.
+    """Return a clause with the ranges of radius and slope of many cones, and their total volume.
+
+    Many cones occur, for example, if each cell has its own cone. The list is empty without cones.
 
     Args:
         body: The bodies.
@@ -129,13 +131,13 @@ def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
     here = np.isin(body.cone, cones)
     bounds = at[body.cone[here], None] * body.cell_strength[here]
     return [
-        f"{len(cones)} cones of {bounds.min():.6g} to {bounds.max():.6g} less {steep.min():.6g} to"
+        f"{len(cones)} cones: {bounds.min():.6g} to {bounds.max():.6g} minus {steep.min():.6g} to"
         f" {steep.max():.6g} times the mean stress in a volume of {volumes[cones].sum():.6g}"
     ]
 
 
 def _cone(body: Body, number: np.int64) -> str:
-    """Return a cone in words: radius and slope if its axis is the mean stress, or all numbers."""
+    """Return the numbers of a yield set in words, for a cone its radius and its slope."""
     if body.cones.is_principal[number]:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"
@@ -152,9 +154,9 @@ def _cone(body: Body, number: np.int64) -> str:
     along = float(q @ unit) / size
     bound = f"{body.cone_bound[number] / size:.6g}"
     if usual and np.abs(q / size - along * unit / d).max() < 1e-9:
-        return bound + (f" less {along:.6g} times the mean stress" if along else "")
+        return bound + (f" minus {along:.6g} times the mean stress" if along else "")
     rows = ", ".join(_vector(row / size) for row in M)
-    falls = f" less {_vector(q / size)}·σ" if q.any() else ""
+    falls = f" minus {_vector(q / size)}·σ" if q.any() else ""
     return f"{bound}{falls} with M = ({rows})"
 
 
@@ -172,7 +174,7 @@ def _supports(body: Body) -> str:
         here = np.intersect1d(body.on(tag), guided)
         cosines = np.einsum("fi,fi->f", body.guided[here], body.normals[here])
         oblique = np.abs(cosines).min() < 1 - 1e-8  # angles of at least 1.4e-4
-        what = "a direction oblique to it, " if oblique else "its normal "
+        what = "the oblique direction " if oblique else "its normal "
         along = f"{what}{_vector(body.guided[here[0]])}"
         words.append(f"surface {tag} along {along} ({len(here)} facets)")
     return f"supports hold {_listed(words)}" if words else "no supports"
@@ -188,9 +190,9 @@ def _contacts(body: Body) -> str:
     obstacles = zip(body.obstacles, body.obstacle_normals, rubs, strict=True)
     for tag, normal, terms in obstacles:
         along = ", ".join(f"{part:.4g}" for part in np.atleast_1d(normal))
-        here = f"surface {tag} and a plane towards ({along})"
+        here = f"surface {tag} and a plane with the normal ({along})"
         words.setdefault(_friction(*terms), []).append(here)
-    kinds = [f"contact {friction} of {_listed(some)}" for friction, some in words.items()]
+    kinds = [f"contact {friction} between {_listed(some)}" for friction, some in words.items()]
     return "; ".join(kinds) if kinds else "no contact"
 
 

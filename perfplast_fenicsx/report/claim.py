@@ -1,4 +1,4 @@
-"""State what the proof files of a run prove, in a form that is hard to misread."""
+"""State the bounds that the proof files of a run prove, in a form that is hard to misread."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path

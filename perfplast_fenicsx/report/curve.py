@@ -108,7 +108,7 @@ def curve_of(
 
 
 def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
-    """Return the proven bounds of the bodies' limit load, or else the two sides of the mesh."""
+    """Return the proven bounds for the bodies, or else both sides of the limit load of the mesh."""
     if limit is None:
         return None, ""
     lower, upper = limit.body.get("lower"), limit.body.get("upper")

@@ -315,7 +315,7 @@ def _limit_forces(reader: ResultReader) -> str:
 
 
 def _combinations(reader: ResultReader) -> str:
-    """Return the table of all load combinations in the sweep of this run, the worst first."""
+    """Return the table of all load combinations of the case, the worst first; empty without any."""
     rows = read_table(reader.path.parent)
     name = reader.path.name
     if name not in [row["combination"] for row in rows]:

@@ -70,7 +70,7 @@ def report_on(folder: "ResultFolder") -> Path | None:
             found = write_report(folder.path)
         except InputError as error:
             log.warning("%s", error)
-        except Exception:  # the other ranks wait for rank 0
+        except Exception:  # rank 0 must go on, because the other ranks wait for it
             log.exception("no report was written, because of a fault of the program")
     return folder.comm.bcast(found)
 
@@ -83,7 +83,7 @@ class LiveReport:
     """
 
     def __init__(self, folder: "ResultFolder") -> None:
-        """Take the folder of the run; this writes nothing yet."""
+        """Store the folder of the run; write nothing yet."""
         self._folder = folder
         self._page, self._words, self._results_at, self._written = "", "", "", 0.0
 
@@ -99,7 +99,7 @@ class LiveReport:
         self._folder.comm.Barrier()
 
     def say(self, words: str) -> None:
-        """Put the current activity on the page. Not collective: only rank 0 does anything.
+        """Put the current activity on the page. Not collective: only rank 0 writes the page.
 
         Args:
             words: The activity, in the words of the terminal's live line.

@@ -36,7 +36,7 @@ class FaceRow:
         area: Area as text; for a plane body the length.
         cad: Area in the CAD file; "-" if it is unknown.
         centre: Coordinates, as text.
-        together: Names that the face shares with other faces, and its share of them, as text.
+        together: Sets that contain the face, and the face's share of the area of each set, as text.
     """
 
     number: int

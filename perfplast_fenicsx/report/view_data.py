@@ -412,7 +412,7 @@ class _Packer:
             if self.kept and one.name not in self.kept:
                 continue
             values = one.values[self.order] if one.at == "cells" else one.values
-            seen = values[np.isfinite(values)]  # JSON cannot represent the other values
+            seen = values[np.isfinite(values)]  # JSON cannot represent infinity and NaN
             fields[one.name] = {
                 "at": one.at,
                 "low": float(seen.min()) if seen.size else 0.0,

@@ -85,7 +85,7 @@ def test_an_obstacle_that_does_not_fit_is_refused_in_a_sentence(
 
 
 def test_a_plane_mesh_has_no_cylinders(read: Read, comm: MPI.Intracomm) -> None:
-    with pytest.raises(InputError, match="plane mesh; give a sphere") as refusal:
+    with pytest.raises(InputError, match="3D; give a sphere") as refusal:
         Problem(
             read(write_contact_patch, dim=2, size=0.5),
             {"lower": STEEL, "upper": STEEL},

@@ -87,4 +87,4 @@ def test_damaged_bodies_are_refused(name: str, dim: int) -> None:
     assert (said == "") == ((name, dim) in HARMLESS), said
     if not said:
         (told,) = (word for word in check_lower(pressed(mesh)).words if word.startswith("Taken"))
-        assert "cut open between" in told
+        assert "cuts between" in told

@@ -73,7 +73,7 @@ def remembering(materials: Mapping[str, Material], loading: Control) -> dict[str
 
 
 def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
-    """Return the name of the solver of conic programs, and the table without its key.
+    """Return the name of the solver of conic programs, and the table without the key ``conic``.
 
     Args:
         table: The table.

@@ -48,7 +48,8 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
         weight: The table ``[gravity]``; its acceleration must point opposite to ``up``.
 
     Raises:
-        InputError: If a conductivity has the name of no body, or if gravity has another direction.
+        InputError: If a conductivity names an unknown body, or if the acceleration of gravity is
+            not opposite to ``up``.
     """
     if weight is not None:
         down = [0.0] * len(weight.acceleration)
@@ -85,7 +86,7 @@ def drawdowns(seepage: Seepage | None) -> list[str]:
 
 
 def with_flow(loads: Sequence[Load], flow: SteadyFlow) -> list[Load]:
-    """Return the loads, with the computed pore pressures of a seepage.
+    """Return the loads, in which pore pressures from seepage have their computed fields.
 
     Args:
         loads: The loads of a case.

@@ -1,4 +1,4 @@
-"""Read the tables ``[[support]]``, ``[[rigid_surface]]`` and ``[[contact]]``, which can move."""
+"""Read ``[[support]]``, ``[[rigid_surface]]`` and ``[[contact]]``, which can prescribe motions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,10 +15,10 @@ class SupportTable:
 
     Args:
         on: Physical surface.
-        components: The held components: any of the letters x, y, z; the default is all of them. Or
-            "normal" for the component normal to a flat surface of any orientation; the surface can
-            then slide tangentially, as at a plane of symmetry. If a value is given, the surface may
-            be curved.
+        components: The held components: any of the letters x, y, z; the default is all of them.
+            With "normal", only the component normal to a flat surface of any orientation is held,
+            and the surface can slide tangentially, as at a plane of symmetry. If a value is given,
+            the surface may be curved.
         value: Prescribed displacement (length), such as a settlement; with "normal" it is positive
             along the outward normal. Give a number, or a formula in x, y, z such as "0.01*y". The
             default is 0.

@@ -448,7 +448,7 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
         raise InputError(
             f"unit_weight = {given:g} is not a valid unit weight of water; give a positive number."
         )
-    least, most = 0.9, 1.4  # relative to fresh water; the upper limit is mud
+    least, most = 0.9, 1.4  # relative to fresh water; the upper limit is that of mud
     if usual is not None and not least <= given / usual <= most:
         unit = units.table()["force_density"]
         raise InputError(

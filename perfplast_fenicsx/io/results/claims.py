@@ -182,7 +182,7 @@ def _in_directions(envelope: Mapping[str, Any]) -> Iterator[tuple[str, str, floa
     """
     directions = [tuple(map(float, angles)) for angles in envelope["directions"]]
     rays = rays_at(np.array(directions))
-    parallel = 1e-9  # relative deviation at which a point does not lie on a ray
+    parallel = 1e-9  # relative deviation above which a point does not lie on a ray
     for point in np.array(envelope["carried"], dtype=np.float64):
         if point.any():
             along = rays @ point

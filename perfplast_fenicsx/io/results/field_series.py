@@ -247,7 +247,7 @@ class FieldSeries:
         """Write ``mechanism.vtkhdf``. Collective.
 
         Args:
-            fields: A velocity field with unit work of the loads, its plastic work, and further
+            fields: A velocity field on which the loads do unit work, its plastic work, and further
                 fields, by name.
             zeta: The load factor of the mechanism.
             alpha: The work α at the end of the path.

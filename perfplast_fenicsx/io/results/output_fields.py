@@ -24,8 +24,9 @@ class FrictionFields:
     """Slip and friction stress: linear on surfaces with friction, and zero elsewhere.
 
     Attributes:
-        fields: ``slip`` (length), on both surfaces of a pair, is u_a − u_b along the surface since
-            the start. ``friction_stress`` has opposite signs on the two surfaces.
+        fields: ``slip`` (length) is the tangential displacement of the primary surface relative to
+            the secondary surface or to the obstacle since the start, with the same values on both
+            surfaces. ``friction_stress`` has opposite signs on the two surfaces.
     """
 
     def __init__(self, problem: Problem, vertices: fem.FunctionSpace) -> None:
@@ -216,8 +217,8 @@ class OutputFields:
 
         The force at node k is f_k = Σ_i s_ik λ_i, where s_ik is the node's share of the force of
         row i. The pressure at vertex j is Σ_k f_k ψ_j(x_k) / ∫ψ_j with the linear shape functions
-        ψ_j. So the force at a midside node is divided equally between the ends of its edge. So p is
-        exact for a constant pressure, and ∫p equals Σλ on either side. For matching nodes p is
+        ψ_j. So the force at a midside node is divided equally between the ends of its edge. Hence p
+        is exact for a constant pressure, and ∫p equals Σλ on either side. For matching nodes p is
         nowhere negative.
         """
         constraints, comm = self._problem.constraints, self._problem.comm
@@ -235,7 +236,7 @@ class OutputFields:
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> Floats:
-        """Return ∫ψ_j over the contact surfaces for each owned vertex; 1 off these surfaces."""
+        """Return ∫ψ_j over the contact surfaces for each owned vertex; 1 at all other vertices."""
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)
@@ -270,9 +271,9 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
 
     Returns:
         Piecewise constant functions. ``lower_bound_stress`` (3×3), if there is a lower bound, is
-        the mean stress in each cell. ``gap_share`` is the contribution of each cell to the gap; if
-        cells were split, all parts of a cell have its value. For rigid blocks also the function
-        ``contact_pressure``, from the forces on joints, which is linear in each cell.
+        the mean stress in each cell. ``gap_share`` is the share of each cell in the gap; if cells
+        were split, all parts of a cell have its value. For rigid blocks there is also
+        ``contact_pressure``, computed from the forces on joints and linear in each cell.
     """
     fields = dict[str, fem.Function]()
     if body.joints is not None:
@@ -280,7 +281,7 @@ def bound_fields(body: BodyBounds) -> dict[str, fem.Function]:
     tagged_mesh = body.problem.tagged_mesh
     if body.stress is not None:
         means = body.stress.mean(axis=1)
-        if tagged_mesh.axisymmetric:  # the coefficients describe rσ
+        if tagged_mesh.axisymmetric:  # the coefficients are those of r σ, not of σ
             vertices, points = corners(tagged_mesh.mesh)
             means /= points[vertices][..., 0].mean(axis=1)[:, None]
         fields["lower_bound_stress"] = _tensors(body, means)

@@ -150,7 +150,7 @@ class ResultFolder:
                 neither ``force`` nor ``restart`` is set, or if a restart finds no checkpoint.
         """
         self.comm, self.path = comm, Path(path)
-        # raises errors in entry points on all ranks, before rank 0 works alone
+        # this call raises errors of entry points on all ranks; only rank 0 makes the other checks
         on_all_ranks(comm, figures)
         raise_together(comm, self._obstacle(force, restart) if comm.rank == 0 else None)
 
@@ -188,7 +188,7 @@ class ResultFolder:
         self.on_root(create)
 
     def on_root(self, action: Callable[[], None]) -> None:
-        """Call a function that writes, on rank 0. Collective.
+        """Call, on rank 0 only, a function that writes files. Collective.
 
         Raises:
             InputError: On every rank, if the write fails.
@@ -196,7 +196,7 @@ class ResultFolder:
         self.on_each(action if self.comm.rank == 0 else lambda: None)
 
     def on_each(self, action: Callable[[], None]) -> None:
-        """Call a function that writes on every rank. Collective, but ``action`` is not.
+        """Call, on every rank, a function that writes files. Collective, but ``action`` is not.
 
         Raises:
             InputError: On every rank, if the write fails on any rank.
@@ -335,7 +335,7 @@ class Results:
 
 
 def _row(step: int, report: LevelReport, axes: str) -> dict[str, Any]:
-    """Return a row of ``path.csv``, with one column for each reaction component and each name."""
+    """Return a row of ``path.csv``, with a column for each reaction component and named value."""
     row = {"step": step} | dataclasses.asdict(report)
     for key in NAMED:
         row |= {f"{key} {name}".replace(" ", "_"): a for name, a in row.pop(f"{key}s").items()}

@@ -325,7 +325,7 @@ def _alone(found: BodyBounds, kind: str) -> BodyBounds:
 
 
 def _as_before(bound: Bound, before: Bound) -> bool:
-    """Return whether a bound is still strict after the check, if it was strict before."""
+    """Return whether a bound is strict after the check, or was not strict before it."""
     return bound.strict or not before.strict
 
 
