@@ -67,7 +67,7 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
 
             return serve(chosen.folders)
         fault = prepare(chosen, arguments)
-        if fault is not None:  # the fault may be MPI itself
+        if fault is not None:  # MPI may be the fault, so do not start it
             kept.refuse(InputError(fault))
             if launched_first():
                 print(f"perfplast: {fault}", file=sys.stderr, flush=True)
@@ -90,7 +90,7 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
         kept.fail("interrupted", told)
         return _at_once(told, 128 + number)
     except Exception as error:
-        # a form that is not among the compiled forms, on a machine that cannot compile
+        # this form was not compiled in advance, and the machine may not be able to compile
         fault = forms_fault() if _while_compiling(error) else None
         if fault is not None:
             kept.refuse(InputError(fault))

@@ -1,4 +1,4 @@
-"""Define types of NumPy arrays by their content, and convert Mandel vectors. NumPy only."""
+"""Define types of NumPy arrays by their content, and convert Mandel vectors, using only NumPy."""
 
 import math
 

@@ -8,11 +8,12 @@ def replace(path: Path, content: bytes) -> None:
     """Write a file such that a reader finds either the old or the new content after any crash.
 
     Raises:
-        OSError: If the system refuses; then the old file is unchanged.
+        OSError: If a file operation fails. If the new file could not be written, the old file is
+            unchanged.
     """
     part = path.with_name(path.name + ".part")
     try:
-        part.unlink(missing_ok=True)  # an old file may be a link to another place
+        part.unlink(missing_ok=True)  # an existing file may be a link to another place
         with part.open("xb") as file:
             file.write(content)
             file.flush()
@@ -24,10 +25,10 @@ def replace(path: Path, content: bytes) -> None:
 
 
 def put(part: Path, path: Path, before: Path | None = None) -> None:
-    """Give a complete file its final name; an older file of that name becomes ``before``, if given.
+    """Rename the complete file ``part`` to ``path``; an existing ``path`` becomes ``before``.
 
     Raises:
-        OSError: If the system refuses.
+        OSError: If a file operation fails.
     """
     if before is not None and path.exists():
         path.replace(before)

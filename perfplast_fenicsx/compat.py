@@ -123,9 +123,9 @@ def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Ma
 def evaluate(expression: fem.Expression, function: fem.Function, cells: Ints) -> None:
     """Evaluate an expression into a function, at the points of given cells. Not collective.
 
-    ``Function.interpolate`` does the same, but builds its dispatch on types in each call. This
-    takes 0.2 ms, as long as the evaluation in 2 000 cells. The C++ method has another name from
-    0.10 on.
+    ``Function.interpolate`` does the same, but builds its dispatch on types in each call. The
+    dispatch takes 0.2 ms, as long as the evaluation in 2 000 cells. The C++ method has another name
+    from 0.10 on.
 
     Args:
         expression: Expression compiled for the interpolation points of the function's element.

@@ -55,7 +55,7 @@ def _load(source: str) -> Any:
 
 
 def _compile(name: str, source: str, folder: str) -> str:
-    """Compile for this processor, or without optimisation for it if the compiler cannot do this."""
+    """Compile a source for this processor, or for any processor if that fails; return the file."""
     heads = re.findall(r"^(?!static)\w+ \w+\([^{;]*\)(?= \{)", source, re.MULTILINE)
     flags = ["-O3", "-fno-math-errno", "-g0"]
     for own in (["-march=native"], []):

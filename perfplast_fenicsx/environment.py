@@ -200,7 +200,9 @@ def environment_apart() -> dict[str, str]:
 
 
 def environment_for_gmsh(home: Path) -> dict[str, str]:
-    """Return such an environment for gmsh, which writes settings into the home folder.
+    """Return the environment of :func:`environment_apart` with another home folder, for gmsh.
+
+    Gmsh writes settings into the home folder.
 
     Args:
         home: A folder that replaces the home folder.
@@ -210,7 +212,7 @@ def environment_for_gmsh(home: Path) -> dict[str, str]:
 
 
 def environment_with_package(environment: dict[str, str] | None = None) -> dict[str, str]:
-    """Return such an environment for a program of this package, with the package on its path."""
+    """Return ``environment``, or else :func:`environment_apart`, with this package on the path."""
     environment = environment_apart() if environment is None else environment
     places = [environment.get("PYTHONPATH"), str(Path(__file__).parents[1])]
     return environment | {"PYTHONPATH": os.pathsep.join(filter(None, places))}

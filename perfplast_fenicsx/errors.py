@@ -47,8 +47,8 @@ NAMED_FIELD = re.compile(r"(\w+) = |.*?(?<!\w)'([^']+)'(?!\w)")
 class InputError(ValueError):
     """Input that cannot be used; the message is one sentence with place, value and remedy.
 
-    A message may quote any text. So control characters are replaced by escapes, and very long
-    messages are cut.
+    A message may quote any text. The class therefore replaces control characters by escapes, and
+    cuts very long messages.
     """
 
     def __init__(self, message: str) -> None:
@@ -90,7 +90,7 @@ class InputError(ValueError):
 
 
 def code_of(module: str, function: str, message: str) -> str:
-    """Return the code of a refusal or warning; the one with the most similar text, if several.
+    """Return the code of the most similar message of a function, for a refusal or warning.
 
     Args:
         module: Name of the module, without the package.
@@ -165,7 +165,7 @@ def visible(text: str, lines: bool = False) -> str:
 def check_magnitude(field: str, value: float) -> None:
     """Refuse a number whose size would make results overflow or vanish.
 
-    Numbers that are not finite are accepted here; other checks know their meaning.
+    The function accepts numbers that are not finite; other checks decide whether they are valid.
 
     Raises:
         InputError: If the number is refused; the message has the field and the value.

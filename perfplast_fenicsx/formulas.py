@@ -192,7 +192,7 @@ def _fault(node: ast.AST, called: bool) -> str | None:
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
     """Return the value of a part of a formula that has passed the check.
 
-    Integers are converted to floats: then 9**9**9 overflows at once and does not occupy the
+    The function converts integers to floats, so 9**9**9 overflows at once and does not occupy the
     machine.
     """
     match node:
@@ -229,8 +229,8 @@ def _refusal(formula: str, place: str, fault: str) -> InputError:
 
 
 ROUNDING = 1e-12
-"""Relative difference below which the two sides of a comparison count as equal. It decides in
-simplices in which the sign of the difference changes between vertices.
+"""Relative difference below which the two sides of a comparison count as equal. It matters only
+in simplices in which the sign of the difference changes between vertices.
 """
 
 Pair = tuple[Floats, Floats]
@@ -300,7 +300,7 @@ def _enclosed_value(node: ast.AST, names: dict[str, Any]) -> Any:
 
 
 def _function(name: str, values: list[Any]) -> Any:
-    """Return the value of a function of numbers and pairs."""
+    """Return the value of a function of numbers, or its enclosure if an argument is a pair."""
     if not any(isinstance(it, tuple) for it in values):
         with np.errstate(all="ignore"):
             return float(getattr(np, name)(*values))
@@ -314,7 +314,7 @@ def _function(name: str, values: list[Any]) -> Any:
 
 
 def _combined(sign: ast.operator, one: Any, other: Any) -> Any:
-    """Return the sum, difference, product, quotient or power of two values."""
+    """Return the sum, difference, product, quotient or power of two values, or its enclosure."""
     numbers = not isinstance(one, tuple) and not isinstance(other, tuple)
     if numbers and type(sign) in OPERATORS:
         with np.errstate(all="ignore"):
@@ -337,7 +337,7 @@ def _pair(value: Any) -> Any:
 
 
 def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
-    """Return a function of both members of pairs; one array for both if each pair is linear."""
+    """Return a function of the lower and upper members; one array for both if all are linear."""
     low = function(*(it[0] for it in pairs))
     linear = all(it[0] is it[1] for it in pairs)
     return low, low if linear else function(*(it[1] for it in pairs))

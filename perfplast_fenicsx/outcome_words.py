@@ -7,8 +7,8 @@ and above, but bound the limit load of the body on neither side. So the program 
 distance of the sides, and the estimate with few digits.
 
 A loading path loses equilibrium between two of its levels. If no limit theorem holds, as with
-Coulomb's friction, only tried levels bound this load. One level is solved, and one ended with the
-verdict that no equilibrium exists.
+Coulomb's friction, only two levels bound this load: the highest solved
+level from below, and the lowest level with the verdict that no equilibrium exists from above.
 """
 
 import math
@@ -34,7 +34,7 @@ def force_rows(
     Args:
         loads: Tables of :class:`resultants.LoadResultant`.
         lower: Load factor that the bodies provably carry.
-        upper: Load factor at which they provably collapse.
+        upper: Load factor at which the bodies provably collapse.
         at_limit: Table of :class:`limit_forces.LimitForces`, in which loads and supports balance,
             for the strict lower bound or for the limit load of the mesh.
         moments: Whether to return moments instead of forces.

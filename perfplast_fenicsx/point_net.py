@@ -100,7 +100,7 @@ class Triangulation:
         """Refuse cells of a file that have no area or overlap, and coinciding points.
 
         Raises:
-            InputError: If one is refused; the message names the first such place.
+            InputError: If there is such a cell or point; the message names the first place.
         """
         middles = self.corners.mean(axis=1)
         size = np.ptp(self.corners, axis=1).max(axis=1) ** middles.shape[1]
@@ -200,7 +200,7 @@ class Triangulation:
         shares = np.full((len(x), x.shape[1] + 1), -1.0)
         for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
             places, simplices, given = self._candidates(x[some])
-            order = np.lexsort((given.min(axis=1), places))  # a place's last simplex contains it
+            order = np.lexsort((given.min(axis=1), places))  # a place is in its last simplex
             found[some[places[order]]] = simplices[order]
             shares[some[places[order]]] = given[order]
         return self.simplices[found], shares
@@ -348,7 +348,7 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
 
 
 class _File:
-    """A file that decodes its arrays on request."""
+    """A ``.vtu`` file that decodes its arrays on request."""
 
     def __init__(self, content: bytes) -> None:
         """Parse the XML elements of a file.
@@ -417,7 +417,7 @@ class _File:
         return content[size : size + int(np.frombuffer(content[:size], self.header)[0])]
 
     def _uncompressed(self, content: bytes, coded: bool) -> bytes:
-        """Return the uncompressed content of blocks; their number and sizes precede them."""
+        """Return uncompressed blocks of ``content``, which begins with their number and sizes."""
         size = self.header.itemsize
 
         def head(count: int) -> Longs:

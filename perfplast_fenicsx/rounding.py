@@ -5,7 +5,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 ROUNDING = 1e-9
 """Share of the largest number of its kind below which a number counts as zero, in comparisons of
-sums of doubles. It is far above their rounding errors, and far below any intended value."""
+sums of doubles. It is far above rounding errors of the sums, and far below any intended value."""
 
 TINY = 1e-300
 """Smallest divisor; avoids 0/0."""

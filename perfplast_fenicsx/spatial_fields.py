@@ -95,8 +95,8 @@ class SpatialField:
 
 
 if TYPE_CHECKING:
-    # For type checkers. Both kinds share their arithmetic, and most code knows that its number is
-    # constant.
+    # For type checkers, any type: numbers and fields share their arithmetic, and most code knows
+    # that its strength is a number.
     Strength: TypeAlias = Any
 else:
     Strength = float | SpatialField

@@ -101,7 +101,7 @@ class Units:
 
     @property
     def name(self) -> Name | None:
-        """Name of the system that is given or has this length and stress; None for other units."""
+        """Name of the given system, or of the system with these units; None for other units."""
         if self.system is not None:
             return self.system
         for name, system in SYSTEMS.items():
@@ -111,7 +111,7 @@ class Units:
 
     @property
     def known(self) -> System | None:
-        """The system with this name; None without a name."""
+        """The system with the name ``name``; None without a name."""
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:

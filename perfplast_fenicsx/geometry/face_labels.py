@@ -24,7 +24,7 @@ from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.parts import Part
 
 Entities = Mapping[int, tuple[str, str]]
-"""Kind and arguments of each entity by number; strings are replaced by their indices."""
+"""Kind and arguments of each entity by number; the arguments contain indices of strings."""
 
 
 @dataclass(frozen=True)

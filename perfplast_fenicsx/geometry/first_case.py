@@ -15,11 +15,11 @@ ADAPTED = {2: 20_000, 3: 9_000}
 three to five times as long as one mesh."""
 
 AFFORDABLE = {2: 60_000, 3: 30_000}
-"""Largest number of cells, by dimension, with which a first case computes bounds. They take some
-minutes on one core."""
+"""Largest number of cells, by dimension, with which a first case computes bounds. The bounds
+take some minutes on one core."""
 
 IN_CONTACT = 2 / 3
-"""Factor on these numbers for bodies in contact, whose factorisations take longer."""
+"""Factor on both numbers of cells for bodies in contact, whose factorisations take longer."""
 
 
 BOUNDS = """\

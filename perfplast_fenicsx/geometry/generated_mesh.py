@@ -136,12 +136,12 @@ NO_VOLUME = 1e-10
 """Quality below which an element has no volume or a negative one; no run accepts such elements."""
 
 FLAT = 1e-7
-"""Quality below which an element is almost flat; then another algorithm is tried."""
+"""Quality below which an element is almost flat; the program then tries another algorithm."""
 
 ALGORITHMS = ((6, 1), (6, 10), (1, 1))
-"""Gmsh's algorithms for faces and for bodies, in the order in which they are tried. First frontal
-Delaunay and Delaunay, which are gmsh's defaults; then HXT, which places nodes differently; then
-MeshAdapt, which meshes the most difficult faces."""
+"""Gmsh's algorithms for faces and for bodies, in the order in which the program tries them. The
+first pair, frontal Delaunay and Delaunay, is gmsh's default. HXT in the second pair places nodes
+differently. MeshAdapt in the third pair meshes the most difficult faces."""
 
 POOR = 0.02
 """Quality of the worst element below which there is a remark."""

@@ -164,7 +164,7 @@ DRAWN = b"$Comments\nareas in the drawing: "
 """Beginning of the section in a .msh file with the areas of surfaces in the drawing."""
 
 KIND = "single faces, shared ones, areas of the drawing"
-"""Version of the content of mesh files; a file with another content is replaced."""
+"""Version of the content of mesh files; the program replaces a file of another version."""
 
 END = b"\n$EndComments\n"
 

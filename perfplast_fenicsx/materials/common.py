@@ -162,7 +162,8 @@ def _soil(
     name: str, young: float, cohesion: float, friction_angle: float, weight: float, what: str
 ) -> Soil:
     """Return a soil from E (MPa), c (kPa), φ (degrees) and γ (kN/m³)."""
-    # kN/m³ in N/mm³; limit loads do not depend on Poisson's ratio.
+    # The factors convert kPa to MPa and kN/m³ to N/mm³. Limit loads do not depend on Poisson's
+    # ratio.
     return Soil(name, young, 0.3, 1e-3 * cohesion, friction_angle, 1e-6 * weight, what, NEN_9997)
 
 

@@ -148,7 +148,7 @@ class DruckerPragerLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the terms of :meth:`tangent`: bulk, a, shape (), P and M, shape (m,).
+        """Return the terms of :meth:`tangent`: bulk and a, shape (), and P and M, shape (m,).
 
         Σ°[d] is Cd for elastic strains and 0 at the apex. On the cone, with the reduced deviatoric
         modulus a and M = (√2 μ n + κη δ)/√D, it is

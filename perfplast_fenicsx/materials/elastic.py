@@ -187,7 +187,7 @@ def with_stand_ins(materials: Mapping[str, Material]) -> dict[str, Material]:
 
 
 def check_deforms(materials: Mapping[str, object]) -> None:
-    """Refuse problems with only rigid bodies if stresses are to be computed.
+    """Refuse a problem in which all bodies are rigid, before stresses are computed.
 
     With only rigid blocks, the functional J_ζ of a level is positively homogeneous on a cone of
     motions. Its infimum is therefore 0, attained at rest, or −∞ above the limit load. The dual

@@ -85,7 +85,7 @@ class HardeningLaw(FirstYield):
         return self.perfect.plastic(e, old)
 
     def flow(self, e: Expr) -> Expr:
-        """Return the plastic strain of the virgin body at a strain."""
+        """Return the plastic strain of the virgin body at the strain e."""
         return (1 - self.share) * self.perfect.flow(e)
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:

@@ -155,11 +155,12 @@ class HoekBrownLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the terms of :meth:`tangent`: a, shape (), w and n, shape (m,).
+        """Return the terms of :meth:`tangent`: i and a, shape (), and w and n, shape (m,).
 
-        On the parabola Σ°[d] is β (w:d) w, with w = (2R' + k) i − √2 k n for the unit in-plane
-        deviator n of the stress, β = μK/(K k² x + μ(2R' + k)²), and i with i:d = (p of Cd)/K.
-        Perpendicular to n the deviatoric modulus is 2μR'/R. Plastic flow does not change the stress
+        The term i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w, with w =
+        (2R' + k) i − √2 k n for the unit in-plane deviator n of the stress, β = μK/(K k² x +
+        μ(2R' + k)²), and the vector i with i:d = (p of Cd)/K. Perpendicular to n the deviatoric
+        modulus is 2μR'/R. Plastic flow does not change the stress
         from ε_zz alone.
         """
         k, mu = self.curvature, self.shear

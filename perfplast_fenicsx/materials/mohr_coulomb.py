@@ -121,13 +121,13 @@ class MohrCoulombLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def _turned(self, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ from rotating axes, for differences of principal values."""
+        """Return the reduction of 2μ for rotating axes, from differences of principal values."""
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of :meth:`_turned` at yield, but 0 at the apex."""
+        """Return the reduction of :meth:`_turned`; 0 in the elastic range and at the apex."""
         lost = self._turned(stresses, strains)
         return self._by_branch(e, [0.0, lost, lost, lost, 0.0])
 
@@ -152,7 +152,7 @@ class MohrCoulombLaw(Law):
         return found
 
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
-        """Return the terms of :meth:`tangent`: lame, a, shape (), and vectors, shape (m,).
+        """Return the terms of :meth:`tangent`: lame and a, shape (), and vectors, shape (m,).
 
         U is the difference of the tensors of the two principal axes whose stresses are equal on an
         edge. W is the direction in which the principal axes rotate in the plane, and M is the

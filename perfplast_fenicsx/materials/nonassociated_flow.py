@@ -70,9 +70,9 @@ def check_dilatancy(ground: Ground) -> None:
     """Refuse a dilatancy angle that is not valid, or that needs a treatment but has none.
 
     Raises:
-        InputError: If the dilatancy angle is not between 0 and the friction angle. If it is smaller
-            than the friction angle, and ``nonassociated`` is missing. If Radenkovic's weaker ground
-            would have no strength.
+        InputError: If the dilatancy angle is not between 0 and the friction angle, if it is smaller
+            than the friction angle but ``nonassociated`` is missing, or if Radenkovic's weaker
+            ground would have no strength.
     """
     psi, phi, stand = ground.dilatancy_angle, ground.friction_angle, ground.nonassociated
     if stand is not None:
@@ -125,7 +125,7 @@ def weaker(ground: AnyGround) -> AnyGround:
 def reduced(ground: AnyGround, factor: float) -> AnyGround:
     """Return ground with c/F and tan φ/F.
 
-    Davis' method C keeps ψ; otherwise F also divides tan ψ.
+    Davis' method C keeps ψ, but at most the reduced φ. Otherwise F also divides tan ψ.
 
     Args:
         ground: Any ground.

@@ -9,8 +9,8 @@ strain:
 
 where ψ is the energy that the step stores and dissipates. In an elastic step ψ is ½ (e − p):C(e −
 p). Every law that is a projection onto a fixed yield set has a flow law of this form (J. C. Simo,
-T. J. R. Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening` is the flow law with
-hardening.
+T. J. R. Hughes, Computational Inelasticity, 1998, chapter 3). :mod:`hardening` defines the flow
+law with hardening.
 """
 
 import math

@@ -96,7 +96,7 @@ class PrincipalAxes:
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)
 
     def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Return descending values in the order larger in-plane, smaller in-plane, out-of-plane."""
+        """Return descending values, reordered: larger in-plane, smaller in-plane, out-of-plane."""
         (p, q), z = self.in_plane, self.across
         above, below = ufl.gt(z, p), ufl.lt(z, q)
         across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
@@ -140,7 +140,7 @@ class PrincipalAxes:
             return ()
         n, a, b = self.out
         cosine, sine = self._double_angle
-        # for half of the angle, in the form without cancellation of two equivalent forms
+        # cosine and sine of the angle; of two equivalent forms, the form without cancellation
         c = ufl.sqrt((1 + abs(cosine)) / 2)
         s = abs(sine) / (2 * c)
         falls, sign = ufl.lt(cosine, 0.0), ufl.conditional(ufl.lt(sine, 0.0), -1.0, 1.0)

@@ -196,9 +196,9 @@ class SheetLaw(QuadraticLaw):
         return ufl.as_vector([0.0] * len(e))
 
     def flow(self, e: Expr) -> Expr:
-        """Return the plastic strain of the strain e.
+        """Return the plastic strain at the strain e.
 
-        The out-of-plane component has the value with which the plastic strain preserves the volume.
+        The out-of-plane component is such that the plastic strain preserves the volume.
         """
         p = super().flow(e)
         return ufl.as_vector([p[0], p[1], -p[0] - p[1], p[3]])
@@ -227,7 +227,7 @@ class Sheet:
 
     def parameters(self) -> dict[str, Strength]:
         """Return κ, μ, Y and the form of :class:`SheetLaw`."""
-        even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # for ½(xx + yy), over 2μ
+        even = 9 * self.bulk / (3 * self.bulk + 4 * self.shear)  # modulus of ½(xx + yy), over 2μ
         half = math.sqrt(0.5)
         columns = [[half, half, 0.0], [half, -half, 0.0], [0.0, 0.0, 1.0]]
         first = np.array(columns).T * [math.sqrt(even), 1.0, 1.0]

@@ -109,7 +109,7 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _lost(self, e: Expr, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ from rotating axes at yield; 0 if all stresses are f."""
+        """Return the reduction of 2μ for rotating axes at yield; 0 if all stresses are f."""
         lost = self._turned(stresses, strains)
         without = super()._lost(e, stresses, strains)
         return self._by_kind(e, without, [lost, lost, 0.0], [lost, lost])

@@ -22,7 +22,7 @@ from perfplast_fenicsx.arrays import Floats
 
 ON_AXIS = 1e-10
 """Points count as lying on the axis if their radius, relative to the size of the bodies, is below
-this."""
+this value."""
 
 
 class Kinematics(Protocol):

@@ -207,7 +207,7 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
         raise InputError(f"up = '{seepage.up}' is not a coordinate in {dim} dimensions; give 'y'.")
     copy, comm = whole_mesh(tagged_mesh), tagged_mesh.mesh.comm
     owner = _Options()
-    prefix = own_prefix(owner, SEEPAGE, PRESET)  # collective numbering of prefixes
+    prefix = own_prefix(owner, SEEPAGE, PRESET)  # collective, because it numbers prefixes
     check_snes_vi(PETSc.Options(prefix).getAll(), SEEPAGE)
     flow: SteadyFlow = comm.bcast(on_rank0(comm, lambda: _judged(copy, seepage, prefix)))
     return flow
@@ -218,7 +218,7 @@ class _Options:
 
 
 def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
-    """Return the flow on a mesh of this rank alone, compared with the flow on a finer mesh."""
+    """Return the flow on a mesh of this rank alone, and compare it with that on a finer mesh."""
     flow, cells = _flow(mesh, seepage, prefix), len(corners(mesh.mesh)[0])
     if cells > MOST_COMPARED:
         return flow
@@ -352,7 +352,7 @@ class Network:
         return numbers[(numbers >= 0).all(axis=1)]
 
     def surface_above(self, mesh: TaggedMesh, surface: str) -> Floats:
-        """Return the height of a surface vertically above each point; infinite if there is none.
+        """Return the height of a surface vertically above each point; infinite at other points.
 
         Args:
             mesh: A plane mesh.
@@ -495,10 +495,10 @@ def solve_flow(
     norms = [np.inf]
 
     def ended(snes: PETSc.SNES, step: int, sizes: Sequence[float]) -> int | None:
-        """Return a reason to stop if F consists of rounding errors; otherwise None."""
+        """Return a reason to stop if F is below a tolerance or a rounding error; otherwise None."""
         before, now = norms[-1], sizes[-1]
         norms.append(now)
-        gains = 0.5  # a step to more than this fraction of the previous norm has gained nothing
+        gains = 0.5  # a step that leaves a larger fraction of the norm makes no progress
         least = max(snes.atol, snes.rtol * norms[1])
         if (now <= network.rounding and now >= gains * before) or now <= least:
             return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS)
@@ -557,13 +557,13 @@ def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floa
 
 
 def _merged(x: Floats, bodies: Ints) -> Longs:
-    """Return numbers of the vertices of bodies: one number for coincident vertices, −1 elsewhere.
+    """Return a number for each vertex of a body; vertices that coincide have the same number.
 
     Vertices of one body remain separate, as on the two sides of a cut.
 
     Args:
         x: Coordinates, shape (num_vertices, d).
-        bodies: Number of the body of each vertex, −1 for other vertices.
+        bodies: Number of the body of each vertex. Vertices with −1 get the number −1.
     """
     used = np.flatnonzero(bodies >= 0)
     tree = cKDTree(x[used])
