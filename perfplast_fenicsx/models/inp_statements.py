@@ -68,7 +68,7 @@ class Statements:
         return self._noted + told
 
     def chosen(self) -> list[Keyword]:
-        """Return keywords of supports, loads and joints, up to and including the first loaded step."""
+        """Return keywords of supports, loads and joints up to the end of the first loaded step."""
         loaded = [step for step, keyword in self._on_surfaces if keyword.name in LOADS]
         last = min(loaded, default=self._steps)
         return [keyword for step, keyword in self._on_surfaces if step <= last]
@@ -190,7 +190,7 @@ class UsedSurfaces:
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """Return the surface that a set of nodes forms; without a surface add a remark, return None."""
+        """Return the surface that nodes of a set form, or add a remark and return None."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
