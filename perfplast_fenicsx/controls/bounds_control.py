@@ -20,7 +20,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class BoundsControl(OfBody):
-    """No loading: bounds on the limit load that hold for the bodies, not only for their mesh.
+    """Bounds on the limit load that hold for the bodies, not only for their mesh.
 
     Args:
         limit_tolerance: Relative distance of each bound from the best bound of its kind on this

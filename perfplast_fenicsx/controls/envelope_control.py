@@ -15,7 +15,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class EnvelopeControl(OfBody):
-    """No loading: bounds on the set of multiples of two or three loads that the bodies carry.
+    """Inner and outer bounds on the multiples of two or three loads that the bodies carry.
 
     Args:
         first: Names of the loads that the first number multiplies; a load without a name has the

@@ -13,7 +13,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 
 @dataclass(frozen=True)
 class SeismicControl(OfBody):
-    """No loading: bounds on the critical seismic coefficient k_c.
+    """Bounds on the critical seismic coefficient k_c.
 
     The force of ``[earthquake]`` is k times the weight; k_c is the largest k at which the ground
     does not collapse. All other loads are constant.

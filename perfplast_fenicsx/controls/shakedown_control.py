@@ -26,7 +26,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class ShakedownControl(OfBody):
-    """No loading: loads and temperatures vary repeatedly and arbitrarily within ranges.
+    """Loads and temperatures that vary repeatedly and arbitrarily within ranges.
 
     The control computes the largest multiple of these ranges for which the bodies shake down: by
     Melan's theorem, they respond elastically after some plastic flow. The result is an estimate,

@@ -15,15 +15,15 @@ from perfplast_fenicsx.problem.problem import Problem
 
 @dataclass(frozen=True)
 class StrengthControl(OfBody):
-    """No loading: bounds on the factor by which strengths may be divided before collapse.
+    """Bounds on the factor by which strengths may be divided before collapse.
 
     The factor divides yield stresses, cohesions and friction coefficients, including the friction
     of contacts and obstacles. Strengths with ``reduced = false`` do not change. All loads are
     constant.
 
     Args:
-        limit_tolerance: Relative distance of each factor from the root of its bound, between 0 and
-            1.
+        limit_tolerance: Relative distance of each factor from the factor at which its bound of the
+            load factor is 1, between 0 and 1.
         path: Whether to compute afterwards the curve of the factor F over the work of the loads, by
             Newton's method on the mesh of the upper bound. The plateau of this curve is an
             estimate, not a bound.

@@ -9,10 +9,10 @@ bound on this size.
    a whole (``_reactions``). The contact pressure must exceed the additional contact forces.
 2. The cells of a piece form a tree. Each cell transfers the resultant force F and moment M of all
    cells beyond it through one facet, by the traction F/A + θ × (x − x₀) with Iθ = M, where the
-   facet has the area A, the centre x₀ and the second moments of area I. Then each cell is in
-   equilibrium on its own. For c = 0, tractions and τ can be made zero at vertices of free surfaces.
-   A facet with two such vertices transfers no traction, and a facet with one such vertex transfers
-   a quadratic traction.
+   facet has the area A, the centre x₀ and the second moments of area I. With these tractions, each
+   cell is in equilibrium on its own. For c = 0, tractions and τ can be made zero at vertices of
+   free surfaces. A facet with two such vertices transfers no traction, and a facet with one such
+   vertex transfers a quadratic traction.
 3. If tractions are linear on each facet of a simplex and in equilibrium with a uniform body force,
    some stress with these tractions is linear in each of the d + 1 parts into which the centre
    divides the simplex (C. Johnson, B. Mercier, doi:10.1007/BF01403910; in 3D M. Křížek,

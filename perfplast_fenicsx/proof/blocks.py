@@ -69,8 +69,8 @@ class Carried:
     Attributes:
         factor: Proven factor of the sought loads; None if nothing is proven.
         reason: Reason why nothing is proven, or None.
-        left: Sum of the magnitudes of unbalanced forces, and of moments over extents, for the first
-            set of forces.
+        left: Sum of the magnitudes of unbalanced forces, and of moments divided by extents, for the
+            first set of forces.
         loads: The sum of the loads' magnitudes.
     """
 

@@ -1,9 +1,9 @@
 """Check whether both halves of a proof have the same bodies, even if their meshes differ.
 
-The comparison is local and does not use sums. Outer facets of one half must coincide with outer
-facets of the other half (:mod:`shared_facets`) and have the same surface, supports and tractions.
-Cells with a common volume (:mod:`shared_cells`) must have the same body forces and pore pressures,
-and the cone of the upper half must not be weaker.
+The comparison is local: it compares facets and cells, not sums over the bodies. Outer facets of one
+half must coincide with outer facets of the other half (:mod:`shared_facets`) and have the same
+surface, supports and tractions. Cells with a common volume (:mod:`shared_cells`) must have the same
+body forces and pore pressures, and the cone of the upper half must not be weaker.
 """
 
 from collections.abc import Iterator

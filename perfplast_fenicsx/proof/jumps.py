@@ -78,7 +78,7 @@ class Jumps:
         self._units = self._normals.mid / np.where(self._sizes > 0, self._sizes, 1.0)[:, None]
 
     def _of(self, at: Balls) -> Balls:
-        """Return the jumps."""
+        """Return the jumps of the coefficients ``at``."""
         opposite = at[self.second].where((self.second >= 0)[:, None])
         return at[self.first] - opposite
 

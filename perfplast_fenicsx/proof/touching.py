@@ -22,8 +22,8 @@ class Touching:
         second: Indices of the opposite facets.
         order: Index in the opposite facet of the vertex opposite each vertex of the first facet,
             shape (num_pairs, d).
-        apart: Number of facets of the first surface that face facets without matching them, or a
-            smaller positive number; 0 if all facets that face others match them.
+        apart: 0 if all facets that face another facet match it; otherwise a positive number that is
+            at most the number of facets without such a match.
     """
 
     first: Longs

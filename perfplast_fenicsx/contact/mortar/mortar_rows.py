@@ -14,10 +14,10 @@ node on the host surface, its host. In every row, the weights of the nodes on th
 to the weight on the host surface.
 
 On triangles of second order, the functions N of vertices have ∫N = 0, and no multiplier can use
-them. There the functions are Ñ_v = N_v + α Σ N_m over the midside nodes m next to v, and Ñ_m = (1 −
-2α) N_m (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, doi 10.1137/110848190). With α
-= 1/4 they are Bernstein polynomials, which are nowhere negative. The weights d are then positive,
-whatever part of a facet is covered.
+them. On these triangles, the functions are Ñ_v = N_v + α Σ N_m over the midside nodes m next to v,
+and Ñ_m = (1 − 2α) N_m (Popp, Wohlmuth, Gee and Wall, SIAM J. Sci. Comput. 34, 2012, doi
+10.1137/110848190). With α = 1/4 they are Bernstein polynomials, which are nowhere negative. The
+weights d are then positive, whatever part of a facet is covered.
 
 The module sums the integrals of all overlapping pieces by pairs of facets, and multiplies them by
 the factors D_e M_e⁻¹ of each host facet. If the host facet has Bernstein functions and its normal n

@@ -115,7 +115,7 @@ class Friction:
 
         The derivative is at ``slip`` + β ``change``.
 
-        At a kink it is the left derivative; at β = 0 it is the right derivative.
+        At a kink the result is the left derivative; at β = 0 it is the right derivative.
         """
         moves = (norms(change) > 0) & np.isfinite(self.bound)
         d, at = change[moves], slip[moves] + beta * change[moves]

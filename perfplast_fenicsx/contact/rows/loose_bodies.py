@@ -112,8 +112,8 @@ def loose_motions(
         free: Motions that nothing resists, which the function excludes: orthonormal columns of
             coefficients for the rigid motions of all bodies; None if there are none.
         flat: Number of rows at the end of this rank's rows that belong to flat supports. Like
-            supports along axes, they resist a motion however small its component along them is. The
-            planes of a narrow sector and the ends of a thin ring are examples.
+            supports along axes, these rows resist a motion however small its component along the
+            rows is. The planes of a narrow sector and the ends of a thin ring are examples.
     """
     nodes = V.tabulate_dof_coordinates()
     supported, axes = np.nonzero(fixed[: V.dofmap.index_map.size_local])

@@ -3,8 +3,9 @@
     minimise ½ δᵀAδ + rᵀδ with δ_s given at held pairs and, if requested, ℓᵀδ = work
 
 The work equality borders the system. Let A v = b and A w = ℓ on the same free unknowns. The
-solution is then v + ζ w, where the multiplier ζ gives the required work. This is ALG4 of the paper;
-for a fixed active set it also solves the quadratic program of ALG3. Both solves share one set-up.
+solution is then v + ζ w, where the multiplier ζ gives the required work. This method is ALG4 of the
+paper; for a fixed active set, the method also solves the quadratic program of ALG3. The solves for
+v and w share one set-up.
 
 If only the held pairs change, the previous solution is corrected. A few pairs change the solution
 only slightly, so an inaccurate solve suffices.

@@ -8,9 +8,9 @@ program determines the solution. In 3D, or with many points, the splitting below
 solution instead, and the linearisations then continue from its result.
 
 The linearisation refers to the friction law ‖μ‖ ≤ c, μ = c s/‖s‖, and determines which points stick
-and which slip. Both conditions are equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any
-stiffness k > 0. If ‖z‖ ≤ c, the point sticks, s = 0. Otherwise Newton's method for this equation
-(S. Hüeber, G. Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
+and which slip. This law is equivalent to μ = c z/max(c, ‖z‖) with z = μ + k s for any stiffness k >
+0. If ‖z‖ ≤ c, the point sticks, s = 0. Otherwise Newton's method for this equation (S. Hüeber, G.
+Stadler, B. I. Wohlmuth, SIAM J. Sci. Comput. 30 (2008), 572) requires
 
     μ = c ẑ + c k/(‖z‖ − c) (I − ẑẑᵀ) s,   ẑ = z/‖z‖,
 

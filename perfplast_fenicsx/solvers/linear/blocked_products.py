@@ -136,7 +136,7 @@ int64_t fill(int n, int m, int64_t rows, int64_t columns, int upper, const INDEX
 
 
 class BlockRows:
-    """Blocks stored row by row, in a separate order and precision.
+    """A copy of blocks for the kernels, row by row, in a given precision.
 
     Attributes:
         rows: Number of block rows; ``columns`` is the number of block columns.

@@ -206,7 +206,7 @@ class Factorisation:
         return iterations if iterations >= least_worth else 0
 
     def price(self) -> Price:
-        """Return the cost of a factorisation, without a set-up. Collective."""
+        """Return the estimated cost of a factorisation, without performing it. Collective."""
         assert self._matrix is not None
         return price(self._ksp, self._matrix)
 

@@ -66,7 +66,7 @@ class Rows:
 
 
 def own_rows(A: PETSc.Mat) -> tuple[Rows, Rows | None, Indices]:
-    """Return this rank's rows of a matrix, with columns of other ranks apart.
+    """Return this rank's rows of a matrix, with the columns of other ranks separately.
 
     Args:
         A: Matrix of type "aij".
@@ -107,8 +107,8 @@ def forget_factors(ksp: PETSc.KSP) -> None:
     """Make a solver analyse and factorise its matrix again. Collective.
 
     After a zero pivot in MUMPS, PETSc treats the next factorisation as a failed analysis. PETSc
-    then does nothing, reports no failure, and solves with missing factors. This is an error
-    (INFOG(1) = −3) on all ranks (``MatFactorNumeric_MUMPS``).
+    then does nothing, reports no failure, and solves with missing factors. The solve then fails
+    with INFOG(1) = −3 on all ranks (``MatFactorNumeric_MUMPS``).
 
     Args:
         ksp: Solver with its operators; the solver keeps its operators and options.

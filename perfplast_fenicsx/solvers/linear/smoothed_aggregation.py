@@ -3,10 +3,11 @@
 In the jump basis, the operator couples the bodies. Aggregates that mix bodies would need more than
 the rigid motions of one body (for example the in-plane slip of frictionless contact). Therefore the
 aggregates are formed from the stiffness K in nodal unknowns, in which bodies are uncoupled and 6
-motions (3 in 2D) suffice. One Jacobi step smooths their tentative interpolation Q: P = Q - w D^-1 K
-Q. In the jump basis y = M u, the finest interpolation is M P without the rows of held unknowns. At
-a closed pair, the host follows the normal displacement of its guest, and slides along it. Coarser
-levels use their own operators in the same way. A set-up forms the coarse operators PᵀAP.
+motions (3 in 2D) suffice. One Jacobi step smooths the tentative interpolation Q from these motions:
+P = Q - w D^-1 K Q. In the jump basis y = M u, the finest interpolation is M P without the rows of
+held unknowns. At a closed pair, the host follows the normal displacement of its guest, and can
+slide along the guest. Coarser levels use their own operators in the same way. A set-up forms the
+coarse operators PᵀAP.
 
 For quadratic elements, the first coarse space consists of linear elements
 (:class:`LinearElements`), which M maps in the same way, and the vertices are aggregated.

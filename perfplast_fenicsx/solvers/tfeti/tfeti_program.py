@@ -378,8 +378,8 @@ class TfetiProgram:
         start[self._dual.contact] *= closed
         program = self._program(asked, closed, np.full(self._dual.size, -np.inf), start)
         rtol = asked.rtol if given else max(asked.rtol, FIRST)
-        # Fraction of the allowed unbalanced force to which jumps are solved again, and lower limit
-        # of the factor by which the tolerance changes.
+        # Fraction of the allowed unbalanced force at which the next solve aims, and lower limit of
+        # the factor by which the tolerance changes.
         better, best = 0.3, 1e-3
         while True:
             self._run(program, rtol)
