@@ -68,7 +68,7 @@ def loading_for(survey: Survey, options: MeshingOptions) -> str:
 def _against(survey: Survey, options: MeshingOptions) -> Iterator[str]:
     """Yield the reasons why bounds are not possible or take long."""
     if survey.joints and options.meshed == "apart" and survey.dim == 3:
-        yield ("bounds need matching nodes of bodies in space, but the bodies are meshed apart")
+        yield "in 3D, bounds need matching nodes of the bodies, but each body is meshed separately"
     if survey.degree > 1:
         yield "bounds are not available for curved elements (order = 2)"
     if (cells := _cells(survey)) > affordable_cells(survey):

@@ -262,7 +262,7 @@ class _Path:
         search.ended = True
         search.reason = why
         if low == 0 and search.upper is not None and not unknown:
-            search.reason = f"nothing is carried down to ζ = {least_load:g}; {why}"
+            search.reason = f"no load factor down to ζ = {least_load:g} is carried; {why}"
         elif not search.levelled_off:
             search.reason = f"this is the bracket so far; {open_end or 'too many loads were tried'}"
 

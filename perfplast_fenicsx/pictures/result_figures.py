@@ -72,7 +72,7 @@ def seepage(reader: ResultReader) -> Drawing | str | None:
     if flow is None:
         return None
     if flow.points.shape[1] == 3:
-        return "Water flow in space is not drawn; open seepage.vtkhdf in ParaView."
+        return "Water flow in 3D is not drawn; open seepage.vtkhdf in ParaView."
 
     def draw(picture: Path) -> str | None:
         from perfplast_fenicsx.pictures.flow_figure import save_flow

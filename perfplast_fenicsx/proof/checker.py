@@ -299,7 +299,7 @@ def _lower(arrays: Mapping[str, npt.NDArray], before: _Half | None) -> _Half:
         "of the loads."
     )
     if proven is not None:
-        sums += f" They and rounding reduce the bound by {max(factor - proven, 0.0):.2g}."
+        sums += f" These forces and rounding reduce the bound by {max(factor - proven, 0.0):.2g}."
     words = (taken_as_written(body), *reduction_words(body, arrays), sums)
     shown = None if faults else proven
     over = found.over if body.constant else 1.0
@@ -422,7 +422,7 @@ def _up_to(proven: float, factor: float) -> str:
             f"{most:.2g}."
         )
     most = 1e-3 * proven * factor
-    return f"With any factor of the free loads up to {most:.2g} it holds to within a thousandth."
+    return f"Free loads with any factor up to {most:.2g} reduce this bound by a thousandth at most."
 
 
 def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:

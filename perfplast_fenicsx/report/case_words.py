@@ -86,7 +86,7 @@ class CaseWords:
         for name, material in self._given.get("materials", {}).items():
             numbers, remembers = material, ""
             if material["kind"] == "Flow":
-                numbers, remembers = material["body"], "; remembers plastic flow"
+                numbers, remembers = material["body"], "; keeps plastic strains from level to level"
             words = LAWS.get(numbers["kind"], numbers["kind"])
             told = self._numbers(numbers)
             rows.append((name, f"{words}{remembers}{': ' if told else ''}{told}"))

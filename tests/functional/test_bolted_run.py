@@ -101,7 +101,7 @@ def test_limit_load_leaves_preload_out(
     assert main(["run", str(case), "-o", str(shared_tmp_path / "limit")]) == SOLVED
     told = capfd.readouterr().out
     if comm.rank == 0:
-        assert "preloads of bolts stay, and do no work at collapse" in told
+        assert "preloads of bolts remain constant, and do no work" in told
 
 
 STAGES = """

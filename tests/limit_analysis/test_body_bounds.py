@@ -57,7 +57,7 @@ def test_a_limit_load_bounds_that_of_the_body_from_above(shared_tmp_path: Path) 
     assert not bounds.strict
     assert bounds.lower.value is None
     assert "lower bound: not computed" in bounds.why_not[0]
-    assert f"collapses at {bounds.upper.shown} at most, strictly" in bounds.in_words()
+    assert f"collapses at {bounds.upper.shown} or less; this bound is strict" in bounds.in_words()
 
 
 def test_contact_is_not_entered_between_nodes(shared_tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_kinks_in_cells_leave_bounds_strict(read: Read, shared_tmp_path: Path) -
     problem = wet_slope(read, PorePressure("soil", KINKED))
     bounds = limit_bounds(problem, 1e-3)
     assert bounds.strict, (bounds.lower.why_not, bounds.upper.why_not)
-    assert "is taken from above" in bounds.in_words()
+    assert "is bounded from above" in bounds.in_words()
     below, above = weaker_and_stronger(problem)
     assert [it.given.loads[1].side for it in (below, above)] == ["above", "below"]  # type: ignore[attr-defined]
     lower, upper = bounds.lower.value, bounds.upper.value

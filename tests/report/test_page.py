@@ -62,7 +62,10 @@ def test_the_case_in_words() -> None:
             "elastic, perfectly plastic (von Mises): Young's modulus 200000 MPa, yield stress 300"
             " MPa",
         ),
-        ("c", "Soft; remembers plastic flow: isotropic hardening 5 MPa, odd one 7"),
+        (
+            "c",
+            "Soft; keeps plastic strains from level to level: isotropic hardening 5 MPa, odd one 7",
+        ),
     ]
     held, moved = words.supports()
     assert held == ("left", "held in r")

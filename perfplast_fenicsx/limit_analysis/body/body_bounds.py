@@ -67,9 +67,9 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
     if lower.strict and upper.strict:
         return f"{body} collapses between {lower.shown} and {upper.shown}; both bounds are strict."
     if upper.strict:
-        return f"{body} collapses at {upper.shown} at most, strictly{reasons}."
+        return f"{body} collapses at {upper.shown} or less; this bound is strict{reasons}."
     if lower.strict:
-        return f"{body} carries {lower.shown} at least, strictly{reasons}."
+        return f"{body} carries at least {lower.shown}; this bound is strict{reasons}."
     return f"Nothing is proven for the body that the mesh fills{reasons}."
 
 

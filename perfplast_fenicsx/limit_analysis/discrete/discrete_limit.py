@@ -388,8 +388,8 @@ def _search(
             reason = UNLIMITED
             if problem.degree == 1:
                 reason += (
-                    "; this also seems so where linear elements lock: use quadratic ones (degree ="
-                    " 2 under [element])"
+                    "; locking of linear elements has the same effect: use quadratic elements "
+                    "(degree = 2 under [element])"
                 )
             found = discrete_result(
                 problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question

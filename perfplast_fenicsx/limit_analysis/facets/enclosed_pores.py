@@ -56,8 +56,8 @@ def with_enclosed_pores(problem: Problem, side: str) -> Problem:
 def pores_in_words(problem: Problem) -> tuple[str, ...]:
     """Return clauses on how bounds approximate nonlinear pressures. Collective."""
     return tuple(
-        f"the pore pressure in '{load.on}', which is not linear in each cell, is taken from above"
-        " for the lower bound and from below for the upper bound; so both are strict"
+        f"the pore pressure in '{load.on}', which is not linear in each cell, is bounded from "
+        "above for the lower bound and from below for the upper bound, so both bounds are strict"
         for load in _bent(problem)
     )
 

@@ -405,7 +405,9 @@ class Judge:
             search.reason = f"{self._distance()} at {times:.1e} times the work at first yield"
         elif extrapolated_limit(points[-3:]) is not None and tenfold_growth(points) <= rtol:
             search.levelled_off = True
-            search.reason = f"ζ grows by less than {rtol:g} of it with a tenfold work"
+            search.reason = (
+                f"ζ grows by less than {rtol:g} of its value while the work grows tenfold"
+            )
         else:
             dilates = any(on.law.dilates for on in self._problem.laws)
             search.reason = not_level(points, plastic_cells, self._problem.degree, dilates)

@@ -74,7 +74,7 @@ class Failure(StrEnum):
     ALTERNATING = "alternating plasticity"
     COLLAPSE = "incremental collapse"
     BOTH = "alternating plasticity and incremental collapse at once"
-    NONE = "nothing that was found"
+    NONE = "a kind of failure that was not determined"
 
     @staticmethod
     def of(accumulated: float) -> "Failure":
@@ -140,7 +140,7 @@ class ShakedownLoad(NotebookResult):
             f" stresses are those of this mesh); above that, {self.failure}"
         )
         if self.first_yield is not None:
-            words += f". The first point yields at {self.first_yield:.5g} times it"
+            words += f". The first point yields at {self.first_yield:.5g} times the load domain"
         return f"{words}."
 
     def rows(self) -> list[Row]:

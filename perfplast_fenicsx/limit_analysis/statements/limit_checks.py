@@ -138,6 +138,6 @@ def ignored(problem: Problem) -> list[str]:
     if not names:
         return []
     return [
-        f"{', '.join(names)} stay, and do no work at collapse: they change no limit load of perfect"
-        " plasticity, and are ignored"
+        f"{', '.join(names)} remain constant, and do no work at collapse: they do not change limit "
+        "loads of perfectly plastic bodies, and are ignored"
     ]

@@ -80,7 +80,7 @@ class Standing:
         """Return the verb for a sentence on the stability of the bodies."""
         if self.falls:
             return "does not stand"
-        return "stands" if self.stands else "may stand or not"
+        return "stands" if self.stands else "may or may not stand"
 
     def in_words(self) -> str:
         """Return the result in a clause."""

@@ -125,7 +125,7 @@ async function verdictOn(halves) {
     }
     found[kind].proven = proven;
     if (others < Infinity && others !== null) found[kind].note =
-      ` With any factor of the free loads up to ${shown(others)} it holds to within a thousandth.`;
+      ` Free loads with any factor up to ${shown(others)} reduce this bound by a thousandth at most.`;
   });
   const [low, high] = ["lower", "upper"].map((kind) => found[kind]?.proven);
   if (low !== undefined && high !== undefined) caught(kinds, () => {
