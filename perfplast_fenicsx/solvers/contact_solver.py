@@ -44,7 +44,7 @@ class ContactSolver(Protocol):
         ...
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of contact QPs, of solves by SNES-VI, and of SNES-VI iterations."""
+        """Return the numbers of contact QPs, of QPs that SNES-VI solved, and of its iterations."""
         ...
 
 

@@ -352,7 +352,7 @@ class Iterate:
         return ROUNDING * terms, ROUNDING * max(terms, strains)
 
     def _longest(self) -> float:
-        """Return the largest β with u + β δu in K_h."""
+        """Return the largest allowed step length β, for which u + β δu must lie in K_h."""
         friction, comm, most = self.problem.friction, self.problem.comm, LONGEST
         if friction.count:
             turn = friction.last_turn(self.jumps(), friction.jumps(self._delta_y), comm)

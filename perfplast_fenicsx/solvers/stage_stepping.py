@@ -1,4 +1,4 @@
-"""Load by stages: bodies with plastic history are loaded, unloaded and reloaded."""
+"""Solve the levels of stages, in which bodies are loaded, unloaded and loaded again."""
 
 from collections.abc import Iterator
 from dataclasses import replace

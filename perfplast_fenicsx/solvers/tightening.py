@@ -22,7 +22,8 @@ def tighten(problem: Problem, at_rest: Callable[[], Level]) -> Level | None:
         at_rest: Function that solves the level at ζ = 0.
 
     Returns:
-        None; or a level that reports why the bolts cannot be tightened, with the bolts loose again.
+        None if all bolts have their preloads; otherwise a level that reports why not, with the
+        bolts loose again.
     """
     shanks, declared, e0 = problem.shanks, problem.loads, problem.initial_strain
     assert e0 is not None  # a problem with bolts has initial strains

@@ -34,9 +34,10 @@ class NodeToNode:
     """The rows (u_a − u_b)·n ≤ g for each primary node a and its opposite secondary node b.
 
     The normal n is the mean of the normals of both surfaces, so it does not depend on their order.
-    The host is a, unless supports hold a along n, or rows of other contacts already use more
-    directions of a than of b. Along a curve where three bodies meet, for example, two contacts may
-    need the same direction of a node. If supports hold both a and b along n, there is no row.
+    The host is a, unless supports hold a along n. With friction, the host is b if supports leave
+    more components of b free than of a. Without friction, the host is b if directions of a that
+    rows of other contacts use are closer to n than such directions of b; an example is a curve
+    where three bodies meet. If supports hold both a and b along n, there is no row.
 
     Attributes:
         contact: The two surfaces.

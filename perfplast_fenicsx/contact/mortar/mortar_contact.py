@@ -286,7 +286,7 @@ class Surface:
     facets: Facets
 
     def measure(self, comm: MPI.Intracomm) -> tuple[float, float]:
-        """Return the length or area of the surface, and the mean of its facets. Collective."""
+        """Return the length or area of the surface, and its mean per facet. Collective."""
         local = np.array([pieces_of(self.facets).measure.sum(), len(self.facets)])
         area, count = comm.allreduce(local)
         return float(area), float(area / max(count, 1))

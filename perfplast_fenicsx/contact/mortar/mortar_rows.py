@@ -396,7 +396,7 @@ def mortar_rows(
     fit = able & (d >= least_covered * summed(found.full))
     heirs = _heirs(comm, hosts, found, corners, place, fit)
     provided = _among(count, heirs["place"])
-    fit = fit | (able & ~provided)  # these nodes take over only if no other node can
+    fit = fit | (able & ~provided)  # barely covered nodes without heirs host too
     more = _heirs(comm, hosts, found, corners, place, fit)
     heirs = np.sort(np.concatenate([heirs, more[~provided[more["place"]]]]), order="place")
     lost = touched & ~fit & ~_among(count, heirs["place"])

@@ -6,7 +6,7 @@ TᵀKT.
 
 Only the normal jump is an unknown, not the tangential jumps. The block size is therefore unchanged,
 and multigrid needs as few iterations as without contact. Two touching blocks with 85 thousand
-unknowns are an example. If multigrid uses the rigid motions of each body, CG took 15 iterations in
+unknowns are an example. If multigrid used the rigid motions of each body, CG took 15 iterations in
 this basis and 16 without contact. CG took 60 iterations if multigrid used the rigid motions of both
 bodies together, and 105 if the whole jump replaced the displacement of the host.
 """

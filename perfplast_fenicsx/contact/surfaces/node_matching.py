@@ -31,7 +31,7 @@ class Matching:
     Attributes:
         primary: Primary nodes of the pairs on this rank, shape (num_pairs,).
         secondary: Secondary nodes of the same pairs, shape (num_pairs,).
-        alone: Number of nodes of both surfaces without a partner, on all ranks.
+        alone: Number of nodes of both surfaces without a separate partner, on all ranks.
         farthest: Largest distance from a primary node without a partner to the nearest secondary
             node on the rank of the search; inf if this rank has no secondary node, 0 if all nodes
             match.
@@ -49,10 +49,10 @@ def match_nodes(
     """Return the matched nodes of two surfaces that are opposite each other. Collective.
 
     Among the nearest nodes, the partner is the node that is most nearly opposite along the mean
-    normal. Among several nodes at one point, it is the node with the most nearly opposite normal.
-    Primary nodes within ``distance`` are matched first; the remaining nodes are matched at growing
-    distances, up to the size of the surfaces. The function verifies that each node has exactly one
-    partner.
+    normal. Among several nodes at one point, the partner is the node with the most nearly opposite
+    normal. Primary nodes within ``distance`` are matched first; the remaining nodes are matched at
+    growing distances, up to the size of the surfaces. The function verifies that each node has
+    exactly one partner.
 
     Args:
         comm: Communicator of the ranks.
@@ -88,7 +88,7 @@ class _Near:
         secondary: Partners of these nodes.
         left_primary: Nodes of the primary surface without a match.
         left_secondary: Nodes of the secondary surface without a match.
-        twice: Number of secondary nodes with more than one match.
+        twice: Number of surplus matches of secondary nodes with more than one match.
         farthest: Largest distance from ``left_primary`` to the nearest secondary node.
     """
 

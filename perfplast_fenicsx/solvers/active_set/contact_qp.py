@@ -240,7 +240,7 @@ class ContactProgram:
         )
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of contact QPs, of solves by SNES-VI, and of SNES-VI iterations."""
+        """Return the numbers of contact QPs, of QPs that SNES-VI solved, and of its iterations."""
         return self._programs, self._programs - self._condensed, self._inequality.iterations
 
     def response(

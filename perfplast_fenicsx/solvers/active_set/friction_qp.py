@@ -31,10 +31,10 @@ Newton's methods if their linearisations cycle.
 In plane meshes, a dense program determines which pairs are closed and which points slip: minimise ½
 zᵀSz − gᵀz over z ≥ 0.
 
-Starting from all pairs closed and all points sticking, z contains the openings of pairs and the
-slips of points in both directions. S is their stiffness, and g is the energy gained per unit of
-each, minus the bound c for a slip. This solution is exact even if successive linearisations cycle,
-as for a pin that rolls in its hole.
+Relative to the state in which all pairs are closed and all points stick, z contains the openings of
+pairs and the slips of points in both directions. S is their stiffness, and g is the energy gained
+per unit of each, minus the bound c for a slip. This solution is exact even if successive
+linearisations cycle, as for a pin that rolls in its hole.
 """
 
 from dataclasses import dataclass, replace

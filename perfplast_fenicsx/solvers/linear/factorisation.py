@@ -45,8 +45,8 @@ class Price:
     Attributes:
         iterations: Number of multigrid CG iterations that take the same time. Operations run faster
             if there are more per matrix entry, so the estimate is the square root of the number of
-            operations. The estimate is accurate to a factor of 2 for linear and quadratic elements,
-            for slender and stout bodies, and from 19 to 270 thousand unknowns
+            operations per matrix entry. The estimate is accurate to a factor of 2 for linear and
+            quadratic elements, for slender and stout bodies, and from 19 to 270 thousand unknowns
             (benchmarks/NOTEBOOK.md).
         fits: Whether the ranks have enough memory.
     """

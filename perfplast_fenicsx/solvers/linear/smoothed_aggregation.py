@@ -368,7 +368,7 @@ class CoarseSpaces:
         self._rows = _rows(self.interpolations[0], self._problem.basis.index)
 
     def _put(self, depth: int, P: PETSc.Mat) -> None:
-        """Store an interpolation; it overwrites one with the same pattern if that exists."""
+        """Store the interpolation of a level, in place of the level's old interpolation if any."""
         if depth == len(self.interpolations):
             self.interpolations.append(P)
         else:

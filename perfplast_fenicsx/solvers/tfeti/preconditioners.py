@@ -55,7 +55,7 @@ class DirichletPreconditioner:
         self._sums = self._summed(self._stiff)
 
     def apply(self, jumps: Floats) -> Floats:
-        """Return B_D S B_Dᵀ w."""
+        """Return B_D S B_Dᵀ w for ``jumps`` w."""
         dual = self._dual
         glued = np.zeros_like(jumps)
         glued[self._glue] = jumps[self._glue]

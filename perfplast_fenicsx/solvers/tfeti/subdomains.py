@@ -137,7 +137,7 @@ def bisected(x: Floats, count: int) -> Ints:
 
 
 def _connected(problem: Problem, label: Ints) -> Ints:
-    """Return parts of equal label that are connected by facets, numbered from 0. Collective."""
+    """Return the number of each cell's part: cells of equal label that facets connect. Collective."""
     topology = problem.V.mesh.topology
     topology.create_connectivity(topology.dim - 1, topology.dim)
     to_cell = topology.connectivity(topology.dim - 1, topology.dim)

@@ -100,7 +100,7 @@ class TornProgram:
             most: Largest number of products with F.
 
         Returns:
-            Whether both are small.
+            Whether jumps and unbalanced forces are small.
         """
         jumps = max(rtol * self.jumps, self._least_jumps)
         forces = max(rtol * self.forces, self._least_forces)
