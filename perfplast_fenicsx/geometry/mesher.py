@@ -174,11 +174,12 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
     for name in names:
         if name not in known:
             raise InputError(
-                f"without names '{name}', but there is no such body; {nearest(name, known)}"
+                f"the option without names '{name}', but there is no such body; "
+                f"{nearest(name, known)}"
             )
     kept = [part for part in parts if part.name not in names]
     if not kept:
-        raise InputError("without lists all bodies; keep at least one body.")
+        raise InputError("the option without lists all bodies; keep at least one body.")
     gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
     kernels = (gmsh.model.occ, gmsh.model.geo)
     for kernel in kernels:

@@ -79,7 +79,9 @@ def rooms(seen: Longs) -> Room:
 
 
 def shared_out(views: Sequence[Room]) -> list[Room]:
-    """Return the faces whose numbers each view shows: faces with the most space, or with enough.
+    """Return for each view the faces whose numbers it shows.
+
+    A view shows the number of a face if the face has most space in this view, or enough space.
 
     Args:
         views: Visible faces of each view.

@@ -186,7 +186,7 @@ def test_loads_and_motions_that_grow_together() -> None:
     for level in load_path(Newton(problem, SHARP), AT_YIELD * np.array([0.5, 0.9])):
         assert level.report.driving_force == pytest.approx(YOUNG * level.report.zeta, rel=1e-9)
         assert level.report.alpha == pytest.approx(level.report.zeta / YOUNG, rel=1e-9)
-    with pytest.raises(InputError, match="ζ moves supports, obstacles or overlaps"):
+    with pytest.raises(InputError, match="ζ multiplies motions or overlaps"):
         WorkNewton(problem)
 
 

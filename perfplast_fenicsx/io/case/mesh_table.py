@@ -283,7 +283,7 @@ def read_adaptation(table: Table | None, loading: Control, place: str) -> Adapta
         return None
     if not loading.of_body:
         raise InputError(
-            f"{place}: adapt needs bounds: give control = 'bounds' or 'strength' under [loading], "
+            f"{place}: adapt needs bounds; give control = 'bounds' or 'strength' under [loading], "
             "or remove adapt."
         )
     adaptation = convert(table, Adaptation, place)

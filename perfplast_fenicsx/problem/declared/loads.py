@@ -190,8 +190,8 @@ class ForceBelow(BodyForce):
         found = enclosed(self.depth, corners, f"the load on '{self.on}'")
         if found is None:
             raise InputError(
-                f"the depth of the load on '{self.on}' is {self.depth!r}; give a formula of "
-                "sums, products, abs, minimum and maximum."
+                f"the depth of the load on '{self.on}', {self.depth!r}, is not a supported "
+                "formula; give a formula of sums, products, abs, minimum and maximum."
             )
         low, high = found
         noticed = 1e-9 * np.abs(corners).max(initial=0.0)
