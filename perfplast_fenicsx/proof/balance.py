@@ -381,7 +381,7 @@ def _reactions(
         plates: Rigid surfaces.
 
     Returns:
-        The sizes and None, or None and the reason why there are no such forces.
+        The sizes and None, or None and the reason why no such forces are known.
     """
     d, pieces, anchors = body.dim, acting.pieces, left.anchors
     count = int(pieces.max()) + 1
@@ -444,7 +444,7 @@ def exerted_of(
         push: Function that applies forces and returns the forces that remain unbalanced.
 
     Returns:
-        The bounds and None, or None and the reason why there are no such forces.
+        The bounds and None, or None and the reason why no such forces are known.
     """
     (mid, rad), (weights, most), (missing, errors) = rows, limits, without
     columns = mid.shape[1]

@@ -204,7 +204,7 @@ def _reactions(
         idle: Pieces on which nothing acts along the axis.
 
     Returns:
-        The sizes and None, or None and the reason why there are no such forces.
+        The sizes and None, or None and the reason why no such forces are known.
     """
     pieces = acting.pieces[body.outer // 3]
     first = np.append(anchors.facets, plates.first)

@@ -193,7 +193,7 @@ class _Ways:
                 self._unlike[here] = np.abs(1 + dots / self._sizes[here] ** 2) + 64 * U
 
     def _tree(self, roots: Longs) -> list[Longs]:
-        """Build the paths to the roots over large facets.
+        """Build the paths to the roots, which prefer large facets.
 
         The function returns the cells by their distance from the roots.
         """

@@ -236,7 +236,7 @@ class AugmentedLagrangian(LevelSolver):
         self._anderson = Anderson(problem.comm, elastic_weights(problem))
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Start from the state, with u in K_h, e = ε(u), σ = Σ(e) and the first penalty.
+        """Start from ``start``, with u in K_h, e = ε(u), σ = Σ(e) and the first penalty.
 
         Collective.
         """

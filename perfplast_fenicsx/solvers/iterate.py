@@ -4,8 +4,8 @@ All algorithms share this module; they differ in their steps.
 
 Vectors with an entry for each unknown are of two kinds, both of type ``PETSc.Vec``. Vectors in
 nodal unknowns are named after u: displacements, their change δu
-(:attr:`quadrature_fields.Direction.du`), forces. Vectors in the jump unknowns of the jump basis are
-named after y: y = M u, and ``delta_y`` with δu = T δy. Forces in jump unknowns are Tᵀ times the
+(:attr:`quadrature_fields.Direction.du`), and forces. Vectors in the jump unknowns of the jump basis
+are named after y: y = M u, and ``delta_y`` with δu = T δy. Forces in jump unknowns are Tᵀ times the
 forces in nodal unknowns.
 
 The line search finds the length of a Newton step at which the derivative φ'(β) of the energy along

@@ -74,7 +74,7 @@ class Newton(LevelSolver):
         self._first_work = 0.0
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Start from the state, with u in K_h. Collective."""
+        """Start from ``start``, with u in K_h. Collective."""
         return value, self.iterate.begin(start)
 
     def step(
@@ -214,7 +214,7 @@ class WorkNewton(LevelSolver):
         return super().solve(value, start, monitor)
 
     def begin(self, value: float, start: State | None) -> tuple[float, PairFlags]:
-        """Start from the state, with u in K_h. Collective."""
+        """Start from ``start``, with u in K_h. Collective."""
         return start.zeta if start else 0.0, self.iterate.begin(start)
 
     def step(

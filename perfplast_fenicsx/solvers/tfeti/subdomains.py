@@ -137,7 +137,7 @@ def bisected(x: Floats, count: int) -> Ints:
 
 
 def _connected(problem: Problem, label: Ints) -> Ints:
-    """Return a number for each cell, equal if facets connect cells of equal label. Collective."""
+    """Return numbers of cells, equal for cells of equal label that facets connect. Collective."""
     topology = problem.V.mesh.topology
     topology.create_connectivity(topology.dim - 1, topology.dim)
     to_cell = topology.connectivity(topology.dim - 1, topology.dim)
