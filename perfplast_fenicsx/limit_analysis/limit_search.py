@@ -66,7 +66,7 @@ level at the midpoint, the search tries the other positions.
 
 
 OnLevel = Callable[[Level, Search], None]
-"""Called on every rank after each level that carries its load, with the search and its bracket."""
+"""Called on every rank after a level, with the level and the state of the search."""
 
 
 def check_resolution(rtol: float, solver: WorkNewton) -> None:
@@ -336,7 +336,7 @@ def limit_load(
             the laws, a factorisation fits into memory, and no argument of a path is given. If the
             factorisation exhausts memory nevertheless, the function follows a path instead.
         monitor: Called on every rank after each iteration.
-        on_level: Called on every rank after each level, with the result up to that level.
+        on_level: Called on every rank after each level, with the level and the state of the search.
         search: State of an earlier search, to continue it.
         reached: Last converged state of the earlier search.
 

@@ -33,8 +33,8 @@ ROUNDING = 1e-15
 """Load factors below this value differ from zero only by rounding, in the same units."""
 
 ENOUGH = 2.0
-"""Multiple of the loads to reach if all loads are permanent. If joints without adhesion carry the
-loads, they also carry any multiple of the loads."""
+"""Multiple of the permanent loads up to which joint forces are sought if no load grows. If joints
+without adhesion carry the loads, they also carry any multiple of the loads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class _Solution:
         return [(of.factor, of.aside, of.reactions) for of in self.sets], self.motion, self.limits
 
     def by_rank(self, count: int) -> list[list[tuple[Longs, Floats, Floats]]]:
-        """Return the facets and values of each rank, on both sides, for each set of forces."""
+        """Return each rank's facets, forces and tractions on both sides, for each set of forces."""
         facets, back = self.facets, np.argsort(self.facets.order, axis=1)[..., None]
         two = ~facets.alone
         rank, place = (

@@ -428,11 +428,11 @@ class _Solved:
         return BlockMotion(self.outcome, value, np.asarray(motion / work, dtype=np.float64))
 
     def _admissible(self, every: tuple[Places, ...]) -> Floats:
-        """Return the motion with a correction that removes violations from rounding errors."""
+        """Return the motion with a correction that removes violations due to rounding errors."""
         program, count = self.program, len(self.generators[0][0])
         power = np.asarray(self.columns[:, :count].T @ self.motion)
         scale = np.abs(self.columns[:, :count]).T @ np.abs(self.motion)
-        # A force whose power is below this value, relative to its terms, does no work.
+        # A force counts as idle if its power, relative to the terms of the power, is below this.
         idle = 1e-8
         active = np.flatnonzero(np.abs(power) <= idle * scale)
         rows = np.vstack(

@@ -268,7 +268,7 @@ def _held(
 
 
 def _left_free(gram: Floats) -> Floats:
-    """Return the orthonormal free motions, shape (num_blocks · modes, num_motions)."""
+    """Return orthonormal motions that supports allow, shape (num_blocks · modes, num_motions)."""
     count, modes = gram.shape[:2]
     values, vectors = np.linalg.eigh(gram)
     negligible = 1e-12  # relative eigenvalue below which a motion is free

@@ -1,4 +1,4 @@
-"""Declare mesh refinement that the bounds on the limit load drive, and when it ends."""
+"""Declare the mesh refinement that the bounds control, with its stopping criterion."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,7 +15,7 @@ load, or that they do not."""
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Mesh refinement that is driven by the bounds on the limit load, with its stopping criterion.
+    """Mesh refinement that the bounds on the limit load control, with its stopping criterion.
 
     Args:
         until: Gap between the proven bounds at which refinement ends, relative to the lower bound,

@@ -73,7 +73,7 @@ class AdaptiveBounds(NotebookResult):
         problem: The problem on the last mesh, before its tetrahedra are split.
         sources: The problems on the meshes of ``low`` and ``high``.
         rounds: A report for each mesh.
-        reason: Why the sequence ended, and a remedy if there is one, in a clause.
+        reason: Why the sequence ended, and a remedy if there is one, as a clause.
     """
 
     low: BodyBounds
@@ -164,7 +164,7 @@ def adaptive_bounds(
 
     Args:
         problem: The bodies and their loads, on the first mesh.
-        adaptation: When the refinement ends.
+        adaptation: Stopping criterion of the refinement; by default ``Adaptation()``.
         rtol: Relative distance of each bound to the best bound of its kind on its mesh. If a
             twentieth of the gap so far is larger, the function uses this value, up to 2 %.
         monitor: Called on every rank after each mesh.

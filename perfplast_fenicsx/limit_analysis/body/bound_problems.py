@@ -1,8 +1,8 @@
 """Create the problems whose limit loads are bounded, and convert their results back.
 
 The bodies of these problems differ from the declared bodies if ground has ψ < φ, or if pore
-pressures have kinks inside cells. Their limit loads then bound the limit loads of the declared
-bodies.
+pressures have kinks inside cells. The limit loads of these problems then bound the limit loads of
+the declared bodies.
 
 The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If both
 surfaces lie on each other, the bodies do not change. Two polygons that approximate one curve
@@ -46,8 +46,8 @@ class FlowProblem:
 
     Attributes:
         problem: The problem. In 3D its cells are split from their centres; in axisymmetry its
-            unknown is v = ru (:mod:`ring_flux`); for dilating bodies the laws are imposed at the
-            vertices.
+            unknown is v = ru (:mod:`ring_flux`); for dilating bodies the flow rule is imposed at
+            the vertices.
         split: The mesh of split cells; None without a split.
     """
 
@@ -110,7 +110,7 @@ def of_displacements(
     """
     velocity, forces = nodal_velocity(problem, flow.velocity), mesh.contact_forces
     rows = flow.problem.constraints
-    if forces is not None and len(forces) == len(rows.host):  # forces of pairs
+    if forces is not None and len(forces) == len(rows.host):  # one force for each pair
         told = problem.constraints
         ours, theirs = (
             it.host.astype(np.int64) * len(told.sources) + it.surface for it in (told, rows)
@@ -131,7 +131,7 @@ def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Fun
     Args:
         problem: Problem with the quadrature points.
         flow: Flow problem on the same cells, with coefficients at its points.
-        stress: σ_i = S_i/ρ_i of each coefficient S_i of S = rσ, Mandel vectors.
+        stress: Mandel vectors σ_i = S_i/ρ_i, with the coefficients S_i of S = rσ and ρ_i of r.
     """
     vertices, places = corners(problem.tagged_mesh.mesh)
     x, size = places[vertices], problem.S.dofmap.index_map_bs
@@ -214,7 +214,7 @@ def with_divided_interfaces(problem: Problem) -> Problem:
             neither lie on each other nor are polygons of one curve.
 
     Raises:
-        InputError: If a cell is thinner than the deviation of its facet.
+        InputError: If a cell is so thin that moving its facet to the polygon would fold the cell.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     pairs: list[Contact | Tie] = [*given.contacts, *given.ties]

@@ -174,9 +174,11 @@ class FactorRoots:
                 factor = _within(aimed, best, other, self.tolerance / 2)
             elif known:
                 factor = _next(known, sign * aim * room, self.steepness)
-                if other_side and sign * (factor - other_side) >= 0:  # no root is there
+                if other_side and sign * (factor - other_side) >= 0:  # no root lies there
                     factor = math.sqrt(other_side * min(known, key=lambda it: abs(known[it])))
-            else:  # less strength gives confined bodies a mechanism; more makes coarse meshes carry
+            else:
+                # With less strength, confined bodies get a mechanism; with more strength, coarse
+                # meshes carry the loads.
                 factor = (max if sign < 0 else min)(found) * STEP**-sign
             while known and factor in found and factor not in known:  # the search gave no result
                 factor = math.sqrt(factor * min(known, key=lambda it: abs(math.log(it / factor))))

@@ -42,7 +42,7 @@ from perfplast_fenicsx.spatial_fields import PointValues
 
 
 def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
-    """Return the cells with the largest contributions that together have a given part of the sum.
+    """Return flags of the cells whose largest contributions make up a given part of the sum.
 
     Collective.
 
@@ -66,12 +66,13 @@ def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDAr
 
 
 def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[np.bool_]:
-    """Return owned cells that cause a given part of the gap or of the multipliers' dissipation.
+    """Return flags of owned cells that cause a given part of the gap or the dissipation.
 
     Collective.
 
-    In 2D the marked cells have the given part of the sum of gap and dissipation. Each of the two is
-    divided by its total, and the dissipation has half weight.
+    The dissipation is that of the multipliers. In 2D the marked cells have the given part of the
+    sum of gap and dissipation. Each of the two is divided by its total, and the dissipation has
+    half weight.
 
     Args:
         problem: The bodies with their loads.
@@ -85,7 +86,7 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
     if dissipation is not None and part < 1.0:
         # If very few cells limit the stress, they cause the whole gap, and the indicators elsewhere
         # belong to a stress that is too small. In this case the function marks only these cells. If
-        # the bounds are already close, a larger stress helps little, and it also marks other cells.
+        # the bounds are already close, a larger stress helps little; other cells are marked, too.
         most, few, near = 0.9, 0.005, 0.1
         here = largest_shares(problem.comm, dissipation, most)
         if problem.comm.allreduce(int(here.sum())) < few * cells.size_global:

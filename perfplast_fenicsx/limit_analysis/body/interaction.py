@@ -141,7 +141,7 @@ class Envelope(NotebookResult):
 
     @property
     def dimensions(self) -> int:
-        """Number of loads."""
+        """Return the number of loads."""
         return len(self.signed)
 
     def draw_into(self, axes: Any) -> None:

@@ -124,7 +124,7 @@ def limit_bounds(
 
 
 def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
-    """Refuse a problem that :func:`limit_bounds` would refuse before it solves. Collective.
+    """Check without solving that :func:`limit_bounds` accepts a problem. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -345,7 +345,7 @@ Steps = Callable[[InteriorStep], None]
 
 
 NOT_ASKED = "it was not requested"
-"""Why the other bound is missing."""
+"""Reason why a bound is missing that the caller did not request."""
 
 
 def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:

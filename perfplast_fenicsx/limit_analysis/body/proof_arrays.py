@@ -230,12 +230,12 @@ class ForceProof:
 
     @property
     def aside(self) -> float:
-        """Factor of the live loads if λ multiplies the constant loads."""
+        """Return the factor of the live loads if λ multiplies the constant loads."""
         return self.joints.best.aside
 
     @property
     def factor(self) -> float:
-        """Factor of the loads that the forces balance."""
+        """Return the factor of the loads that the forces balance."""
         return self.joints.best.factor
 
 

@@ -3,9 +3,9 @@
 If F divides the strengths (cohesions, slopes of friction and yield stresses), the bodies carry the
 loads μ(F) times (:class:`load_factor.Question`), and μ decreases as F increases. If the weakened
 bodies have an admissible stress in balance with the loads, the factor of safety is at least F. If
-they have a mechanism that collapses under the loads, the factor is at most F. The module seeks the
-root F of ln μ = 0 for each strict bound of μ separately, by secants of ln μ over ln F. Each result
-is slightly on the safe side of its root.
+the loads do more work on a mechanism than the weakened bodies dissipate, the factor is at most F.
+The module seeks the root F of ln μ = 0 for each strict bound of μ separately, by secants of ln μ
+over ln F. Each result is slightly on the safe side of its root.
 """
 
 import logging
@@ -289,7 +289,7 @@ def _of_blocks(
         return found[factor]
 
     def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
-        """Return factors next to each other: a condition holds at the first, not at the second.
+        """Return two close factors; a condition holds at the first and not at the second.
 
         A factor that was not tested is 1 / FAR or FAR.
         """
@@ -412,7 +412,7 @@ def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
 
 
 def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> None:
-    """Compute the root of one kind of bound on the last mesh, or on an earlier mesh. Collective.
+    """Compute the root of one kind of bound on the last mesh that has a root. Collective.
 
     The last mesh may have no strict bound at any F. Rounding leaves unbalanced forces of 1e-16 of
     the weight, and small cells with almost no cohesion can hardly carry these forces.

@@ -8,9 +8,9 @@ the plane normal to the edge. Bisection adds no new directions, at any cell size
 around the edge add directions.
 
 In 2D, cells may be too wide where loads, supports or contacts end. Principal stresses rotate at
-such points. A lower bound needs many directions of edges with equal lengths, and therefore long and
-thin cells. Next to a side with known traction, the stress is uniform within a certain angle. Long
-cells within this angle do not improve the lower bound, and they worsen the mechanism.
+such points. A lower bound needs edges in many directions that all reach equally far, and therefore
+long and thin cells. Next to a side with known traction, the stress is uniform within a certain
+angle. Long cells within this angle do not improve the lower bound, and they worsen the mechanism.
 
 The module also refines 3D edges at which a shear traction ends and too few cells balance the
 traction. Stresses are symmetric: for a single stress at an edge, the traction on each side has the
@@ -229,7 +229,7 @@ Flags = npt.NDArray[np.bool_]
 def wide_corners(
     tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
 ) -> tuple[Flags, Flags]:
-    """Return flags of too wide corners at singular points, and of all corners at these points.
+    """Return flags of corners at singular points that are too wide, and of all such corners.
 
     Collective.
 
@@ -243,7 +243,7 @@ def wide_corners(
     Returns:
         Two arrays of shape (num_cells, 3).
     """
-    widest = np.deg2rad(7.5)  # for a rotation by a right angle; larger for smaller rotations
+    widest = np.deg2rad(7.5)  # largest angle for rotations by a right angle; larger otherwise
     near_enough = 0.004  # gap at which angles are halved; the angles cause a third of this gap
     if gap is not None and 0 < gap < near_enough:
         widest /= 2.0 ** np.ceil(np.log(near_enough / gap) / np.log(4.0))
@@ -372,7 +372,7 @@ def sheared_edges(problem: Problem, body: BoundBody) -> npt.NDArray[np.bool_]:
     right = np.pi / 2
     valence = 2  # required number of cells in each right angle of the body
     rounding = 1e-6  # in numbers of cells, from rounding errors of their angles
-    straight = 1.8  # angle of the body (right angles) from which an edge is no corner
+    straight = 1.8  # angle of the body (right angles) from which an edge is not a corner
     few = table[:, 1] < valence * table[:, 0] / right - rounding
     few &= table[:, 0] < straight * right
     found: npt.NDArray[np.bool_] = (wrong & few & (table[:, 2] > 1.5))[of_cell]
@@ -418,7 +418,7 @@ def with_room_for_stress(problem: Problem) -> Problem:
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:
-    """Return the plane problem with division of cohesionless cells that could carry no stress.
+    """Return a plane problem with all cohesionless cells divided that could carry no stress.
 
     Collective.
 

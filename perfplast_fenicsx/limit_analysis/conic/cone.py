@@ -206,7 +206,7 @@ class ConeRows:
     Attributes:
         kind: Kind of the cones.
         right: Constant parts, shape (num, size).
-        columns: Indices of the unknowns in each member, shape (num_cones, k).
+        columns: Indices of the unknowns in each member, shape (num, k).
         factors: Factors of these unknowns, shape (num, size, k).
     """
 
@@ -244,7 +244,7 @@ class ScaledBlock(Protocol):
     """A block at an iterate, with the scaling of its cones."""
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """Write this block's moduli into the moduli of all points and pairs; return the latter."""
+        """Write this block's moduli into ``moduli`` of all points and pairs; return the result."""
         ...
 
     def products(self, change: Members | None = None) -> Floats:
@@ -277,7 +277,7 @@ class ScaledBlock(Protocol):
 
 
 class Block(Protocol):
-    """The points of a rank with one kind of cone, or its contact pairs.
+    """The points of a rank with one kind of cone, or the contact pairs of a rank.
 
     Attributes:
         degree: Sum of the ranks of the cones; the gap divided by this sum is the mean product.
@@ -347,7 +347,7 @@ class PointSets(Protocol):
         ...
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> Self:
-        """Return the sets at the points that flags or indices among the points select."""
+        """Return the sets at the points that ``chosen`` selects by flags or indices."""
         ...
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
@@ -406,7 +406,7 @@ class Provable(Protocol):
     def on_file(self) -> dict[str, float]:
         """Return the numbers that describe the set, by the names of arrays in the proof file.
 
-        For missing names, ``cone_slope`` and ``cone_matrix`` are zero, and other numbers are NaN.
+        If a name is missing, ``cone_slope`` and ``cone_matrix`` count as zero, others as NaN.
         """
         ...
 

@@ -79,7 +79,7 @@ rounding in double precision would spoil the equilibrium of the weak points.
 
 RESERVES = (1e-5, 1e-3, 1e-2)
 """Shares of the strengths that are kept in reserve for rounding if there are permanent loads. The
-first share is the initial one (a tenth of the tolerance if this is smaller). The second is the
+first share is the initial share, unless a tenth of the tolerance is smaller. The second is the
 largest share if the excess over yield is not known; the third is the largest share if the excess is
 known.
 """
@@ -141,8 +141,8 @@ class ConicProgram:
         stiffness: Stiffness K, which can be assembled with any moduli.
         load: L without the part that ``carried`` balances.
         dead: L₀ without the part that ``carried_dead`` balances.
-        free: Loads with a free factor, which may help to balance the other loads. They do no work
-            on v.
+        free: Loads with a free factor, which may help to balance the other loads. These loads do no
+            work on v.
         has_free: Whether there are loads with a free factor.
         has_dead: Whether there are permanent loads L₀.
         jumps: Indices of the owned entries of velocities that are jumps of contact pairs;

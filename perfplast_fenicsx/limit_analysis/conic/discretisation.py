@@ -131,7 +131,7 @@ class Discretisation:
 
     Attributes:
         comm: The ranks.
-        strains: Strains of velocities.
+        strains: Strain rates of velocities.
         stiffness: Stiffness of the same velocities.
         load: Vector of L, the loads with the unknown factor λ, in the user's units.
         dead: Vector of L₀, the permanent loads, in the user's units.

@@ -376,7 +376,7 @@ class InteriorIteration:
         if not self.unbalanced() < left:
             self.now = before
 
-    @np.errstate(over="ignore", invalid="ignore")  # the step refuses an infinite direction
+    @np.errstate(over="ignore", invalid="ignore")  # the step rejects an infinite direction
     def step(self, onwards: bool = True) -> float:
         """Perform one step. Collective.
 
@@ -525,7 +525,7 @@ def _resistance(
         iteration: The iteration with the program.
         springs: Stiffness of contact.
         motion: The motion of bodies with unit moduli.
-        out: Set to the sum of internal and contact forces.
+        out: Vector that the function sets to the sum of internal and contact forces.
     """
     program = iteration.program
     rates, weights = program.rates_of(motion), program.weights

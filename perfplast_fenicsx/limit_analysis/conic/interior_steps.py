@@ -269,7 +269,7 @@ def _flow(program: ConicProgram, flow: PETSc.Vec, springs: Floats | None = None)
 
     Args:
         program: The bodies and their loads.
-        flow: Set to the flow.
+        flow: Vector that the function sets to the flow.
         springs: Contact springs; by default the springs of the program, after the function has
             adapted them to the stiffness of the bodies.
     """

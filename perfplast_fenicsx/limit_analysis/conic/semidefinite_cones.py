@@ -159,7 +159,7 @@ def _lower_inverse(L: Floats) -> Floats:
 
 
 def _orthogonal_columns(a: Floats) -> tuple[Floats, Floats]:
-    """Return orthogonal V with orthogonal columns of aV, and the norms of these columns.
+    """Return an orthogonal V for which aV has orthogonal columns, and the norms of these columns.
 
     The norms are the singular values. One-sided Jacobi rotations compute small singular values as
     accurately as large ones (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992), 1204).

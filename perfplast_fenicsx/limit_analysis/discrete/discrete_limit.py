@@ -100,7 +100,7 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
 
 
 def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
-    """Return the fewest names whose shares sum to :data:`MOST`, in descending order."""
+    """Return the fewest names whose shares together reach :data:`MOST`, in descending order."""
     total = sum(shares)
     if not 0 < total < np.inf:
         return ()
@@ -168,7 +168,7 @@ def discrete_result(
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit
         if verdict in (Verdict.FOUND, Verdict.STALLED):
-            iteration.now = iterate  # with the contact forces before the stress was balanced
+            iteration.now = iterate  # restores the contact forces from before the balancing
             high = kinematic_load(iteration)
             upper, inadmissible = high.value, high.inadmissible
             if upper is None:

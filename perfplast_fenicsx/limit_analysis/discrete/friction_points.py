@@ -84,7 +84,7 @@ class SlipPlaces:
         """Return shear stresses that use friction under pressure first, and adhesion for the rest.
 
         Args:
-            pressure: Pressure p at the places, shape (num_places,), at most 0 in compression.
+            pressure: Normal stress p at the places, shape (num_places,), negative in compression.
             slips: Shear stresses at the places, shape (num_places, gdim − 1).
 
         Returns:
@@ -216,12 +216,12 @@ class FrictionStiffness:
 
     @property
     def factorisations(self) -> int:
-        """Number of factorisations so far."""
+        """Return the number of factorisations so far."""
         return self._bodies.factorisations
 
     @property
     def solves(self) -> int:
-        """Number of systems solved so far."""
+        """Return the number of systems solved so far."""
         return self._bodies.solves
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:

@@ -156,8 +156,8 @@ def _at_points(
         of_cells: Function that returns the quantity in cells, on one side.
         at_vertices: Function that converts the quantity in cells to values at the vertices of the
             cells.
-        values: Method of the cones that evaluates the quantity with a function that evaluates
-            fields.
+        values: Method of :class:`BodyCones` that evaluates the quantity, given a function for the
+            values of fields.
     """
     cones = body_cones(problem)
     if not cones.varies:

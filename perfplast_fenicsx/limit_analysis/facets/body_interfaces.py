@@ -274,8 +274,8 @@ class InterfaceFacets:
         held: Flags of the components that supports hold, shape (num_facets, d).
         hosts: Owned facets whose first component is a jump.
         twins: Unknowns to which the jumps are relative, for each component at each vertex, shape
-            (num_facets, d, d); −1 for components that are not jumps. Without friction, only the
-            first component is a jump.
+            (num_facets, d, d); −1 for components that are not jumps. Without adhesion and dilation,
+            only the first component is a jump.
         in_contact: Owned facets of surfaces in contact.
         adhesion: Shear strength that resists slip on a host facet (stress), shape (num_facets,).
         friction: Coefficient of friction μ on host facets that separate as they slip, shape

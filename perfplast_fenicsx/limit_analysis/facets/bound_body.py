@@ -349,7 +349,7 @@ class BoundBody:
 
 @once_a_problem
 def bound_body(problem: Problem) -> BoundBody:
-    """Return the arrays of a problem for strict bounds; each problem computes them only once.
+    """Return the arrays of a problem for strict bounds; they are computed once for each problem.
 
     Collective.
     """

@@ -223,7 +223,7 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
-    """Return the least speed by which jumps are divided. Collective.
+    """Return the lower limit of the speeds that divide jumps. Collective.
 
     Without this limit, rounding errors of the largest velocity would count as penetration of slow
     bodies.
@@ -448,7 +448,7 @@ class FacingNodes:
             most, d); components that supports hold on both sides are zero.
         known: Flags of the existing normals, shape (n, most).
         contact: Smallest number among the contacts to which the pair belongs, shape (n,).
-        crowded: Whether either node belongs to several pairs, shape (n,).
+        crowded: Flags of pairs with a node that belongs to several pairs, shape (n,).
     """
 
     nodes: Longs
@@ -518,7 +518,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
     rows["normal"] = facets.normals[:, None]
     for node, edge in enumerate(facets.edges(), start=gdim):
         rows["ends"][:, node] = pairs[:, list(edge)]
-    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # same pair from both sides
+    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # equal on both sides
     for name, axis in (("nodes", -1), ("ends", -1), ("held", -2)):
         rows[name][swapped] = np.flip(rows[name][swapped], axis=axis)
     rows["normal"][swapped] *= -1.0

@@ -39,8 +39,9 @@ PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
 def with_enclosed_pores(problem: Problem, side: str) -> Problem:
     """Return the problem with linear pore pressures above or below the given pressures. Collective.
 
-    The function returns the problem itself if all pressures are linear in each cell, and if loads
-    grow. With growing loads, one proof contains both bounds, which therefore need the same loads.
+    The function returns the problem itself if all pressures are linear in each cell, if a load
+    grows, in axisymmetry, and on curved cells. With growing loads, one proof contains both bounds,
+    which therefore need the same loads.
 
     Args:
         problem: The bodies and their loads.

@@ -127,7 +127,7 @@ def _triangles(at: Floats, known: npt.NDArray[np.bool_], spread: Floats) -> Floa
     points = at / scale[:, None]
     turn = np.linspace(0.0, 2 * np.pi / 3, 24, endpoint=False)  # orientations to try
     angle = turn[:, None] + np.arange(3) * (2 * np.pi / 3)
-    out = np.stack([np.cos(angle), np.sin(angle)], axis=2)  # (turns, 3, 2)
+    out = np.stack([np.cos(angle), np.sin(angle)], axis=2)  # shape (turns, 3, 2)
     reach = np.einsum("nka,tja->ntjk", points, out)
     reach = np.where(known[:, None, None], reach, -np.inf).max(axis=3)
     best = np.argmin(reach.sum(axis=2), axis=1)
@@ -187,11 +187,14 @@ def _rows(
     glued: Flags,
     one: Flags,
 ) -> tuple[Constraints, Constraints] | None:
-    """Return the constraints for pairs that may separate, and for tied nodes. Collective."""
+    """Return the constraints for pairs that may separate, and for tied nodes. Collective.
+
+    The function returns ``None`` if the host of a pair belongs to a group of tied nodes.
+    """
     comm = problem.comm
     knots = _knots(problem, pairs, glued)
-    # pairs within a knot add no constraint; a pair with one node in a knot has the other node as
-    # host
+    # Pairs within a group of tied nodes add no constraint. If only one node of a pair is in a
+    # group, the other node becomes the host of the pair.
     place = np.searchsorted(knots.nodes, pairs.nodes)
     inside = np.isin(pairs.nodes, knots.nodes)
     label = np.full(pairs.nodes.shape, -1)
@@ -264,7 +267,7 @@ class _Knots:
 
 
 def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
-    """Join tied pairs into groups, for example along edges where three bodies meet. Collective."""
+    """Return groups of tied nodes, for example along edges where three bodies meet. Collective."""
     gdim = problem.bodies.gdim
     edge = [("nodes", np.int64, 2), ("held", np.bool_, (2, gdim))]
     mine = np.zeros(int(glued.sum()), dtype=edge)
@@ -273,7 +276,7 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Return constraints that tie free components in each group to a held or the first node."""
+    """Return constraints that tie the free components of each group to a held or first node."""
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []

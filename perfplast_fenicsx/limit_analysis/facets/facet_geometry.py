@@ -109,7 +109,7 @@ class FacetVelocities:
         numbers: Global numbers of the local unknowns, including ghosts.
         twins: Global number of the unknown whose value is added to each local unknown; −1 without a
             twin.
-        followers: Cells whose facets follow others.
+        followers: Cells with facets whose unknowns follow leads.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class FacetVelocities:
             numbers: Numbers of the facets.
             twins: Twins of the local unknowns, including ghosts.
             nodes: Number of nodes of a facet; its vertices come first.
-            followers: Cells whose facets follow others.
+            followers: Cells with facets whose unknowns follow leads.
         """
         tdim = mesh.topology.dim
         index_map, size = mesh.topology.index_map(tdim - 1), nodes * tdim

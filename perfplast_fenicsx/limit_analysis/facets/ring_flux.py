@@ -35,7 +35,7 @@ def by_flux(problem: Problem) -> Problem:
         problem: Axisymmetric problem with quadratic elements on straight cells.
 
     Raises:
-        InputError: If there is a gap between surfaces in contact in the radial direction.
+        InputError: If surfaces in contact have a radial gap.
     """
     given = problem.given
     supports: Sequence[Support] = [replace(one, value=0.0) for one in given.supports]

@@ -71,8 +71,8 @@ class CellLayout:
         rows: Index of the multiplier of each component at each vertex of each part, shape
             (num_parts, d + 1, d + 1, d). Multipliers of the part come first, then multipliers of
             the facets at the vertex.
-        outer: Number of multipliers of the cell's facets: d² for each facet, in the order in which
-            the cell has the facet's vertices.
+        outer: Number of multipliers of the cell's facets: d² for each facet, in the order of the
+            facet's vertices in the cell.
         inner: Number of all other multipliers.
     """
 

@@ -41,7 +41,7 @@ class MechanismBound:
     """The bound (D(v) − L₀(v))/L₁(v), or the reason why there is no bound.
 
     Attributes:
-        value: The bound; None without one.
+        value: The bound; None if there is no bound.
         mechanism: Mechanism v with L₁(v) = 1; None without a bound.
         solves: Number of linear systems solved.
         reason: Reason why there is no bound; empty if there is a bound.

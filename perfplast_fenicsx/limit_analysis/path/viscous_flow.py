@@ -1,14 +1,14 @@
 """Compute the slow flow of viscous bodies under loads.
 
 The velocity v minimises ½∫ η‖ε(v)‖² − L₀(v) over all velocities with L₁(v) = 1 and without
-penetration. A penalty makes ε(v) nearly admissible for the laws. Further flows, under stresses in
-proportion to the inadmissible part, then remove this part by the method of conjugate residuals.
+penetration. A penalty makes ε(v) nearly admissible for the laws. Further flows under stresses that
+are proportional to the inadmissible part then remove it by the method of conjugate residuals.
 These flows do not need exact solutions. The method also removes parts whose pressures an element
 can hardly resolve.
 
 A few solves remove the inadmissible part that the penalty leaves. With reusable factors, a large
-penalty and few solves are fastest. With CG, a smaller penalty is better, because each solve takes
-longer with a larger penalty.
+penalty and few solves are fastest. With conjugate gradients, a smaller penalty is better, because
+each solve takes longer with a larger penalty.
 """
 
 from typing import Protocol
@@ -61,7 +61,7 @@ class FlowSystem(Protocol):
     large: bool
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return before the set-up whether this solver suits a matrix. Collective."""
+        """Return whether this solver suits a matrix; called before the set-up. Collective."""
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
         """Set up the solver for an operator that holds the closed pairs. Collective.

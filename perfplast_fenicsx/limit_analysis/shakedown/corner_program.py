@@ -227,12 +227,12 @@ class CornerStiffness:
 
     @property
     def factorisations(self) -> int:
-        """Number of factorisations so far."""
+        """Return the number of factorisations so far."""
         return self._bodies.factorisations
 
     @property
     def solves(self) -> int:
-        """Number of systems solved so far."""
+        """Return the number of systems solved so far."""
         return self._bodies.solves
 
     def destroy(self) -> None:

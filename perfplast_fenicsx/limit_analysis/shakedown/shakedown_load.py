@@ -513,7 +513,8 @@ def shakedown_diagram(
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: In the cases of :func:`shakedown_load`, and if there are not two names.
+        InputError: If :func:`shakedown_load` refuses the problem, or if the domain does not have
+            two names.
     """
     check_directions(domain, directions)
     told = (problem, domain, rtol, steps)

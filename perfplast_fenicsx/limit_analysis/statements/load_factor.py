@@ -28,8 +28,8 @@ class Question(StrEnum):
     def enough(self) -> float:
         """Return the load factor up to which a search does not report an unbounded load.
 
-        The bodies carry the permanent loads if their factor is at least 1. Below 1, the search must
-        distinguish a small strength from no strength.
+        The bodies carry the permanent loads if their factor is at least 1. Below a factor of 1, the
+        search must distinguish a small strength from no strength.
         """
         return 4.0 if self is Question.STANDS else 0.0
 
@@ -366,7 +366,7 @@ class Bound:
 
     @property
     def can_be_strict(self) -> bool:
-        """Return whether the bound can hold for the body, as the proof checker has to judge."""
+        """Return whether the bound may hold for the body, so that the checker has to judge it."""
         return self.value is not None and self.of is Scope.BODY
 
     def is_improved_by(self, value: float | None) -> bool:
@@ -412,8 +412,8 @@ class Bound:
     def improves(self, old: "Bound") -> bool:
         """Return whether this bound replaces an old bound.
 
-        A strict bound replaces a less close strict bound, and every bound that is not strict. A
-        bound that is not strict replaces only bounds that are not strict.
+        A strict bound replaces a strict bound that is less close, and every bound that is not
+        strict. A bound that is not strict replaces only bounds that are not strict.
         """
         if self.value is None or old.value is None:
             return self.value is not None

@@ -231,7 +231,7 @@ void bring_in(int64_t cells, int outer, int inner, const double *factors, double
 
 
 class CellCondensation:
-    """Factor L of the inner block of each cell's K, and L⁻¹ times the coupling block."""
+    """The factor L of the inner block of each cell's K, and L⁻¹ times the coupling block."""
 
     def __init__(self, comm: MPI.Intracomm, rows: Longs, matrices: Floats, outer: int) -> None:
         """Compile the kernels and allocate arrays. Collective.
@@ -326,8 +326,8 @@ class CellCondensation:
 
 
 RIDGE = 1e-13
-"""Fraction of the diagonal that is added to the diagonal, because rows of equilibrium may depend on
-each other where facets meet at right angles or cross.
+"""Fraction of the diagonal of K that is added to K, because rows of equilibrium may depend on each
+other where facets meet at right angles or cross.
 """
 
 

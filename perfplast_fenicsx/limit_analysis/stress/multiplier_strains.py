@@ -58,7 +58,7 @@ class MultiplierStrains:
             axes: Directions of the components on facets, zero for held components, shape
                 (num_cells, d + 1, d, d).
             cones: Cones of the bodies.
-            bare: Flags of vertices of the cells without stress, shape (num_cells, d + 1).
+            bare: Flags of the cells' vertices without stress, shape (num_cells, d + 1).
             around_axis: Whether cells are sections of rings around x = 0. In this case no vertex is
                 bare.
         """

@@ -404,8 +404,8 @@ def form_that_fits(problem: Problem) -> StaticForm | None:
 
     Raises:
         TooLarge: If the factors do not fit; the message gives the needed and the available memory.
-        InputError: If a traction is not linear on each facet, and in the cases of
-            :func:`strict_lower_bound`.
+        InputError: If a traction is not linear on each facet, or if :func:`strict_lower_bound`
+            refuses the problem.
     """
     check_straight(problem)
     if bound_body(problem).prevents is not None:

@@ -472,7 +472,7 @@ class SlipWork:
 
     Attributes:
         power: Upper bound on ∫c‖w_t‖, summed over all ranks.
-        squares: Sum of ∫(‖w_t‖/h)² over layers whose thickness is the size h of the facet. It
+        squares: Sum of ∫(‖w_t‖/h)² over layers whose thickness is the size h of the facet. This sum
             corresponds to ∫‖ε(v)‖² in cells.
         why_not: Reasons why the dissipation may be larger, or why the slip is inadmissible, as
             clauses.

@@ -466,9 +466,9 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
     """Add a slow motion that dilates everywhere, if cells dilate too little because of rounding.
 
     Under pressures of 1e5 times the strength, the work on a missing dilatancy of only 1e-11 exceeds
-    the dissipation of the bodies, and the work on the added motion is small. The motion is x − a
-    along the axes in which supports allow it, with a at the supports. The function adds the motion
-    only if it is admissible. Collective.
+    the dissipation of the bodies. The work on the added motion is small. The motion is x − a along
+    the axes in which supports allow it, with a at the supports. The function adds the motion only
+    if it is admissible. Collective.
 
     Args:
         problem: The bodies.
@@ -497,7 +497,7 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
         mechanism.x.array[:] = before + 2**step * lacking * motion
         if missing(mechanism_rates(problem, mechanism)) > 0:
             continue
-        mechanism.x.array[:] += 2**step * lacking * motion  # for the rounding of the checker
+        mechanism.x.array[:] += 2**step * lacking * motion  # reserve for the checker's rounding
         if _entered(problem, mechanism) <= max(entered, UNSEEN):
             return mechanism_rates(problem, mechanism)
         break
