@@ -254,7 +254,7 @@ class TfetiProgram:
         return self._programs, 0, 0
 
     def _new(self, closed: PairFlags, seen: list[PairFlags]) -> bool:
-        """Return whether to try the face ``closed``: if it is new and few faces were tried. Collective."""
+        """Return whether the face ``closed`` is new and few faces were tried. Collective."""
         again = np.array([(earlier == closed).all() for earlier in seen], dtype=np.int32)
         self._comm.Allreduce(MPI.IN_PLACE, again, MPI.MIN)
         return len(seen) < MOST_EXCHANGES and not again.any()
