@@ -38,8 +38,8 @@ def interpolation_points(element: Any) -> Floats:
         element: ``V.element`` of a function space.
 
     Returns:
-        Points, shape (num_points, tdim). They are a method in DOLFINx up to 0.9, and a property
-        from 0.10 on.
+        Points, shape (num_points, tdim). DOLFINx has a method for the points up to 0.9, and a
+        property from 0.10 on.
     """
     points = element.interpolation_points
     return points() if callable(points) else points
@@ -58,7 +58,8 @@ def geometry_dofmap(mesh: Mesh) -> Ints:
 def coordinate_map(mesh: Mesh) -> Any:
     """Return the coordinate element of the cells.
 
-    It is ``geometry.cmap`` up to 0.10, and the first entry of the list ``geometry.cmaps`` in 0.11.
+    The element is ``geometry.cmap`` up to 0.10, and the first entry of the list ``geometry.cmaps``
+    in 0.11.
     """
     cmaps = getattr(mesh.geometry, "cmaps", None)
     return cmaps[0] if isinstance(cmaps, list) else mesh.geometry.cmap

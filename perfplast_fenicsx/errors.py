@@ -90,7 +90,7 @@ class InputError(ValueError):
 
 
 def code_of(module: str, function: str, message: str) -> str:
-    """Return the code of the most similar message of a function, for a refusal or warning.
+    """Return the code of a message: that of the most similar text for the same function.
 
     Args:
         module: Name of the module, without the package.

@@ -4,10 +4,10 @@ A formula is parsed, and its parts are compared with a list of allowed parts. Nu
 evaluate its syntax tree; Python itself never evaluates the formula.
 
 The enclosure consists of a linear function below and a linear function above the formula in each of
-several simplices. Each part of a formula is enclosed by such a pair, given at the vertices. The
-maximum of two linear functions is convex: its chord lies above it, and both functions lie below it.
-A product of two linear functions differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ is
-at most a quarter. A formula that is linear in a simplex is its own enclosure.
+several simplices. Such a pair, given by values at the vertices, encloses each part of a formula.
+The maximum of two linear functions is convex: its chord lies above it, and both functions lie below
+it. A product of two linear functions differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ
+is at most a quarter. A formula that is linear in a simplex is its own enclosure.
 """
 
 import ast
@@ -337,7 +337,10 @@ def _pair(value: Any) -> Any:
 
 
 def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
-    """Return a function of the lower and upper members; one array for both if all are linear."""
+    """Return ``function`` of the lower members and of the upper members of pairs.
+
+    If each pair is linear, both results are the same array.
+    """
     low = function(*(it[0] for it in pairs))
     linear = all(it[0] is it[1] for it in pairs)
     return low, low if linear else function(*(it[1] for it in pairs))

@@ -35,7 +35,7 @@ def physical_memory() -> int:
 def spare_memory(comm: MPI.Intracomm) -> float:
     """Return the memory that each rank may use if all ranks use equally much (MB). Collective.
 
-    It is the least value over all machines; ∞ if it is not known.
+    The result is the least value over all machines; ∞ if it is not known.
     """
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     spare, table = math.inf, Path("/proc/meminfo")

@@ -7,8 +7,8 @@ and above, but bound the limit load of the body on neither side. So the program 
 distance of the sides, and the estimate with few digits.
 
 A loading path loses equilibrium between two of its levels. If no limit theorem holds, as with
-Coulomb's friction, only two levels bound this load: the highest solved
-level from below, and the lowest level with the verdict that no equilibrium exists from above.
+Coulomb's friction, only two levels bound this load. The highest solved level bounds it from
+below. The lowest level that ended with the verdict that no equilibrium exists bounds it from above.
 """
 
 import math

@@ -200,7 +200,8 @@ class Triangulation:
         shares = np.full((len(x), x.shape[1] + 1), -1.0)
         for some in np.array_split(np.arange(len(x)), len(x) // PLACES_AT_ONCE + 1):
             places, simplices, given = self._candidates(x[some])
-            order = np.lexsort((given.min(axis=1), places))  # a place is in its last simplex
+            # sorted such that the last simplex of each place contains the place
+            order = np.lexsort((given.min(axis=1), places))
             found[some[places[order]]] = simplices[order]
             shares[some[places[order]]] = given[order]
         return self.simplices[found], shares

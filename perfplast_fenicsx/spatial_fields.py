@@ -294,7 +294,8 @@ def read_vtu(path: Path, name: str) -> PointValues:
 
     Raises:
         InputError: If the file cannot be read, if it has no such array, or if its cells overlap,
-            have no area, or are not simplices. Also if triangles are not in a plane z = constant.
+            have no area, or are not simplices. Also raised if triangles are not in
+            a plane z = constant.
     """
     found = read_vtu_points(path, name)
     points = found.points
@@ -368,7 +369,7 @@ def spatial_field(value: object, folder: Path) -> SpatialField:
         file, column = value["file"], value["column"]
         if isinstance(file, str) and isinstance(column, str):
             path = folder / file
-            if path.exists() and not path.is_file():  # reading a pipe would never end
+            if path.exists() and not path.is_file():  # reading from a pipe might never end
                 raise InputError(f"'{file}' is not a regular file; give a .csv or .vtu file.")
             by_cells = file.lower().endswith(".vtu")
             return read_vtu(path, column) if by_cells else read_points(path, column)

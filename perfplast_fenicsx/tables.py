@@ -23,7 +23,7 @@ COLOURS = {"lower": "#3b6ea5", "upper": "#d62020"}
 
 
 def csv_table(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows with the same keys as CSV: commas, decimal points, all digits.
+    """Return ``rows``, which have equal keys, as CSV: commas, decimal points, all digits.
 
     Unknown values are empty. A table without rows gives an empty file.
     """
@@ -53,7 +53,7 @@ def notebook_table(title: str, rows: Sequence[tuple[str, object]]) -> str:
 
 
 def data_frame(rows: Sequence[Mapping[str, Any]]) -> "DataFrame":
-    """Return rows with the same keys as a data frame.
+    """Return ``rows``, which have equal keys, as a data frame.
 
     Raises:
         InputError: If pandas is not installed.

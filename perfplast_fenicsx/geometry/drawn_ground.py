@@ -52,8 +52,8 @@ class Region:
 class Stratum:
     """A layer of ground: a body from its top down to the top of the next stratum.
 
-    Strata are listed from the surface downwards. Where two tops coincide, the upper stratum has no
-    thickness and is not present.
+    The case lists strata from the surface downwards. Where two tops coincide, the upper stratum has
+    no thickness and is not present.
 
     Args:
         name: Name of the body; lower-case letters, digits and _.

@@ -55,7 +55,7 @@ def read_dxf(path: Path) -> DxfDrawing:
         InputError: If the package ezdxf is missing, if the file cannot be read or has no line, if
             points of a line differ in z, or if lines in one layer branch.
     """
-    if path.exists() and not path.is_file():  # reading a pipe would never end
+    if path.exists() and not path.is_file():  # reading from a pipe might never end
         raise InputError(f"'{path.name}' is not a regular file; give a DXF file.")
     try:
         ezdxf, paths = import_module("ezdxf"), import_module("ezdxf.path")

@@ -263,9 +263,9 @@ EXACT = 0.01
 def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
     """Mesh the bodies with accurate areas of faces, and return the largest edge length.
 
-    If no size is given, an automatic size with few elements is used. Then arcs are refined until
-    the areas are accurate. If a mesh with finer arcs has flat elements, too many elements or no
-    elements, the previous mesh is restored.
+    If no size is given, the function uses an automatic size with few elements. It then refines arcs
+    until the areas are accurate. If a mesh with finer arcs has flat elements, too many elements or
+    no elements, the function restores the previous mesh.
     """
     most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
     if options.size is None:

@@ -21,12 +21,12 @@ def cut_along_each_other(
     Args:
         dim: Dimension of the bodies.
         parts: The bodies; they get new entities.
-        overlap: Largest overlap of two bodies, relative to the volume of the smaller body.
-        close_gaps: Two faces at a smaller distance become one face (length).
+        overlap: Largest allowed overlap of two bodies, relative to the volume of the smaller body.
+        close_gaps: Distance (length) below which two faces become one face.
 
     Raises:
-        InputError: If bodies overlap by more, if they cannot be cut, or if closing gaps changes
-            them too much.
+        InputError: If bodies overlap by more than ``overlap``, if they cannot be cut, or if closing
+            gaps changes them too much.
     """
     solids = [(dim, tag) for part in parts for tag in part.tags]
     if len(solids) < 2 or set(solids) - set(gmsh.model.occ.getEntities(dim)):

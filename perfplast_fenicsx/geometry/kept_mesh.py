@@ -41,7 +41,7 @@ class Stage:
 
     Attributes:
         doing: Description of the stage, which continues "while gmsh was".
-        faces: Names of bodies by tag of the face; not empty only in the stage of meshing.
+        faces: Names of bodies by tag of the face; empty except in the stage of meshing.
     """
 
     doing: str
@@ -113,7 +113,7 @@ def mesh_geometry(
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
-            seen = error.stdout or b""  # this output is bytes in spite of the encoding
+            seen = error.stdout or b""  # bytes here, although an encoding is set
             doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
             raise InputError(
                 f"'{source}' was not meshed within {options.patience:g} s, while gmsh was {doing}; "
@@ -121,7 +121,7 @@ def mesh_geometry(
                 "patience, or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
-            if "    import gmsh\n" in done.stderr:  # the line at which the program failed
+            if "    import gmsh\n" in done.stderr:  # the traceback shows this line
                 raise InputError(NO_GMSH)
             fault = "Traceback (most recent call last)" in done.stderr
             if fault and done.returncode > 0 and done.returncode != REFUSED:

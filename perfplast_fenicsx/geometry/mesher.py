@@ -249,7 +249,7 @@ def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part
 
 
 def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[int]:
-    """Return the entities of the part of a body on the kept side of a plane."""
+    """Cut an entity at a plane, and return the tags of its parts on the kept side."""
     occ = gmsh.model.occ
     low, high = box(dim, [tag])
     if high[along] <= value + 1e-6 * size:
@@ -297,10 +297,10 @@ def skin_of(
     Returns:
         Arrays by name. ``points``, shape (n, 3). ``triangles``, shape (m, 3), with the index
         ``body`` of each triangle and the number ``face`` of its free face, from 1 (0 for plane
-        bodies, whose faces are curves). ``names`` of the bodies. ``places`` on free faces, shape
-        (k, 3), with the ``numbers`` of these faces. ``outlines`` of seams, shape (s, 2), with the
-        index ``seam`` of each line. For plane bodies also the lines of free faces, ``segments``,
-        shape (t, 2), with the number ``segment_face`` of each line's face.
+        bodies, whose faces are curves). ``names`` of the bodies. ``places``, points on free
+        faces, shape (k, 3), with the ``numbers`` of these faces. ``outlines`` of seams, shape (s,
+        2), with the index ``seam`` of each line. For plane bodies also ``segments``, the lines of
+        free faces, shape (t, 2), with the number ``segment_face`` of each line's face.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
@@ -426,7 +426,7 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     """Read a geometry file into gmsh's current model, mesh the bodies, and write the mesh.
 
     Args:
-        source: STEP, BREP, IGES or gmsh's .geo.
+        source: A STEP, BREP, IGES or gmsh .geo file.
         target: The .msh file to write; the visible triangles go to an .npz file next to it.
         options: Sizes, degree of the elements, symmetry and names of faces.
 

@@ -21,12 +21,13 @@ class NamedFace:
         plane: A coordinate and its value (length), such as {z = 40.0}; selects all flat faces in
             this plane.
         point: A point on a face (length; 2 or 3 numbers); selects the face that contains the point.
-        angle: With a point: an angle (degrees, below 90). Also selects faces across edges at which
-            the angle between the tangents is smaller, such as the second half of a bore.
+        angle: Angle (degrees, below 90), only with ``point``. The name then also selects faces
+            across edges at which the angle between the tangents is smaller, such as the second half
+            of a bore.
         radius: Radius of cylindrical faces (in the plane, of circular curves); selects all faces
             with this radius (length).
-        about: With a radius: a point on the axis of the cylinder (length; 2 or 3 numbers). Required
-            only to choose between several cylinders with this radius.
+        about: A point on the axis of the cylinder (length; 2 or 3 numbers), only with ``radius``.
+            It is required only to choose between several cylinders with this radius.
         number: Number of a face or set of faces in the list and the picture from
             ``perfplast mesh``.
         colour: Colour of faces in a STEP file that differs from the colour of most of the body.

@@ -43,7 +43,7 @@ def cracks_among(
     On boundaries and between bodies these names have no special meaning.
 
     Args:
-        curves: Curves by their names.
+        curves: Tags of curves by name.
         inside: Curves inside a body that are not on its boundary.
 
     Raises:

@@ -79,8 +79,8 @@ def sewn(path: Path, count: int) -> tuple[list[int], list[str]]:
         InputError: If the faces enclose no volume, even after gaps are closed.
     """
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
-    # Widths of gaps that are closed between faces, relative to the size of all faces. The smallest
-    # sufficient width is used.
+    # Widths of gaps to close between faces, relative to the size of all faces. The loops use the
+    # smallest sufficient width.
     gaps = (1e-6, 1e-5, 1e-4, 1e-3)
     if faces:
         whole = _area(faces)
@@ -224,7 +224,7 @@ class Drawing:
 
 
 def read_parts(path: Path) -> Drawing:
-    """Read a file that :func:`~geometry_file.check_file` has checked into gmsh's current model.
+    """Read a file into gmsh's current model, after :func:`~geometry_file.check_file` checked it.
 
     Raises:
         InputError: If the file cannot be read, or if it contains no body.

@@ -25,8 +25,9 @@ class PlaneFace:
     """A bounded face between lines.
 
     Attributes:
-        loops: Edges in order along its outer boundary and along the boundaries of its holes. Edge e
-            is e + 1 from its first to its second point, and -(e + 1) in the other direction.
+        loops: Edges in order along its outer boundary and along the boundaries of its holes. The
+            number e + 1 means edge e from its first to its second point, and -(e + 1) means edge e
+            in the other direction.
         inside: Edges inside the face that do not divide it.
         point: A point inside the face, shape (2,).
         area: Area of the face without its holes.

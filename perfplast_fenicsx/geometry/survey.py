@@ -11,7 +11,7 @@ class Body:
     Attributes:
         name: Name in the mesh.
         label: Name in the file, with the names of its assemblies.
-        volume: Volume (in the plane area) of the mesh.
+        volume: Volume (in the plane area) of the body in the mesh.
         low: Smallest coordinates.
         high: Largest coordinates.
         cells: Number of elements.
@@ -57,11 +57,11 @@ class Face:
 
     Attributes:
         number: Number in the picture.
-        name: Name of this face alone in the mesh.
+        name: Separate name of the face in the mesh.
         body: Name of the body.
         shape: Shape in words, such as "flat".
-        area: Area (in the plane length) of the mesh.
-        centre: Centroid of the mesh.
+        area: Area (in the plane length) of the face in the mesh.
+        centre: Centroid of the face in the mesh.
         cad: Area in the file; None if it is unknown.
         round_of: Kind, radius and direction of the axis for a cylinder, such as "bore, R 5, along
             z"; "" for other faces.
@@ -86,7 +86,7 @@ class NamedFaces:
         name: Name in the mesh.
         faces: Numbers of the faces; empty for a physical group at which bodies touch.
         why: Common property of the faces, in words.
-        area: Area of the mesh of all these faces.
+        area: Area of all these faces in the mesh.
         cad: Area in the file; None if it is unknown.
     """
 

@@ -117,7 +117,7 @@ class DruckerPragerLaw(Law):
         return mean - self.strength
 
     def _by_branch(self, e: Expr, elastic: Expr, cone: Expr, apex: Expr) -> Expr:
-        """Return the scalar of the active branch: elastic, cone or apex."""
+        """Return the value of the active branch: elastic, cone or apex."""
         flows = ufl.conditional(ufl.gt(self.beyond(e), 0.0), apex, cone)
         return ufl.conditional(ufl.gt(self.excess(e), 0.0), flows, elastic)
 

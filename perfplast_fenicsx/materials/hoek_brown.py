@@ -160,8 +160,8 @@ class HoekBrownLaw(Law):
         The term i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w, with w =
         (2R' + k) i − √2 k n for the unit in-plane deviator n of the stress, β = μK/(K k² x +
         μ(2R' + k)²), and the vector i with i:d = (p of Cd)/K. Perpendicular to n the deviatoric
-        modulus is 2μR'/R. Plastic flow does not change the stress
-        from ε_zz alone.
+        modulus is 2μR'/R. Plastic flow does not change the part of σ_zz that depends on ε_zz but
+        not on p.
         """
         k, mu = self.curvature, self.shear
         trial = self.elastic.hooke(e)

@@ -60,7 +60,7 @@ class MohrCoulombLaw(Law):
         return (up, 0.0, down), (up / 2, up / 2, down), (up, down / 2, down / 2)
 
     def _by_branch(self, e: Expr, values: Sequence[Expr]) -> Expr:
-        """Return the scalar of the active branch: elastic, face, left edge, right edge or apex."""
+        """Return the value of the active branch: elastic, face, left edge, right edge or apex."""
         e1, e2, e3 = principal_axes(e).ordered
         to_left, to_right = (e1 - e2) / (1 + self.sine), (e2 - e3) / (1 - self.sine)
         face, left, right = (self._flow(e, i) for i in range(3))

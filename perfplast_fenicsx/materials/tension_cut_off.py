@@ -81,7 +81,7 @@ class CutOffLaw(MohrCoulombLaw):
         return second + poisson * (self.tension + self._lowest - first - third)
 
     def _by_kind(self, e: Expr, coulomb: Expr, cut: Sequence[Expr], both: Sequence[Expr]) -> Expr:
-        """Return the scalar of the active case, one of six.
+        """Return the value of the active case: ``coulomb``, one of ``cut``, or one of ``both``.
 
         Args:
             e: The strain.

@@ -1,4 +1,4 @@
-"""Count cells on both sides of facets, to detect folded meshes: they have two cells on one side."""
+"""Count cells on both sides of facets, to detect folds: two cells on one side of a facet."""
 
 from dataclasses import dataclass
 
@@ -76,7 +76,8 @@ def _refuse(
 ) -> None:
     """Raise an error with the place of one wrong cell if there are wrong cells. Collective.
 
-    ``wrong`` has a row of flags for each cell; flags with equal ``numbers`` count once.
+    ``wrong`` has a row of flags for each cell; flags with the same number in ``numbers`` count
+    once.
     """
     count = len(np.unique(numbers[wrong])) if numbers is not None else int(wrong.sum())
     total, message = mesh.comm.allreduce(count), None

@@ -128,7 +128,7 @@ def node_ordering(mesh: Mesh, cells: Ints, index_map: IndexMap) -> Ordering:
 
 
 def with_ghosts(index_map: IndexMap, owned: Longs) -> Longs:
-    """Return integers of local nodes from the integers of owned nodes. Collective."""
+    """Return integers of all local nodes, with ghosts, from those of owned nodes. Collective."""
     vector = la.vector(index_map, 1, dtype=np.int64)
     vector.array[: index_map.size_local] = owned
     vector.scatter_forward()

@@ -102,7 +102,7 @@ def read_content(path: Path) -> Content:
             )
         except OSError as error:
             raise InputError(f"gmsh cannot be started to read '{path}': {error}.") from error
-        if b"    import gmsh" in done.stderr:  # the line at which the program failed
+        if b"    import gmsh" in done.stderr:  # the traceback shows this line
             raise InputError(NO_GMSH)
         if not target.exists() or done.returncode:
             end = f"exit status {done.returncode}"
@@ -129,7 +129,7 @@ def read_content(path: Path) -> Content:
 def windows_path(path: Path) -> str:
     """Return a remedy for a file name that does not exist."""
     name = str(path)
-    if not name.isprintable():  # "C:\temp\new.msh" contains a tab and a line break
+    if not name.isprintable():  # Python reads a tab and a line break in "C:\temp\new.msh"
         return (
             "in double quotes \\ is an escape character: write / in the path, or put the path in "
             "single quotes"
@@ -203,7 +203,7 @@ class GmshMesh:
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
-    """Open a silent gmsh session with an empty model; restore a gmsh that is already in use.
+    """Open a silent gmsh session with an empty model; restore a session that is already open.
 
     Raises:
         InputError: If gmsh's Python module is not installed.

@@ -3,8 +3,9 @@
 Each assembly consists of boxes, which are divided into cubes and tetrahedra; each rank creates a
 part of the cells. Every cube, with corners 1…8 = (000)(100)(110)(010)(001)(101)(111)(011), is
 divided into the tetrahedra 1246 1456 4568 2346 3674 4678. Points at the ends of each edge of a box
-have exactly the given coordinates, and points between them are rounded only once. So surfaces are
-found by exact comparison, and the vertices of two touching surfaces coincide exactly.
+have exactly the given coordinates, and points between them are rounded only once. The module
+therefore finds surfaces by exact comparison, and the vertices of two touching surfaces coincide
+exactly.
 """
 
 import inspect

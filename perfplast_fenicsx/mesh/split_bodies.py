@@ -50,16 +50,16 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
     are written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and
     ``upper`` becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups
     without a name have their number as name. Bodies are also separated along interfaces without a
-    name. The function supports first and second order and any kind of element. It is not collective
-    and runs on one process.
+    name. The function supports elements of any kind, of first and second order. It is not
+    collective and runs on one process.
 
     Open cracks are curves inside plane bodies. Their nodes are doubled, except at crack tips inside
     the body.
 
     Args:
         path: The file to write.
-        cracks: Names of both sides of each open crack. Both names have the same curves; the first
-            name belongs to the side on the left along the direction of the curves.
+        cracks: Names of both sides of each open crack. The physical groups of both names contain
+            the same curves. The first name is for the side on the left, seen along the curves.
 
     Raises:
         InputError: If the model has no physical volume, if a volume is in no physical volume or in

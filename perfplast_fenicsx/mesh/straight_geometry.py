@@ -1,4 +1,4 @@
-"""Return the vertices, gradients of barycentric coordinates, and outer facets of straight cells."""
+"""Compute vertices, gradients of barycentric coordinates, and outer facets of straight cells."""
 
 import math
 from dataclasses import dataclass

@@ -154,7 +154,7 @@ class TaggedMesh:
         return isinstance(self.kinematics, PlaneStress)
 
     def turned(self) -> "TaggedMesh":
-        """Return the same mesh as half section of bodies of revolution: x is r, y the axis z.
+        """Return the mesh as a half section of bodies of revolution: x is r, and y is the axial z.
 
         Vertices close to the axis are moved onto the axis. Collective.
 
@@ -228,7 +228,7 @@ class TaggedMesh:
     def left_glued(
         self, named: Iterable[str], cracks: Iterable[str] = ()
     ) -> tuple["TaggedMesh", list[tuple[str, str]]]:
-        """Return the glued pairs that no contact or tie names, without their cracks.
+        """Return the mesh, and the glued pairs that no contact or tie names, without cracks.
 
         Args:
             named: Names of the surfaces of contacts and ties; unknown names are ignored.

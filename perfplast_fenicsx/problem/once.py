@@ -11,14 +11,14 @@ T = TypeVar("T")
 
 
 def once_a_problem(derive: Callable[[Problem], T]) -> Callable[[Problem], T]:
-    """Return a function that is evaluated only once for each problem.
+    """Return a function that evaluates ``derive`` only once for each problem.
 
     The mesh, the declaration and the contact of a problem never change. All callers receive the
     same arrays, and no caller may write to them.
 
     Args:
-        derive: Function of a problem. Its result must not refer to the problem, because it would
-            keep the problem alive.
+        derive: Function of a problem. Its result must not refer to the problem, because the
+            cached result would then keep the problem alive.
     """
     known: WeakKeyDictionary[Problem, T] = WeakKeyDictionary()
 

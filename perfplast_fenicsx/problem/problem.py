@@ -101,7 +101,7 @@ class Problem:
             at ζ = 0.
         constraints: The contact inequalities B u ≤ g, a row for each contact pair.
         sliding: The rows of tangential jumps on surfaces with friction.
-        friction: Friction in these rows.
+        friction: Friction in the rows ``sliding``.
         free: Rigid motions that nothing resists, and the nodes at which springs fix them.
         first_active: Initial active set of pairs, with which no body can move freely.
         basis: Basis in which contact is a bound constraint. Its gaps are reduced by the closing
@@ -257,7 +257,7 @@ class Problem:
     def comm(self) -> MPI.Intracomm:
         """Return the communicator of the mesh.
 
-        It remains valid after the mesh is destroyed.
+        The communicator remains valid after the mesh is destroyed.
         """
         return lasting(self.tagged_mesh.mesh.comm)
 

@@ -44,8 +44,8 @@ ARGUMENTS: tuple[tuple[str, tuple[type, ...]], ...] = (
 class Names:
     """Names of the mesh as attributes and keys, for completion in editors and notebooks.
 
-    Each attribute is the name itself: ``names.top == "top"``. A name that is no identifier is a
-    key: ``names["left side"]``. Iteration yields all names.
+    Each attribute is the name itself: ``names.top == "top"``. A name that is not an identifier of
+    Python is a key: ``names["left side"]``. Iteration yields all names.
     """
 
     def __init__(self, kind: str, names: Mapping[str, object]) -> None:
@@ -107,7 +107,7 @@ class ProblemBuilder:
         self.declared: list[Declared] = []
 
     def material(self, material: Material, *bodies: str) -> "ProblemBuilder":
-        """Give bodies a material, in place of an earlier one.
+        """Assign a material to bodies; it replaces an earlier material.
 
         Args:
             material: The material.
@@ -201,7 +201,7 @@ def _argument_of(one: Declared) -> str:
     """Return the argument of :class:`Problem` to which a declaration belongs.
 
     Raises:
-        InputError: If the object is no declaration.
+        InputError: If the object is not a declaration.
     """
     for name, kinds in ARGUMENTS:
         if isinstance(one, kinds):

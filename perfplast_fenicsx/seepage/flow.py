@@ -189,7 +189,8 @@ def steady_flow(tagged_mesh: TaggedMesh, seepage: Seepage) -> SteadyFlow:
 
     Raises:
         InputError: On every rank, if names are unknown, numbers are invalid, or no flow is found.
-            Also if two levels meet, or if a part of the ground has neither a level nor an outlet.
+            Also raised if two levels meet, or if a part of the ground has neither a level nor an
+            outlet.
     """
     if tagged_mesh.axisymmetric or tagged_mesh.is_thin:
         raise InputError(
@@ -352,7 +353,7 @@ class Network:
         return numbers[(numbers >= 0).all(axis=1)]
 
     def surface_above(self, mesh: TaggedMesh, surface: str) -> Floats:
-        """Return the height of a surface vertically above each point; infinite at other points.
+        """Return the height of a surface vertically above each point; infinite if it is not there.
 
         Args:
             mesh: A plane mesh.

@@ -290,7 +290,7 @@ def _below(tagged_mesh: TaggedMesh, load: ForceBelow) -> fem.Function:
 def _field(
     tagged_mesh: TaggedMesh, load: SpreadLoad, value: Formula, dim: int, entities: Ints
 ) -> fem.Function | fem.Constant:
-    """Return a number as a constant, or a formula at nodes of quadratic cells (0 elsewhere)."""
+    """Return ``value`` as a constant if it is a number, or else as a function on ``entities``."""
     mesh = tagged_mesh.mesh
     if not isinstance(value, str):
         return fem.Constant(mesh, default_scalar_type(value))

@@ -296,7 +296,7 @@ def _check_moves(
 
 
 def _add_motion(displacement: Floats, offset: Floats, rows: Floats, pivots: Ints) -> None:
-    """Add the motion of guides to u_D, along the components that their rows eliminate.
+    """Add the motion of guides to ``displacement``, along the components that rows eliminate.
 
     Args:
         displacement: u_D, shape (num_nodes, gdim).

@@ -225,7 +225,7 @@ class GivenMotion:
         return np.asarray(self.gap[0] + zeta * self.gap[1])
 
     def slide_at(self, zeta: float) -> Floats:
-        """Return the tangential jumps that motion alone causes, shape (num_places, gdim − 1)."""
+        """Return tangential jumps by prescribed motion alone, shape (num_places, gdim − 1)."""
         return np.asarray(self.slide[0] + zeta * self.slide[1])
 
     def moves(

@@ -2,7 +2,7 @@
 
 A body has three motions q in plane meshes and six in 3D. The components that supports hold, and
 displacements of up to three nodes, determine q. All other displacements of the body are linear
-functions of them.
+functions of q.
 The rows do no work on rigid motions, so the row forces balance on each body, and the loads reach
 its supports, contacts and ties.
 """

@@ -67,7 +67,7 @@ class Leaders:
             return turn
         out = self.frame[2]
         arm = self.x[2] - self.x[0]
-        local = np.zeros((3, 3, 3))  # rotations about the axis along, across and out of the plane
+        local = np.zeros((3, 3, 3))  # rotations about the axes of the frame
         local[2, 1] = across / length
         local[1, 1] = -out / length
         local[0, 2] = out
@@ -119,7 +119,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     _, a, x_a = leading(np.linalg.norm(x - middle, axis=1))
     length, b, x_b = leading(np.linalg.norm(x - x_a, axis=1))
     chosen, places, height = [a, b], [x_a, x_b], length
-    # Leaders are farther apart, and farther from one line, relative to the size of the surface.
+    # Least distance between leaders, and of c from the line a–b, relative to the surface.
     in_line = 1e-6
     along = (x_b - x_a) / max(length, in_line * size, np.finfo(float).tiny)
     if gdim == 2:

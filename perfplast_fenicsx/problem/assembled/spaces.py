@@ -71,7 +71,7 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
 
 
 def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Return the space of values of ``shape`` at the quadrature points for a degree. Collective."""
+    """Return the space of values of ``shape`` at the points for ``degree``. Collective."""
     cell = mesh.basix_cell()
     if degree == 1:
         element = basix.ufl.element("DG", cell, 0, shape=shape or None)

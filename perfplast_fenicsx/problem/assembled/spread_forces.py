@@ -131,7 +131,7 @@ def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
 
 
 def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
-    """Return the area of a surface: its length in plane meshes, a full turn in axisymmetry.
+    """Return the area of a surface (its length in plane meshes), in axisymmetry for a full turn.
 
     Collective.
 

@@ -382,7 +382,8 @@ class Force(Load):
     Args:
         on: Physical name of the surface.
         value: The total force (force; in plane meshes per unit of depth), one number for each
-            direction. It is distributed linearly, or acts on a rigid surface that is free to move.
+            direction. The program distributes it linearly, or applies it to a rigid surface that is
+            free to move.
         moment: Moment in addition to the force or without a force (moment; in plane meshes per unit
             of depth): a number in plane meshes, one for each axis in 3D.
         point: Point where the force acts and about which the moment is taken (length). By default
@@ -523,7 +524,7 @@ def scaled(load: Load, factor: float) -> Load:
     """Return the load with all its values multiplied by a factor.
 
     Args:
-        load: A load; its numbers and formulas are multiplied.
+        load: Load whose numbers and formulas the function multiplies.
         factor: Factor of any sign. A negative factor changes where a bearing pressure acts in the
             bore.
     """

@@ -97,8 +97,8 @@ class RigidSurface:
         displacement: Displacement of ``point`` (length; 2 or 3 numbers); by default 0.
         rotation: A number in plane meshes, one for each axis in 3D (rad); 0 if only a displacement
             is given.
-        components: Letters of x, y, z that the prescribed motion holds; by default all. If it holds
-            only some of them, a bar that is twisted at its end can warp there.
+        components: Letters of x, y, z that the prescribed motion holds; by default all. If the
+            motion holds only some components, a bar that is twisted at its end can warp there.
         constant: Whether the motion is the same at any load factor; if not, ζ or a factor of stages
             multiplies it.
         name: Name in results and stages; by default the name of the surface.
@@ -166,7 +166,7 @@ def turned(turn: Floats, arms: Floats) -> Floats:
 
     Args:
         turn: Rotation, shape (1,) in plane meshes, (3,) in 3D.
-        arms: Arms, shape (n, gdim).
+        arms: Vectors from the centre of the rotation to points, shape (n, gdim).
     """
     if arms.shape[1] == 2:
         return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])

@@ -217,9 +217,9 @@ class QuadratureFields:
         return max(energy, share * self.u_norm2() / 2) if self._remembers else energy
 
     def inner_force(self) -> float:
-        """Return an estimate of the nodal forces that a stress exerts without any load. Collective.
+        """Return an estimate of the norm of nodal forces that no load causes. Collective.
 
-        The norm is 0 if the stress results from loads and supports only, whose forces are known.
+        The estimate is 0 if stress results from loads and supports only, whose forces are known.
         """
         return (self._stiffness * self.size()) ** 0.5 if self._stiffness else 0.0
 

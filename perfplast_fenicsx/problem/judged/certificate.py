@@ -38,8 +38,8 @@ class Rubbed:
         jumps: Slip at these points (length), same shape.
         energy: Σ c‖slip‖, the dissipation by friction.
         excess: Largest ‖μ‖ − c, relative to the largest c; 0 if no force exceeds c.
-        unbalanced: The same excess relative to the largest contact or friction force, or to
-            ``LEAST_PUSH`` times the forces that stress exerts on nodes.
+        unbalanced: The same excess, relative to the largest of the contact forces, the friction
+            forces, and ``LEAST_PUSH`` times the forces that stress exerts on nodes.
         slipping: Number of points that slip.
     """
 

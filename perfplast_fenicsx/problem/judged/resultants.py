@@ -236,7 +236,7 @@ class LoadResultant:
         force: One number for each direction (force; per unit of depth in plane meshes, for the full
             turn in axisymmetry).
         moment: Moment about the origin (force × length): three numbers in 3D, one number in plane
-            meshes, none for bodies of revolution.
+            meshes, an empty list for bodies of revolution.
     """
 
     name: str

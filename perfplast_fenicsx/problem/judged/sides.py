@@ -1,4 +1,4 @@
-"""Find the sides of bodies: outer facets by body and plane, and which names cover them."""
+"""Find the sides of bodies (outer facets by body and plane), and the names that cover sides."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
