@@ -4,8 +4,8 @@
 Haslinger, Sysala, COMPLAS XII, 2013). Every computed ζ(α) is therefore a lower bound on the limit
 load of the discrete problem. If the curve is nearly flat, the displacement increment is nearly a
 mechanism. The mechanism gives an upper bound on the discrete limit load, and the direction for the
-next extrapolation of the path. The search ends when both bounds agree. These bounds do not bound
-the limit load of the body itself.
+next extrapolation of the path. The search ends when both bounds agree. Both bounds hold for the
+discrete problem, and not for the body itself.
 
 With Coulomb's friction no limit theorem holds. In this case the module brackets the load at which
 the loading path loses equilibrium. The lower end of the bracket is the largest load factor at which

@@ -474,7 +474,7 @@ def _columns(places: Places, generators: tuple[Longs, Floats]) -> csr_array:
 
 
 def _balanced(columns: csr_array, wanted: Floats, x: Floats, forces: int) -> Floats:
-    """Return the solution ``x`` with a correction that leaves the balance only rounding errors."""
+    """Return the solution ``x`` with a correction that reduces imbalances to rounding errors."""
     used = np.append(x[:forces] > 1e-9 * np.abs(x).max(initial=0.0), np.ones(len(x) - forces, bool))
     some = columns[:, used].toarray()
     found = np.where(used, x, 0.0)

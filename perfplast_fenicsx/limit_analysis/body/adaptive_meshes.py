@@ -338,7 +338,7 @@ def check_turns(loads: Sequence[Load]) -> None:
     """Refuse live loads that cannot be reversed.
 
     Raises:
-        InputError: If there is such a load; the message names the first one.
+        InputError: If a live load cannot be reversed; the message names the first such load.
     """
     for load in filter(_pushes, loads):
         raise InputError(

@@ -232,12 +232,12 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
 
     The next F is the approximate root of the lower bound. The factor lies between the largest F at
     which the bodies provably stand and the least F at which the bodies provably fall. On coarse
-    meshes this root is closer to the root of the body than the root of the upper bound. On the last
-    mesh this root is also nearly the final lower bound. On a mesh without a mechanism, F grows if
-    the bodies provably carry the loads, and otherwise stays constant.
+    meshes this root is closer to the root of the body than the root of the upper bound is. On the
+    last mesh this root is also nearly the final lower bound. On a mesh without a mechanism, F grows
+    if the bodies provably carry the loads, and otherwise stays constant.
 
     Args:
-        curves: Curves of the meshes so far.
+        curves: Results on the meshes so far.
         factor: F on the last mesh.
         bounds: Bounds of μ at this F.
     """

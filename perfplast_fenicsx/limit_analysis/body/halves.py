@@ -70,8 +70,8 @@ class Meeting:
             Whether the work is done; False if the work of any rank does not fit into memory.
 
         Raises:
-            InputError: On all ranks, from the work of any rank.
-            StopSearch: On all ranks, from the monitor, whether they work or wait.
+            InputError: On all ranks, if the work of any rank raises it.
+            StopSearch: On all ranks, whether they work or wait, if the monitor raises it.
         """
         fault, fits = None, True
         try:

@@ -207,7 +207,7 @@ def envelope(
         progress: Monitors and earlier results; None without both.
 
     Raises:
-        InputError: If a load is constant, the number of loads is not two or three, or
+        InputError: If a load is constant, if the number of factors is not two or three, or if
             :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     _check(loads, directions)

@@ -245,8 +245,9 @@ def mechanism_bound(
         monitor: Called on every rank after each step.
 
     Returns:
-        The bound, in axisymmetry for the problem in ru (:mod:`ring_flux`); the rates of its
-        mechanism, None without a mechanism; and the mesh of split cells, None without a split.
+        The bound (in axisymmetry, of the problem with the unknown v = ru, :mod:`ring_flux`); the
+        rates of its mechanism, None without a mechanism; and the mesh of split cells, None without
+        a split.
     """
     flow = flow_problem(problem)
     log.info("upper bound: a mechanism on %s", flow.problem)

@@ -158,9 +158,9 @@ def factor_of_safety(
     Args:
         problem: The bodies and their loads; all loads are constant.
         tolerance: Relative tolerance of the roots on their mesh.
-        adaptation: When the sequence of meshes ends; the function seeks F again on each mesh. Its
-            ``until`` refers to the gap of μ, which with friction changes more than F. None to use
-            the mesh of the problem.
+        adaptation: Stopping criterion of the refinement; the function seeks F again on each mesh.
+            The criterion ``until`` refers to the gap of μ, which with friction changes more than F.
+            None to use the mesh of the problem.
         monitor: See :data:`factor_roots.Monitor`.
         steps: Called on every rank after each step of the interior point method.
         estimates: See :data:`factor_roots.Estimates`.
@@ -450,7 +450,7 @@ def _compute_curves(
         curves: The list, empty at first. The function fills the list during the search, so the
             results remain if the user stops the search.
         first: The search on the first mesh, without results.
-        adaptation: When the sequence of meshes ends; None for the first mesh only.
+        adaptation: Stopping criterion of the refinement; None for the first mesh only.
     """
     problem, tolerance, steps = first.problem, first.tolerance, first.steps
     factor = first.of_mesh()

@@ -45,7 +45,7 @@ def by_clarabel(
         rtol: Largest relative difference of static and kinematic load.
         steps: List to which the function appends Clarabel's iterations.
         monitor: Called after each iteration.
-        share: Share of the tolerance that the solution may use.
+        share: Fraction of ``rtol`` to which the solution is computed.
         least: Not used, because Clarabel itself detects unbounded loads.
 
     Raises:

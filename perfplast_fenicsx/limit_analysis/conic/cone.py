@@ -244,7 +244,7 @@ class ScaledBlock(Protocol):
     """A block at an iterate, with the scaling of its cones."""
 
     def stiffen(self, moduli: Moduli) -> Moduli:
-        """Write this block's moduli into ``moduli`` of all points and pairs; return the result."""
+        """Write this block's moduli into those of all points and pairs, and return the result."""
         ...
 
     def products(self, change: Members | None = None) -> Floats:

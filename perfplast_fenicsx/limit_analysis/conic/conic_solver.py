@@ -35,7 +35,7 @@ class ConicSolver(Protocol):
             rtol: Largest relative difference of static and kinematic load.
             steps: List to which the steps are appended.
             monitor: Called on every rank after each step.
-            share: Share of the tolerance that the solution may use.
+            share: Fraction of ``rtol`` to which the solution is computed.
             least: Load factor up to which the solver does not report that the load is unbounded.
 
         Returns:

@@ -274,7 +274,7 @@ class InteriorIteration:
         self._work.destroy()
 
     def put(self, now: Unknowns, velocity: Floats) -> None:
-        """Replace the iterate by the iterate of another solver.
+        """Replace the iterate by another iterate, for example of another solver.
 
         Args:
             now: The iterate, its members inside their cones.

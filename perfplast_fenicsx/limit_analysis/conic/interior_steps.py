@@ -114,7 +114,7 @@ def iterate(
         rtol: Largest relative difference of static and kinematic load.
         steps: List to which the steps are appended.
         monitor: Called on every rank after each step.
-        share: Share of the tolerance that the solution may use.
+        share: Fraction of ``rtol`` to which the solution is computed.
         least: Load factor up to which the function does not report an unbounded load.
     """
     program, began = iteration.program, time.perf_counter()

@@ -48,9 +48,9 @@ class LimitLoad(NotebookResult):
         levelled_off: Whether the estimate is known to the tolerance: both sides have met, or ζ(α)
             has levelled off.
         reason: Why the search ended, in words.
-        iterations: Steps of the interior point method, or levels.
-        linear_solves: Linear systems solved for both sides together.
-        factorisations: Factorisations of the interior point method.
+        iterations: Number of steps of the interior point method, or number of levels.
+        linear_solves: Number of linear systems solved for both sides together.
+        factorisations: Number of factorisations of the interior point method; None for a path.
         mechanism: Collapse velocity v, normalised to L₁(v) = 1.
         levels: The levels of the loading path; after a restart, only the levels since the restart.
         stress: Stress σ of the static side, Mandel vectors at the quadrature points; None for a

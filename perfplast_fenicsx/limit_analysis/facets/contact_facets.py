@@ -35,7 +35,7 @@ class ContactFacets:
         middles: Columns of ``nodes`` at the midpoints of edges, in the order of pairs of vertices,
             shape (num_facets, num_edges); no columns for linear elements.
         cells: Cells of the facets.
-        sides: Local vertex opposite to each facet.
+        sides: Index of the vertex opposite each facet in its cell.
         areas: Areas, 0 where another rank owns the cell. In axisymmetry, areas of the full turn at
             the radius of the facet's midpoint.
         normals: Unit normals that point out of the cells, shape (num_facets, d).

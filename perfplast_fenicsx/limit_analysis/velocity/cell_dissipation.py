@@ -468,7 +468,7 @@ CLOSED = "between nodes, surfaces with Coulomb's friction separate too little fo
 
 @dataclass(frozen=True)
 class SlipWork:
-    """The dissipation by slip, and sums for the same surfaces.
+    """The dissipation by slip, and related sums over the same surfaces.
 
     Attributes:
         power: Upper bound on ∫c‖w_t‖, summed over all ranks.
