@@ -1,4 +1,4 @@
-"""Make a model from a mesh with groups: of solids for bodies, and of faces for surfaces."""
+"""Make a model from a mesh with groups of solids (bodies) and groups of faces (surfaces)."""
 
 from dataclasses import dataclass, field
 

@@ -376,7 +376,7 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Return nodal forces as tractions, on sets that are surfaces and on the other nodes."""
+        """Return tractions that replace nodal forces, on sets that are surfaces and on the rest."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():

@@ -91,7 +91,10 @@ def _directions(load: Load, surface: Surface, chosen: Longs) -> Floats:
 
 
 def spread(corners: Floats, spacing: float) -> tuple[Floats, Longs]:
-    """Return points on facets with approximately a given spacing, nearest to the centres of boxes.
+    """Return points on facets with approximately the given spacing.
+
+    The space is divided into boxes of this size. In each box that a facet enters, the point
+    nearest to the centre of the box is chosen.
 
     Returns:
         Weights of the corners of each point's facet, shape (num_points, 2 or 3), and this facet.

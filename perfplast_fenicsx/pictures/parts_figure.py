@@ -97,7 +97,7 @@ def shared_out(views: Sequence[Room]) -> list[Room]:
 
 
 def labels(room: Room, pixels: tuple[int, int]) -> list[Label]:
-    """Return the positions of the numbers without overlap, beside the face if it is small.
+    """Return positions at which the numbers do not overlap, beside their faces if these are small.
 
     Args:
         room: Space for the number of each face in the view.

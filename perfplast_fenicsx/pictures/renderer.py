@@ -253,7 +253,7 @@ def compose(
             )
             bar.set_label(drawable(label), fontsize=10, parse_math=False)
             bar.ax.tick_params(labelsize=9)
-    # in the corner below the first image, to the left of its colour bar
+    # the axes are in the corner below the first image, to the left of its colour bar
     draw_axes(figure.add_axes((0.002, 0.0, 0.1 * width, 0.11)), view)
     if curve is not None:
         axes = figure.add_axes((1 - 0.84 * width, 0.14, 0.78 * width, 0.68))

@@ -137,7 +137,7 @@ def _range_of(body: Body, cones: Longs, volumes: Floats) -> list[str]:
 
 
 def _cone(body: Body, number: np.int64) -> str:
-    """Return the numbers of a yield set in words, for a cone its radius and its slope."""
+    """Return the numbers of a yield set in words, such as the radius and the slope of a cone."""
     if body.cones.is_principal[number]:
         s = body.cone_sine[number]
         what = f"{1 + s:.6g} σ₁ − {1 - s:.6g} σ₃" if s else "σ₁ − σ₃"

@@ -24,7 +24,7 @@ class Claim:
         lower: The largest value at which the bodies provably carry the loads; None if no value is
             proven.
         upper: The smallest value at which they provably collapse; None if no value is proven.
-        proofs: For each half: its file, its SHA-256, and the command that checks it.
+        proofs: For each bound: its proof file, the SHA-256, and the command that checks the file.
         taken_as_written: Bodies, strengths, supports and loads for which the proof holds.
         assumptions: Assumptions of the results.
         not_proven: Reasons why a bound is missing.

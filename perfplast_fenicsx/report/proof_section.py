@@ -68,7 +68,7 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
 
 
 def _in_words(halves: Mapping[str, Checked]) -> str:
-    """Return in words what each half of a proof file proves.
+    """Return in words the bounds that both halves of a proof file prove.
 
     A confirmed bound has the digits of its claim, which the verdict shows too. The proven value may
     differ from the claim by rounding, and then outward rounding would give another last digit.

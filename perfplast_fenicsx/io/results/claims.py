@@ -87,7 +87,7 @@ def _take_out(body: dict[str, Any], kind: str) -> None:
 
 
 def check_factor(folder: Path, limit: Mapping[str, Any], proofs: Proofs) -> None:
-    """Check that both proof files of a factor of safety prove it, and for the same bodies.
+    """Check that the two proof files of a factor of safety prove it for the same bodies.
 
     For ground with ψ < φ the bodies are not compared, because the equivalent associated ground
     depends on the factor.

@@ -318,7 +318,7 @@ class ResultWriter:
 
 
 def _alone(found: BodyBounds, kind: str) -> BodyBounds:
-    """Return bounds of which only the given kind can become proven."""
+    """Return bounds in which the bound of the other kind is only an estimate of the mesh."""
     if kind == "lower":
         return replace(found, upper=replace(found.upper, of=Scope.MESH))
     return replace(found, lower=replace(found.lower, of=Scope.MESH))
