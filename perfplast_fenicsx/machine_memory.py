@@ -15,8 +15,8 @@ def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
         needed: Memory that this rank needs (bytes).
 
     Returns:
-        Whether each machine has as much memory as its ranks need, the memory that all ranks need,
-        and the memory of all machines (both in bytes).
+        Whether each machine has as much memory as its ranks need; the memory that all ranks need
+        (bytes); and the memory of all machines (bytes).
     """
     machine = comm.Split_type(MPI.COMM_TYPE_SHARED)
     has = physical_memory()

@@ -130,7 +130,7 @@ def fetch_rows(
 
 
 def _bytes(rows: npt.NDArray) -> npt.NDArray[np.uint8]:
-    """Return the same memory as bytes, since MPI does not support structured types."""
+    """Return a view of the rows as bytes, because MPI does not support structured types."""
     return rows.reshape(-1).view(np.uint8)
 
 

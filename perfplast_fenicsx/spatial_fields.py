@@ -145,7 +145,7 @@ class DepthTable(SpatialField):
 
     Args:
         rows: At least two pairs of the vertical coordinate and the value. The coordinate is y in
-            the plane and z in space.
+            the plane and z in 3D.
         scale: Number by which the values are multiplied.
 
     Raises:
@@ -252,7 +252,7 @@ def read_points(path: Path, column: str) -> PointValues:
     """Return the field of a CSV file with points.
 
     Args:
-        path: File whose first line names the columns: x, y, z in space, and values.
+        path: File whose first line names the columns: x, y, in 3D also z, and values.
         column: Name of the column with the values.
 
     Raises:
