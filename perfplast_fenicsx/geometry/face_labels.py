@@ -367,7 +367,7 @@ def take_back(
     found = {}
     boxes = {mark.tag: box(dim, [mark.tag]) for mark in marks}
     # A face coincides with a copy if their distance, relative to the size of the face, is below
-    # this.
+    # this value.
     nearest = 1e-6
     for face, body in faces.items() if marks else ():
         low, high = box(dim, [face])

@@ -58,7 +58,7 @@ def missed_areas(dim: int, parts: Sequence[Part]) -> dict[int, float]:
     faces = sorted({int(f) for tag in tags for f in gmsh.model.getAdjacencies(dim, tag)[1]})
     meant = [(face, cad_measure(dim - 1, [face])) for face in faces]
     known = {face: area for face, area in meant if area}
-    # the area of a face must be accurate if its share of the total area is at least this
+    # the area of a face must be accurate if its share of the total area is not smaller
     matters = 0.01
     least = matters * sum(known.values())
     return {

@@ -414,7 +414,7 @@ def through(points: Floats, cells: Longs) -> float:
     at_points /= np.where(sizes > 0, sizes, 1.0)  # vertices inside the body have no normal
     reaches = np.zeros(len(cells), dtype=np.bool_)
     # surfaces are opposite sides if the cosine of the angle between their outward normals is below
-    # this
+    # this value
     opposite = -0.8
     for a, b in combinations(range(dim + 1), 2):
         cosines = np.einsum("ni,ni->n", at_points[cells[:, a]], at_points[cells[:, b]])

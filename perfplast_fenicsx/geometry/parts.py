@@ -137,7 +137,7 @@ def _filled(shells: Sequence[Sequence[int]], gap: float) -> list[int]:
     try:
         made = [(3, occ.addVolume([occ.addSurfaceLoop(it, sewing=True)])) for it in shells]
         occ.healShapes(made, gap, True, True, True, True, True)
-        # surfaces of revolution must be converted, or gmsh could not mesh them after cuts
+        # gmsh cannot mesh surfaces of revolution after cuts, so convert these surfaces
         occ.convertToNURBS(made)
     except Exception:  # gmsh raises no more specific exception; a larger gap may succeed
         occ.remove(occ.getEntities(3))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Body:
-    """A body: a solid, or in the plane a face.
+    """A body: a solid in 3D, or a face in the plane.
 
     Attributes:
         name: Name in the mesh.

@@ -110,6 +110,6 @@ def _inside_out(mesh: Mesh) -> npt.NDArray[np.bool_]:
     x = x[geometry_dofmap(mesh)[:owned], : mesh.geometry.dim]
     size = np.linalg.det(np.einsum("jpn,cni->cpij", slopes, x))
     size *= np.where(size.sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    # A curved cell counts as folded if its least Jacobian, relative to the largest, is below this.
+    # A curved cell counts as folded if its least Jacobian is below this fraction of the largest.
     folded = 1e-9
     return np.asarray(size.min(axis=1) <= folded * size.max(axis=1))

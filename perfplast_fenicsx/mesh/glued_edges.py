@@ -125,7 +125,7 @@ class GluedEdges:
             lengths = np.linalg.norm(edges, axis=2)
         else:
             lengths = np.sqrt(np.einsum("cei,cij,cej->ce", edges, metric, edges))
-        short = 1e-6  # weight of such cells, and factor on edges of only such cells
+        short = 1e-6  # weight of shapeless cells; edges with only such cells get this factor
         weights = np.ones_like(lengths)
         if shapeless is not None:
             weights[shapeless] = short

@@ -48,7 +48,7 @@ REMEDIES = {
 
 @dataclass(frozen=True)
 class Block:
-    """Elements of one type in one entity; ``nodes`` has a row of gmsh's node tags for each."""
+    """Elements of one type in one entity; ``nodes`` has gmsh's node tags, a row per element."""
 
     dim: int
     entity: int

@@ -323,7 +323,7 @@ class Network:
         )
         z, (i, j) = self.points[:, self.axis], self._ends.T
         each = np.bincount(self._ends.ravel(), np.repeat(np.abs(self._conductances), 2))
-        several = 16  # a multiple of the rounding error in one sum of products
+        several = 16  # factor on the rounding error of one sum of products
         unit = np.finfo(np.float64).eps * self.height
         self.rounding = several * unit * float(np.linalg.norm(each))
         self._falls = self._conductances * (z[i] - z[j])

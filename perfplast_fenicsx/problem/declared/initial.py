@@ -16,7 +16,7 @@ class Bolt:
     The preload changes forces and stiffness below the limit load, but not the limit load.
 
     Args:
-        on: Physical name of the volume: the bolt, or only its shank.
+        on: Physical name of the volume, which is the bolt or only its shank.
         preload: Force in the shank when the bolt is tightened without any load (force; per unit of
             depth in plane strain, for the full turn in axisymmetry). The force refers to the part
             in the mesh: if a plane of symmetry cuts the bolt in half, give half the force.

@@ -222,7 +222,7 @@ def sides_of(
     normal, centre = facets.normal[of_patch], facets.x[of_patch].mean(axis=1)
     offset = np.einsum("pi,pi->p", normal, centre)
     # Planes of one body count as equal if they differ by less than 1e-3 rad in direction and
-    # 1e-6 of the size in position.
+    # 1e-6 of the size in position. The factor separates planes of different bodies.
     body_apart = 10.0
     place = np.column_stack([normal / 1e-3, offset[:, None] / (1e-6 * size)])
     place = np.column_stack([place, facets.body[of_patch] * body_apart])
