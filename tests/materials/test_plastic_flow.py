@@ -131,7 +131,7 @@ def test_sheets_grow_thinner_as_they_flow() -> None:
 
 def test_what_cannot_flow_is_refused() -> None:
     for body in (Elastic(2e5, 0.3), Flow(STEEL)):
-        with pytest.raises(InputError, match=r"has no plastic flow"):
+        with pytest.raises(InputError, match=r"has no plastic strains"):
             Flow(body)
     assert isinstance(Flow(STEEL), Material)
     assert Flow(STEEL).expansion == STEEL.expansion
