@@ -42,7 +42,7 @@ from perfplast_fenicsx.spatial_fields import PointValues
 
 
 def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
-    """Return flags of the cells whose largest contributions make up a given part of the sum.
+    """Return flags of the cells with the largest contributions, up to a given part of the sum.
 
     Collective.
 

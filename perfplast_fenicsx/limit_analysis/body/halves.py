@@ -199,8 +199,8 @@ def pays(below: Problem, above: Problem) -> bool:
     """
     comm, dim = below.comm, below.bodies.gdim
     cells = below.tagged_mesh.mesh.topology.index_map(dim).size_global
-    # Fewer cells take less than a second in any case. With more cells, both ranks together
-    # factorise faster, or the time was not measured.
+    # With fewer cells, a bound takes less than a second in any case. With more cells, joint
+    # factorisations on both ranks are faster, or the times were not measured.
     few, many = ((1_000, 100_000), (250, 10_000))[dim - 2]
     of_a_cell = (25e3, 250e3)[
         dim - 2

@@ -119,7 +119,7 @@ def iterate(
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # last balanced iterate and its velocity's entries
-    # Without a sign of a mechanism, this multiple of the viscous flow's load counts as unbounded.
+    # Multiple of the viscous flow's load above which a load without a mechanism is unbounded.
     unbounded = 50.0
     far = unbounded * (program.degree + program.dead_to_live())
     far = max(far, least / program.load_unit)

@@ -123,9 +123,9 @@ class BalancedStress:
 class StaticIteration(InteriorIteration):
     """The iteration of a lower bound, which at the end measures equilibrium row by row.
 
-    During the iteration, unbalanced forces are relative to the loads. At the end, they must be
-    small relative to the strengths. The two measures differ if hydrostatic pressures are large, and
-    where a weak body touches a strong body.
+    During the iteration, unbalanced forces are relative to the loads. At the end, these forces must
+    be small relative to the strengths. The two measures differ if hydrostatic pressures are large,
+    and where a weak body touches a strong body.
     """
 
     def __init__(self, static: StaticProgram) -> None:
