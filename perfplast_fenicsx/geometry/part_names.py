@@ -47,8 +47,8 @@ def cracks_among(
         inside: Curves inside a body that are not on its boundary.
 
     Raises:
-        InputError: If both names have curves inside bodies, but not the same curves, or also curves
-            elsewhere.
+        InputError: If both names have curves inside bodies, but not the same curves, or if they
+            also have curves elsewhere.
     """
     found = []
     for left in curves:

@@ -239,9 +239,9 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
         gdim: 3 or 2 to accept only a mesh of this dimension; None to accept both.
 
     Raises:
-        InputError: If the file is missing or is not a .msh file, or if it has no simplices of this
-            dimension, other elements, no physical group of bodies, repeated names, or a body in two
-            groups.
+        InputError: If the file is missing or is not a .msh file, if it has no simplices of this
+            dimension or no physical group of bodies, or if it has other elements, repeated names,
+            or a body in two groups.
     """
     content = read_content(Path(path))
     gdim = _dimension(content, path, gdim)
@@ -315,7 +315,7 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     longest = np.abs(edges).max(axis=(1, 2), initial=0)
     if (longest > 0).all():
         # A cell counts as flat if its volume, relative to the cube of its longest edge, is below
-        # this.
+        # this value.
         least_volume = 1e-12
         flat = np.abs(np.linalg.det(edges / longest[:, None, None])) < least_volume
     else:
