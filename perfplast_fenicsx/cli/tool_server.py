@@ -32,7 +32,7 @@ INSTRUCTIONS = (
 
 @dataclass
 class Tools:
-    """The tools. They use only files in the given folders.
+    """The tools, which accept only paths in the given folders.
 
     Attributes:
         folders: Resolved paths of the folders that must contain all given paths.

@@ -2,9 +2,9 @@
 
 A quadrilateral face is cut by the diagonal from its corner with the smallest number; both cells at
 the face have this corner (J. Dompierre, P. Labbé, M.-G. Vallet, R. Camarero, How to subdivide
-pyramids, prisms and hexahedra into tetrahedra, 8th Int. Meshing Roundtable, 1999). Then a cell is
-divided into cones: their apex is the corner of the cell with the smallest number, and their bases
-are the faces without this corner.
+pyramids, prisms and hexahedra into tetrahedra, 8th Int. Meshing Roundtable, 1999). Each
+cell is then divided into cones, whose apex is the corner of the cell with the smallest number, and
+whose bases are the faces without this corner.
 """
 
 from collections.abc import Mapping, Sequence
@@ -98,7 +98,7 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
         left_out: Number of elements of unsupported types, by type.
 
     Raises:
-        InputError: If there are no solid elements, or if one of them has no volume.
+        InputError: If there are no solid elements, or if a solid element has no volume.
     """
     solids = [block for block in blocks if block.kind.shape.dim > 1 and len(block.nodes)]
     if not solids:

@@ -1,4 +1,4 @@
-"""Define what all pictures share: files, headings and directions of view."""
+"""Define files, headings and directions of view for all pictures."""
 
 import io
 from dataclasses import dataclass

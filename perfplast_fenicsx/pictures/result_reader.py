@@ -1,7 +1,7 @@
 """Read the results of a run from its files, for pictures. Single-process: it reads whole fields.
 
-The run may still be in progress. It replaces files as a whole and never reopens them, so reading
-does not disturb it. The module does not use HDF5's file locks, since some file systems lack locks.
+The run may still be in progress. A run replaces files as a whole and never reopens them, so reading
+does not disturb the run. The module does not use HDF5's file locks, which some file systems lack.
 """
 
 import csv

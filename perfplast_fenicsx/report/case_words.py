@@ -130,7 +130,7 @@ class CaseWords:
         return rows
 
     def meaning(self, driven: bool, several: bool = False) -> str:
-        """Return a sentence on what ζ multiplies; empty if ζ multiplies nothing.
+        """Return a sentence that explains ζ; empty if ζ multiplies nothing.
 
         Args:
             driven: Whether ζ multiplies motions of supports or obstacles, or overlaps, while no

@@ -1,8 +1,8 @@
 """Build the part of a page in which the reader's browser proves the bounds again.
 
-The scripts ``assets/proof_*.js`` are a second checker. It was written from ``docs/proof.md`` and
-shares no code with this program, only the numbers of the proof file. It computes residuals in
-integer arithmetic.
+The scripts ``assets/proof_*.js`` are a second checker, which was written from ``docs/proof.md`` and
+computes residuals in integer arithmetic. The two checkers read the same numbers of a proof file,
+but share no code.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Describe on a page what the proof files prove, and how to check them."""
+"""Describe on a page the bounds that the proof files prove, and how to check the files."""
 
 import hashlib
 import shlex

@@ -79,7 +79,7 @@ class LiveReport:
     """A report that a run updates until it ends.
 
     The page shows the stored results, and the activity of the run at the time of writing. It makes
-    no statement on later times, so the page of a killed run remains true.
+    no statement on later times, so it remains true if the run is killed.
     """
 
     def __init__(self, folder: "ResultFolder") -> None:

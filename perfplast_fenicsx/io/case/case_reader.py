@@ -77,7 +77,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
 
     Args:
         path: The file.
-        text: Its text.
+        text: The text of the file.
         table: The parsed content of the file. A sweep changes values only in this table, not in
             ``text``.
 

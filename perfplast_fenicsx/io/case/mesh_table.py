@@ -46,7 +46,7 @@ class GeometryFile:
     the names of all bodies and faces.
 
     Args:
-        file: Its path, relative to the folder of the case file.
+        file: Path of the file, relative to the folder of the case file.
         options: The meshing options, from the other keys.
         adapt: See :class:`~perfplast_fenicsx.io.case.tables.MeshFile`.
     """

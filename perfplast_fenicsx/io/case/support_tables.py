@@ -91,7 +91,7 @@ def read_contact(table: Table, moved: Callable[[str, str], bool], place: str) ->
     """Return the contact that a table defines.
 
     Args:
-        table: Its table.
+        table: The table ``[[contact]]``.
         moved: See :meth:`~perfplast_fenicsx.controls.control.Control.moved`.
         place: Place in the input, for messages.
 

@@ -226,7 +226,7 @@ def check_case(folder: ResultFolder, table: Table, name: str) -> None:
     """Raise an error if the checkpoint belongs to another case. Collective.
 
     Args:
-        folder: Its folder.
+        folder: The folder of the checkpoint.
         table: Content of the case file.
         name: Name of the case file, for messages.
 

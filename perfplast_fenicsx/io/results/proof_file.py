@@ -59,7 +59,7 @@ def write_proof(
 
 
 def save_proof(bounds: BodyBounds | AdaptiveBounds, path: str | Path) -> dict[str, Checked]:
-    """Write the proof of bounds to a file, and return what the checker proves. Collective.
+    """Write the proof of bounds to a file, and return the results of the checker. Collective.
 
     Args:
         bounds: Bounds from :func:`~.limit_bounds` or :func:`~.adaptive_bounds`.

@@ -96,8 +96,8 @@ class Figure:
     Attributes:
         file: Name of the PNG file in the result folder.
         title: Title of the figure.
-        source: The function for the picture, as "package.module:function". Its argument is a
-            :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. It returns a
+        source: The function for the picture, as "package.module:function". The function receives a
+            :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. The function returns a
             :data:`Drawing`, or the reason why there is no picture as a string, or None if the
             picture does not apply to this kind of run.
         wide: Whether the picture has several panels side by side.
