@@ -1,10 +1,10 @@
 r"""Define rock with the Hoek–Brown criterion for a = ½ in plane strain, in Hencky's form.
 
-With the in-plane principal stresses σ₁ ≥ σ₃, tension positive, the criterion (σ₁ − σ₃)² ≤ σ_ci
-(sσ_ci − m_b σ₁) is R² ≤ k (f − p − R) for p = (σ₁ + σ₃)/2, R = (σ₁ − σ₃)/2, k = m_b σ_ci/4 and the
-biaxial tensile strength f = sσ_ci/m_b. Its boundary is a parabola. The out-of-plane stress is the
-intermediate principal stress, and no condition contains it (E. Hoek, C. Carranza-Torres, B. Corkum,
-Hoek–Brown failure criterion – 2002 edition, NARMS-TAC, 2002).
+Let p = (σ₁ + σ₃)/2 and R = (σ₁ − σ₃)/2 for the in-plane principal stresses σ₁ ≥ σ₃, tension
+positive. The criterion (σ₁ − σ₃)² ≤ σ_ci (sσ_ci − m_b σ₁) is then R² ≤ k (f − p − R), with k =
+m_b σ_ci/4 and the biaxial tensile strength f = sσ_ci/m_b. Its boundary is a parabola. The
+out-of-plane stress is the intermediate principal stress, and no condition contains it (E. Hoek,
+C. Carranza-Torres, B. Corkum, Hoek–Brown failure criterion – 2002 edition, NARMS-TAC, 2002).
 
 The projection of an elastic stress (p, R) in the norm of C⁻¹ changes the stress along the normal
 (k, 2R + k). With K = κ + μ/3, the multiplier λ and x = 1 + 2μλ,
@@ -157,11 +157,11 @@ class HoekBrownLaw(Law):
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Return the terms of :meth:`tangent`: i and a, shape (), and w and n, shape (m,).
 
-        The term i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w, with w =
-        (2R' + k) i − √2 k n for the unit in-plane deviator n of the stress, β = μK/(K k² x +
-        μ(2R' + k)²), and the vector i with i:d = (p of Cd)/K. Perpendicular to n the deviatoric
-        modulus is 2μR'/R. Plastic flow does not change the part of σ_zz that depends on ε_zz but
-        not on p.
+        The term i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w. Here
+        w = (2R' + k) i − √2 k n, n is the unit in-plane deviator of the stress, β = μK/(K k² x +
+        μ(2R' + k)²), and the vector i satisfies i:d = (p of Cd)/K. Perpendicular to n the
+        deviatoric modulus is 2μR'/R. Plastic flow does not change the part of σ_zz that depends
+        on ε_zz but not on p.
         """
         k, mu = self.curvature, self.shear
         trial = self.elastic.hooke(e)

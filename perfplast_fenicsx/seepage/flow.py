@@ -10,9 +10,9 @@ the ground, 0 ≤ χ ≤ 1, which is 1 wherever ψ > 0 (H. W. Alt, Numer. Math. 
 
     F_i = Σ_j T_ij ((ψᵢ − ψⱼ) + χ_u (zᵢ − zⱼ)),    u the vertex from which gravity takes water.
 
-The flow along an edge leaves one end and enters the other, so no water is lost or created: the sum
-of F_i over all vertices is zero, whatever ψ and χ are. In saturated ground, this is the finite
-element method with heads that are linear in the cells.
+The flow along an edge leaves one end and enters the other, so no water is lost or created. The sum
+of F_i over all vertices is therefore zero for any ψ and χ. In saturated ground, the equations are
+those of the finite element method with heads that are linear in the cells.
 
 One unknown w represents both fields: χ = min(w, 1), ψ = L max(w − 1, 0), with the height L of the
 ground. The obstacles are

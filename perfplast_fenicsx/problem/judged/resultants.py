@@ -56,9 +56,10 @@ class Resultants:
             component, the force belongs to the first one.
         moments: Moments of ``loads``, ``support NAME`` and ``rigid surface NAME`` about the origin
             (:func:`moment`).
-        balance: The larger of two imbalances, relative to the sum of all nodal forces: the sum of
-            the forces on the bodies; and the sum of their moments about the middle of the bodies,
-            divided by the size of the bodies. Axisymmetry uses only the axial forces.
+        balance: The larger of two imbalances, relative to the sum of all nodal forces. The first is
+            the sum of the forces on the bodies. The second is the sum of their moments about the
+            middle of the bodies, divided by the size of the bodies. Axisymmetry uses only the axial
+            forces.
         driving: Work of supports and obstacles on the bodies per unit of ζ: the force along each
             motion, times the motion at ζ = 1.
         driving_by_name: Work of the motion of each name in stages, per unit of its factor.

@@ -271,9 +271,9 @@ def _joined(count: int, pairs: npt.NDArray[np.integer]) -> tuple[int, Longs]:
 def _curved(patch: Longs, bends: Longs, gdim: int) -> tuple[Longs, npt.NDArray[np.bool_]]:
     """Return the curved side of each patch, and whether the patch is part of a curved side.
 
-    A patch is part of a curved side if it is a strip one facet wide: at least half of its facets
-    (in plane meshes all) have a neighbour in a patch of slightly different direction. At least
-    three strips form a curved side.
+    A patch counts as a strip if at least half of its facets have a neighbour in a patch of slightly
+    different direction. In plane meshes, a strip has only one facet. At least three neighbouring
+    strips form a curved side.
 
     Args:
         patch: Number of the patch (facets in one plane) of each facet, shape (n,).
