@@ -61,7 +61,7 @@ class Follower:
         while True:
             alive = is_held(
                 self.folder / "run.log"
-            )  # tested before the levels are read, so that no level is missed
+            )  # test before the levels are read, so that no level is missed
             summary = self._summary()
             self._show(summary)
             if not alive:

@@ -228,7 +228,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
         raise InputError(
             "--restart continues one run, but --refine starts two; give only one of these options."
         )
-    if chosen.command == "plot" and not chosen.wait >= 0:  # true also for NaN
+    if chosen.command == "plot" and not chosen.wait >= 0:  # also refuses NaN
         raise InputError(f"--wait = {chosen.wait:g} is not a valid time; give 0 s or more.")
     chosen.petsc = petsc
     return chosen

@@ -103,7 +103,7 @@ def survey_of(model: ForeignModel) -> Survey:
         worst = float(_qualities(points, mine, dim).min())
         bodies.append(Body(name, name, size, _place(low), _place(high), len(mine), worst))
     faces = []
-    turned = 1e-6  # a surface counts as flat if its normals differ by less
+    turned = 1e-6  # a surface is flat if its normals differ by less than this
     for number, name in enumerate(model.surfaces):
         mine = model.facets[model.surface == number]
         normals = _normals(points, mine, dim)

@@ -118,7 +118,7 @@ def _datasets(text: str) -> list[tuple[str, list[str]]]:
 def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[Longs]:
     """Add the elements, which are sorted by kind, to ``found``, and return their numbers."""
     ids, at = [], 0
-    # count of numbers before the nodes of an element; the last of them is the number of nodes
+    # count of numbers before the nodes of an element; the last such number is the number of nodes
     before_nodes = 6
     # line elements that have additional numbers, and the count of these numbers
     beams, of_beams = (11, 21, 22, 23, 24), 3

@@ -139,7 +139,7 @@ def draw_curve(
     if solved and solved[0].plastic_cells == 0 and solved[0].zeta > 0:
         slope = solved[0].alpha / solved[0].zeta
         top = max(zetas) * 1.05
-        straight = np.linspace(0, top, 200)  # a curve on a logarithmic axis
+        straight = np.linspace(0, top, 200)  # a straight line appears curved on a logarithmic axis
         axes.plot(slope * straight, straight, ":", color=ELASTIC, label="elastic")
     for report in reports:
         if not report.converged:

@@ -263,7 +263,7 @@ def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
 def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
     """Return the free face that is visible at each pixel, 0 for no face, (height, width)."""
     face = np.asarray(skin["face"], dtype=np.int64)
-    factor = 0x9E3779B1  # odd, so colours are unique and neighbours differ
+    factor = 0x9E3779B1  # odd factors give unique colours, which differ between neighbours
     colours = face * factor & 0xFFFFFF
     split = (colours[:, None] >> np.array([16, 8, 0]) & 0xFF).astype(np.uint8)
     plotter = _plotter(skin, view)

@@ -218,7 +218,9 @@ class ResultReader:
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
                 table = csv.DictReader(file)
-                if {"mesh", "factor", "angle"} & set(table.fieldnames or ()):  # has no levels
+                if {"mesh", "factor", "angle"} & set(
+                    table.fieldnames or ()
+                ):  # a table without levels
                     return []
                 return [_report(row) for row in table]
 

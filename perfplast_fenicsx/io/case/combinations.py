@@ -37,7 +37,7 @@ class Combination:
 
     def __post_init__(self) -> None:
         outside = self.name.strip(" .") != self.name  # the name ".." would be another folder
-        # characters that some operating system forbids in the name of a folder
+        # characters that some operating systems forbid in the name of a folder
         barred = '/\\:*?"<>|'
         if outside or not self.name or not self.name.isprintable() or set(self.name) & set(barred):
             raise InputError(

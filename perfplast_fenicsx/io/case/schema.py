@@ -222,7 +222,7 @@ def parse(text: str, name: str) -> Table:
         raise InputError(
             f"{name} is nested too deeply to be read; a case needs only a few levels of nesting."
         ) from error
-    except ValueError as error:  # also a TOMLDecodeError
+    except ValueError as error:  # TOMLDecodeError is a ValueError
         # this advice is for programmers, not for authors of cases
         reason = str(error).partition("; use sys.")[0]
         reason = reason[:1].lower() + reason[1:]
