@@ -48,8 +48,8 @@ def interpolation_points(element: Any) -> Floats:
 def geometry_dofmap(mesh: Mesh) -> Ints:
     """Return the local geometry nodes of each local cell, shape (num_cells, nodes_per_cell).
 
-    They are ``geometry.dofmap`` up to 0.10, and the first entry of the list ``geometry.dofmaps`` in
-    0.11. Version 0.11 still has the old name, but warns when it is used.
+    The nodes are ``geometry.dofmap`` up to 0.10, and the first entry of the list
+    ``geometry.dofmaps`` in 0.11. Version 0.11 still has the old name, but warns when it is used.
     """
     dofmaps = getattr(mesh.geometry, "dofmaps", None)
     return dofmaps[0] if isinstance(dofmaps, list) else mesh.geometry.dofmap

@@ -1,7 +1,7 @@
 """Interpolate values at points linearly in triangles or tetrahedra, and read ``.vtu`` files.
 
 The module reads values at the points of a ``.vtu`` file with triangles or tetrahedra. It needs only
-NumPy for this. Data may be text, base64 or raw bytes. They are stored in the array elements or
+NumPy to read them. Data may be text, base64 or raw bytes. They are stored in the array elements or
 appended, and may be compressed by zlib (VTK file formats,
 https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html).
 """

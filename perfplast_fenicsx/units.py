@@ -118,7 +118,7 @@ class Units:
         """Return the unit of each quantity for ``summary.json``.
 
         Args:
-            whole: Whether bodies are finite in all directions. Otherwise forces and works are per
+            whole: Whether bodies are finite in all directions. If not, forces and works are per
                 unit of depth.
 
         Returns:

@@ -133,8 +133,8 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     """Move nodes of the mesh onto the original surfaces of the faces.
 
     When a gap is closed, edges of one body are replaced by edges of the other body's face, which
-    lie at the distance of the gap. This bends the face, and contact on a bent face would push the
-    bodies sideways.
+    lie at the distance of the gap. The new edges bend the face, and contact on a bent face would
+    push the bodies sideways.
 
     Args:
         parts: Bodies in 3D.

@@ -125,7 +125,7 @@ def weaker(ground: AnyGround) -> AnyGround:
 def reduced(ground: AnyGround, factor: float) -> AnyGround:
     """Return ground with c/F and tan φ/F.
 
-    Davis' method C keeps ψ, but at most the reduced φ. Otherwise F also divides tan ψ.
+    Davis' method C keeps ψ, but at most the reduced φ. In all other cases, F also divides tan ψ.
 
     Args:
         ground: Any ground.

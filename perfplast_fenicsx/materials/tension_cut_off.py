@@ -3,8 +3,8 @@ r"""Define the Mohr–Coulomb or Tresca condition with a tensile strength, assoc
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃. The
 tensile strength f is below the apex b/2s of the first condition. A stress is the projection of Ce
 in the norm of C⁻¹. If the projection onto the set of one condition satisfies the other condition,
-this projection is the result. Otherwise both conditions are active: σ₁ = f, σ₃ = r = ((1 + s)f −
-b)/(1 − s), and σ₂ is the nearest value in [r, f].
+this projection is the result. If neither projection does, both conditions are active: σ₁ = f,
+σ₃ = r = ((1 + s)f − b)/(1 − s), and σ₂ is the nearest value in [r, f].
 """
 
 from collections.abc import Mapping, Sequence

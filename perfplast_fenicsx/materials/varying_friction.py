@@ -6,8 +6,8 @@ check of the condition at the vertices is therefore not sufficient. Strict bound
 each cell:
 
 - The lower bound uses the smallest s in the cell, and a linear function b ≤ s a instead of s a.
-  If b − s p ≥ 0, then p ≤ b/s ≤ a, and therefore b − s p ≤ s(x)(a(x) − p). So the set lies inside
-  the yield set of each point.
+  If b − s p ≥ 0, then p ≤ b/s ≤ a, and therefore b − s p ≤ s(x)(a(x) − p). The set therefore lies
+  inside the yield set of each point.
 - The upper bound uses the largest s, and a linear function b ≥ s a. The set therefore contains the
   yield set of each point.
 

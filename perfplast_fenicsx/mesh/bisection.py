@@ -2,9 +2,10 @@
 
 The algorithm cuts a simplex at its marked edge with the highest order, then both parts at their
 remaining marked edges, and so on. Two simplices cut their common face in the same way, because the
-edges of the face have the same order in both. So the parts conform for any marked edges, in 2D and
-in 3D. If edges are ordered by length, and the longest edge of every cut triangle is marked, the
-algorithm is the skeleton-based refinement of Plaza and Carey, doi:10.1016/S0168-9274(99)00022-7.
+edges of the face have the same order in both. The parts therefore conform for any marked edges, in
+2D and in 3D. If edges are ordered by length, and the longest edge of every cut triangle is marked,
+the algorithm is the skeleton-based refinement of Plaza and Carey,
+doi:10.1016/S0168-9274(99)00022-7.
 """
 
 from collections.abc import Sequence

@@ -4,9 +4,9 @@ A cell is divided from the vertex opposite the surface, so the rest of the mesh 
 After a division on both sides of an interface, the facets of both sides match.
 
 The surface may also approximate a curve by chords. Two polygons that approximate the same curve
-have their vertices on the curve, but differ between the vertices. So a point next to a chord counts
-as a point of the curve if two conditions hold. The point lies on the convex side, and it is at most
-as far from the chord as an arc that turns by the same angles as the chords.
+have their vertices on the curve, but differ between the vertices. A point next to a chord therefore
+counts as a point of the curve if two conditions hold. The point lies on the convex side, and the
+point is at most as far from the chord as an arc that turns by the same angles as the chords.
 """
 
 import basix.ufl

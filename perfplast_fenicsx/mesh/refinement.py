@@ -4,8 +4,8 @@ Cells are cut at the midpoints of edges (:mod:`bisection`). Cells with large err
 their angles remain bounded. Cells around a point are cut into a fan if the stress at the point
 depends only on the direction.
 
-Slip bands are thin: cells must be small across a band, but not along it. So edges along which a
-field changes are cut earlier than other edges of the same length.
+Slip bands are thin: cells must be small across a band, but not along it. Edges along which a
+field changes are therefore cut earlier than other edges of the same length.
 """
 
 from dataclasses import dataclass
@@ -39,8 +39,8 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
     """Return factors on the lengths of local edges, which are the same on all ranks. Collective.
 
     A factor is 1/2 plus the change of the fields along the edge, relative to the largest possible
-    change for gradients of this size, averaged over the cells at the edge. So cells become up to
-    about three times longer than wide.
+    change for gradients of this size, averaged over the cells at the edge. Cells therefore become
+    up to about three times longer than wide.
 
     Args:
         mesh: Mesh of tetrahedra with straight sides.

@@ -1,9 +1,9 @@
 """Split a conforming gmsh mesh into bodies that share no node, with matching contact surfaces.
 
 Bodies that ``gmsh.model.occ.fragment`` cuts from one geometry are meshed together and share the
-nodes on their interfaces. :func:`write_split` numbers the nodes of each body separately. So the two
-sides of an interface have separate nodes at the same points, for any geometry, and contact pairs
-match exactly.
+nodes on their interfaces. :func:`write_split` numbers the nodes of each body separately. The two
+sides of an interface therefore have separate nodes at the same points, for any geometry, and
+contact pairs match exactly.
 """
 
 from collections.abc import Sequence
@@ -50,8 +50,8 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
     are written once for each side, as ``BODY_NAME``: the interface ``seam`` of ``lower`` and
     ``upper`` becomes ``lower_seam`` and ``upper_seam``. A surface may have several names; groups
     without a name have their number as name. Bodies are also separated along interfaces without a
-    name. The function supports elements of any kind, of first and second order. It is not
-    collective and runs on one process.
+    name. The function supports elements of any kind, of first and second order. The function is
+    not collective and runs on one process.
 
     Open cracks are curves inside plane bodies. Their nodes are doubled, except at crack tips inside
     the body.

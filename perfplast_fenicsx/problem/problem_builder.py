@@ -1,6 +1,6 @@
 """Build a problem step by step, with the names of the mesh as attributes that an editor completes.
 
-:class:`ProblemBuilder` checks each step when it is made, and states what is missing::
+:class:`ProblemBuilder` checks each step when it is made, and lists what the problem lacks::
 
     build = ProblemBuilder(read_gmsh(MPI.COMM_WORLD, "prop.msh"))
     build.material(steel, *build.bodies)
@@ -157,7 +157,7 @@ class ProblemBuilder:
             (self.tagged_mesh.cells if in_volume else self.tagged_mesh.facets)(name)
 
     def missing(self) -> list[str]:
-        """Return what the problem lacks, each entry a clause; an empty list if nothing is missing.
+        """Return a clause for each part that the problem lacks; an empty list if it lacks none.
 
         Supports may be missing on purpose, for example if contact holds all bodies, so they are not
         listed.
@@ -189,7 +189,7 @@ class ProblemBuilder:
         return f"ProblemBuilder({counts}; missing: {'; '.join(self.missing()) or 'nothing'})"
 
     def _repr_html_(self) -> str:
-        """Return the declarations so far, and what is missing, as an HTML table."""
+        """Return the declarations so far, and the missing parts, as an HTML table."""
         rows: list[tuple[str, object]] = [("mesh", self.tagged_mesh)]
         rows += [(f"material of {name}", of) for name, of in self.materials.items()]
         rows += [(type(one).__name__, one) for one in self.declared]

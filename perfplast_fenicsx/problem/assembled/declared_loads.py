@@ -55,8 +55,8 @@ class LoadCase:
     Attributes:
         dead: L₀ as a vector in the dual space of V, zero at supported unknowns (ghosts summed).
         live: L₁, the growing loads at ζ = 1, in the same form.
-        held: The parts of both vectors at supported unknowns; None if there are none. They do no
-            work on displacements, and supports take them directly.
+        held: The parts of both vectors at supported unknowns; None if there are none. These parts
+            do no work on displacements; the supports bear them directly.
     """
 
     dead: PETSc.Vec

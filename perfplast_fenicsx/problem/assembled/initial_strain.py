@@ -8,8 +8,8 @@ A shank that is shortened by s has e₀ = −s ε(w), where w = φa is a displac
 along its axis a. The nodal values of φ rise from 0 at the beginning of the shank to 1 at its end.
 The law receives ε(u + sw), the strain of a continuous displacement, so only the shortening strains
 the bolt. The force of the shank is N = ⟨σ, ε(w)⟩. In equilibrium this is the force that one end of
-the bolt exerts on the other. It is exact on any mesh if no force acts on the shank between its
-ends; otherwise it is the mean along the shank. It also equals ∂J/∂s, the force conjugate to s.
+the bolt exerts on the other. N is exact on any mesh if no force acts on the shank between its
+ends; otherwise N is the mean force along the shank. N also equals ∂J/∂s, the force conjugate to s.
 """
 
 import math

@@ -50,8 +50,8 @@ def known_displacements(
     Returns:
         Flags; displacements (length) as the constant part and the part times ζ, 0 at other
         components, shape (2, num_nodes, gdim); and the number of the first support that holds each
-        component, −1 at others. Flags and numbers have shape (num_nodes, gdim). All are at local
-        nodes, including ghosts.
+        component, −1 at others. Flags and numbers have shape (num_nodes, gdim). All arrays
+        are at local nodes, including ghosts.
 
     Raises:
         InputError: For an unknown surface, invalid components, a value that is not finite, or two

@@ -411,8 +411,8 @@ class Bearing(Load):
         on: Physical name of the surface, such as a whole bore or half of it.
         value: The total force of a pin or shaft on its bore (force; in plane meshes per unit of
             depth), one number for each direction. The pressure has a cosine distribution and acts
-            only where the surface faces the force. It is scaled so that its resultant on the mesh
-            is exact.
+            only where the surface faces the force. The program scales the pressure so that its
+            resultant on the mesh is exact.
         name: Name in messages.
         constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
     """

@@ -3,7 +3,7 @@
 The certificate contains the duality gap, the penetration, the smallest contact force, the
 complementarity and the unbalanced forces. At a solution inf J_ζ = −S(σ) − Σ force × gap. The
 duality gap is J_ζ + S(σ) + Σ force × gap, relative to |Ψ| + ½‖σ‖². The certificate is valid for any
-field, whatever algorithm computed it.
+field, computed by any algorithm.
 """
 
 import math

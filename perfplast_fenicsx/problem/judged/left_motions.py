@@ -27,7 +27,7 @@ def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
     Returns:
         The first list has an entry for each of ``problem.given.holding``. The entry names the
         motions that this support alone leaves free in the bodies that it touches, such as
-        "translation in x and rotation". It names the bodies if they have different motions. The
+        "translation in x and rotation". The entry names the bodies if their motions differ. The
         second list is for all supports together, with the names of the bodies that can still move.
         Bodies that are tied together move as one body.
     """

@@ -74,7 +74,7 @@ class LevelReport:
             negative value means tension.
         complementarity: Σ force × remaining gap, relative to |Ψ| + ½‖σ‖² like the duality gap.
         equilibrium: Norm of the unbalanced forces without contact forces, relative to the largest
-            of several norms. They are the norms of the loads; of the contact forces; of all nodal
+            of several norms. The norms are those of the loads; of the contact forces; of all nodal
             forces if supports move; and, with initial strain or a plastic history, of the forces
             that stress exerts on nodes from all sides.
         duality_gap: J_ζ(u) + S(σ) + Σ force × gap − ⟨reactions, u_D⟩, relative to

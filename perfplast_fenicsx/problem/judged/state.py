@@ -126,7 +126,7 @@ def slipped(problem: Problem, state: State) -> Floats:
 def remember_slip(problem: Problem, start: State | None) -> None:
     """In stages, set the origin of slip to the state from which a level starts. Collective.
 
-    Without stages, a level is one step from rest, whatever the initial state of its iteration.
+    Without stages, a level is one step from rest for any initial state of its iteration.
 
     Args:
         problem: The problem, already moved to the load factor of the level.
