@@ -185,7 +185,7 @@ def _folder(package: str) -> Path | None:
 
 
 def _numbers(version: str) -> list[int]:
-    """Return the numbers in a version."""
+    """Return the numbers in a version, such as [2, 34] for "2.34"."""
     return [int(part) for part in version.split(".") if part.isdigit()]
 
 

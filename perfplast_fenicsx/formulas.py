@@ -163,7 +163,7 @@ def check(formula: str, place: str) -> None:
 
 
 def _fault(node: ast.AST, called: bool) -> str | None:
-    """Return the fault of a node of the syntax tree, or None."""
+    """Return in words why a node of the syntax tree is not allowed; None if it is allowed."""
     if isinstance(node, ast.Name):
         if called and node.id not in FUNCTIONS:
             return f"calls '{node.id}'"

@@ -104,7 +104,7 @@ def _solid(entities: Entities, strings: list[str], args: str) -> StepSolid:
 
 
 def _below(entities: Entities, args: str, kind: str) -> dict[int, None]:
-    """Return the ``kind`` entities that references in ``args`` reach, in order, each once."""
+    """Return the entities of type ``kind`` to which ``args`` refers, also indirectly, in order."""
     found: dict[int, None] = {}
     seen: set[int] = set()
     left = _refs(args)[::-1]
@@ -390,7 +390,7 @@ def take_back(
 
 
 def _inside(dim: int, face: int) -> Floats:
-    """Return a point inside a face; if none is found, the point at the middle of its parameters."""
+    """Return a point inside a face; if none is found, the point at the middle parameters."""
     low, high = map(np.asarray, gmsh.model.getParametrizationBounds(dim, face))
     if dim == 1:
         return np.asarray(gmsh.model.getValue(1, face, (low + high) / 2))

@@ -517,7 +517,7 @@ def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:
-    """Return names of bodies by face; in the plane, by entity of the body."""
+    """Return the name of the body for each of its faces (in the plane for each of its entities)."""
     names = {}
     for part in reversed(parts):
         for tag in part.tags:

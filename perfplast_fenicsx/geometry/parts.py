@@ -169,7 +169,7 @@ def _solids(least: int) -> list[int]:
 
 
 def _alone(solids: list[int]) -> list[int]:
-    """Remove faces, curves and points outside the solids, and return the solids."""
+    """Remove faces, curves and points that belong to no solid, and return ``solids``."""
     occ = gmsh.model.occ
     for dim in (2, 1, 0):
         loose = [

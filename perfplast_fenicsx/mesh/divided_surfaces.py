@@ -247,7 +247,7 @@ def _tags(tagged_mesh: TaggedMesh, count: int) -> Ints:
 
 
 def _snapped(places: Floats, points: Floats) -> Floats:
-    """Return positions moved onto points that coincide with them up to rounding.
+    """Return ``places``, moved onto points that coincide with them up to rounding.
 
     The coordinates of surfaces that are meshed separately differ by rounding errors, such as 3e-12.
     With pressures of a hundred times the strength, no admissible stress satisfies equilibrium

@@ -274,7 +274,7 @@ def _pairs(opposite: Longs | None) -> Longs:
 def _cut(
     tagged_mesh: TaggedMesh, edges: GluedEdges, marks: npt.NDArray[np.bool_], order: Longs
 ) -> Refined:
-    """Return the mesh with the owned cells cut at marked edges, newly distributed. Collective."""
+    """Return the mesh with cells cut at marked edges, in a new distribution. Collective."""
     mesh = tagged_mesh.mesh
     topology, comm = mesh.topology, mesh.comm
     dim, owned = topology.dim, len(edges.of_cell)

@@ -275,7 +275,7 @@ def _write(
     tags: Tags,
     coordinates: Floats,
 ) -> None:
-    """Write the parts as discrete entities of a new model."""
+    """Write a .msh file with the parts as discrete entities of a new gmsh model."""
     model = gmsh.model.getCurrent()
     version = gmsh.option.getNumber("Mesh.MshFileVersion")
     gmsh.model.add("split")

@@ -219,7 +219,7 @@ class _Options:
 
 
 def _judged(mesh: TaggedMesh, seepage: Seepage, prefix: str) -> SteadyFlow:
-    """Return the flow on a mesh of this rank alone, and compare it with that on a finer mesh."""
+    """Return the flow on a mesh of this rank alone, with its ``uncertainty``."""
     flow, cells = _flow(mesh, seepage, prefix), len(corners(mesh.mesh)[0])
     if cells > MOST_COMPARED:
         return flow
@@ -531,7 +531,7 @@ def solve_flow(
 
 
 def _rows(matrix: sp.csr_matrix) -> tuple[npt.NDArray[Any], npt.NDArray[Any], Floats]:
-    """Return a matrix as the arrays that PETSc takes."""
+    """Return the row pointers, columns and values of a matrix, in PETSc's types."""
     of_petsc = PETSc.IntType
     values = np.asarray(matrix.data, dtype=np.float64)
     return matrix.indptr.astype(of_petsc), matrix.indices.astype(of_petsc), values

@@ -48,7 +48,7 @@ class TangentForm:
             expression.interpolate(function)
 
     def _store(self, on: LawOnCells, e: fem.Function) -> dict[str, fem.Function]:
-        """Return functions for the fields of a law's tangent, in the law's shapes."""
+        """Return a function for each field of a law's tangent, with the shape of this field."""
         problem, stored = self._problem, {}
         for name, value in on.law.tangent_fields(e, on.old, self._rho).items():
             space = problem.space_at_points(value.ufl_shape)

@@ -113,7 +113,7 @@ def _check_parted(
     moved: npt.NDArray[np.bool_],
     holder: Ints,
 ) -> None:
-    """Refuse two names for one component of a node. Collective."""
+    """Refuse supports with different names that hold the same component of a node. Collective."""
     mesh, message = problem.tagged_mesh, None
     fdim, gdim = mesh.mesh.topology.dim - 1, mesh.mesh.geometry.dim
     for support in supports:
@@ -251,7 +251,7 @@ class LoadingHistory:
                 e0.x.array[:] += now[name] * strain
 
     def _case(self, k: int) -> LoadCase:
-        """Return the loads of a stage. Collective."""
+        """Return the loads of stage ``k``. Collective."""
         first, rate = self._lines(k)
         dead, live = self._constant.copy(), self.problem.create_vector()
         for name, vector in self._vectors.items():
@@ -260,7 +260,7 @@ class LoadingHistory:
         return LoadCase.of(dead, live, self.problem.bcs)
 
     def _lines(self, k: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the factors of a stage by name: values extrapolated to ζ = 0, and growth."""
+        """Return factors of stage ``k`` by name, extrapolated to ζ = 0, and their growth with ζ."""
         before, after = self._at_end(k - 1), self._at_end(k)
         rate = {name: after[name] - before[name] for name in after}
         return {name: before[name] - k * rate[name] for name in after}, rate

@@ -89,7 +89,7 @@ def _rows(problem: Problem, support: Support | RigidSurface) -> tuple[Ints, Floa
 
 
 def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[str]:
-    """Return the motions that rows leave free, grouped by bodies with the same motions.
+    """Return in words the motions that rows leave free, grouped by bodies with equal motions.
 
     Args:
         problem: Problem of the bodies.
@@ -116,7 +116,7 @@ def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[
 
 
 def _motions(problem: Problem, left: Floats) -> str:
-    """Return the names of a body's rigid motions, along as few axes as possible."""
+    """Return in words the rigid motions in the columns of ``left``, along few axes if possible."""
     projector = left @ left.T
     told = []
     for _ in range(left.shape[1]):
