@@ -10,7 +10,7 @@ RUN apt-get update \
         xargs apt-get install -y --no-install-recommends \
     && apt-get clean && rm -rf /var/lib/apt/lists/* /tmp/packages.txt
 
-# What ./fenicsx sets, for commands that do not go through it.
+# These are the variables that ./fenicsx sets, for commands that run without it.
 ENV LANG=C.UTF-8 \
     OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
     OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
@@ -21,7 +21,7 @@ RUN useradd --create-home --shell /bin/bash perfplast \
     && install -d -o perfplast -g perfplast /home/perfplast/perfplast_fenicsx
 COPY --chown=perfplast:perfplast . /home/perfplast/perfplast_fenicsx
 WORKDIR /home/perfplast/perfplast_fenicsx
-# Debian has every dependency and the build tool: nothing is fetched from PyPI.
+# Debian has all dependencies and the build tool, so nothing is downloaded from PyPI.
 RUN pip install --no-deps --no-build-isolation --no-index --no-cache-dir \
         --break-system-packages --root-user-action=ignore . \
     && rm -rf build *.egg-info

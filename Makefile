@@ -1,25 +1,25 @@
-# Everything goes through ./fenicsx, which sets up what is missing.
-# LIMIT is a generous bound on each run (s), so that whatever hangs ends as a failure.
+# All commands run through ./fenicsx, which makes the environment if it is missing.
+# LIMIT is a generous time limit for each run (s), so that a run that hangs ends with a failure.
 export LIMIT = 3600
 RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 
 .PHONY: help demo test pip-test verify tribunal lint docs image-test package clean
 
 help:
-	@echo 'make demo        two blocks pressed together, on 2 MPI ranks'
-	@echo 'make test        the tests on 1 rank, some of them on 2, a few on 3'
+	@echo 'make demo        two blocks in contact, on 2 MPI ranks'
+	@echo 'make test        all tests on 1 rank, some on 2, a few on 3'
 	@echo 'make pip-test    the demo and a twentieth of the tests with the packages of PyPI'
-	@echo 'make verify      all that make test leaves out; PART=random runs one part of it'
-	@echo 'make tribunal    published factors and limit loads judged: docs/tribunal.md; NAMES="cheng" selects'
-	@echo 'make bench       how fast and how large: benchmarks/README.md (hours)'
+	@echo 'make verify      the tests that make test omits; PART=random runs one part of them'
+	@echo 'make tribunal    verdicts on published factors and limit loads: docs/tribunal.md; NAMES="cheng" selects'
+	@echo 'make bench       run times and memory: benchmarks/README.md (hours)'
 	@echo 'make lint        ruff and mypy'
 	@echo 'make docs        the documentation site, in build/docs/index.html'
-	@echo 'make image-test  build the Dockerfile; demo and tests inside the image'
-	@echo 'make package     sdist and wheel in build/dist, checked by twine, the same twice'
-	@echo 'make clean       remove what runs and tools left in this folder'
-	@echo './fenicsx CMD    any command in the environment, as: ./fenicsx perfplast run case.toml'
+	@echo 'make image-test  build the image of the Dockerfile, and run demo and tests in it'
+	@echo 'make package     sdist and wheel in build/dist, checked by twine and built twice'
+	@echo 'make clean       remove files of runs and tools from this folder'
+	@echo './fenicsx CMD    any command in the environment, such as ./fenicsx perfplast run case.toml'
 
-# Building the environment counts against no limit.
+# No time limit includes the creation of the environment.
 .PHONY: environment
 environment:
 	@./fenicsx --way
@@ -70,11 +70,11 @@ verify-two-ranks-rest:
 	$(TWO_RANKS) tests --ignore=tests/limit_analysis --ignore=tests/proof --ignore=tests/solvers \
 		--ignore=tests/contact --ignore=tests/problem --ignore=tests/materials
 
-# What was solved is not solved again: build/tribunal keeps bounds and proofs.
+# Solved problems are not solved again: build/tribunal stores bounds and proofs.
 tribunal: environment
 	$(RUN) python3 demos/tribunal/tribunal.py --publish $(if $(NAMES),--only $(NAMES))
 
-# CASES="start punch_16" chooses, ROUNDS=1 runs each once
+# CASES="start punch_16" selects cases, and ROUNDS=1 runs each case once
 .PHONY: bench
 bench:
 	benchmarks/enter python3 -m benchmarks.run $(CASES) $(if $(ROUNDS),--rounds $(ROUNDS))
