@@ -17,7 +17,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
 
 def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None = None) -> int:
-    """Move vertices where two lines of edges cross, and return the number of vertices. Collective.
+    """Move vertices at which edges nearly form two crossing lines; return their number. Collective.
 
     The function moves vertices slightly and in place. It does not move vertices on surfaces and
     boundaries, so the shapes of bodies do not change.

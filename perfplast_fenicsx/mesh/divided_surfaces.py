@@ -25,7 +25,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, cell_meshtags, distri
 
 
 def bulges(ends: Floats, every: Floats) -> Floats:
-    """Return the angles by which chords turn into their neighbours, for both sides.
+    """Return the sines of the angles between chords and their neighbours, for both sides.
 
     Args:
         ends: Ends of some chords, shape (n, 2, 2).

@@ -52,7 +52,7 @@ class Kinematics(Protocol):
     motions: tuple[str, ...]
 
     def strain(self, u: Any) -> Any:
-        """Return the small strain ε(u) in UFL as a Mandel vector, shape (6,), in the plane (4,)."""
+        """Return the small strain ε(u) in UFL as a Mandel vector, shape (6,), or (4,) in 2D."""
         ...
 
     def measure(self, measure: ufl.Measure) -> Any:
