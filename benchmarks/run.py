@@ -71,7 +71,7 @@ def run(job: Job, limit: float = LIMIT) -> Record | None:
                 raise
             words = f"stopped after {limit:g} s"
         if process.returncode or not output.exists():
-            print(f"{job.name} has failed:\n{words[-2000:]}", file=sys.stderr)
+            print(f"{job.name} failed:\n{words[-2000:]}", file=sys.stderr)
             return None
         record: Record = json.loads(output.read_text(encoding="utf-8"))
         record["job"] = job.name
@@ -86,7 +86,7 @@ def run_group(group: Group, rounds: int, limit: float) -> dict[str, list[Record 
     """Run all jobs of a group in each round, and return the records of each job."""
     absent = [job.name for job in group.jobs if missing(job)]
     if absent:
-        print(f"  left out, as benchmarks/peers has not set it up: {', '.join(absent)}")
+        print(f"  omitted, because benchmarks/peers/setup did not install it: {', '.join(absent)}")
     jobs = [job for job in group.jobs if job.name not in absent]
     records: dict[str, list[Record | None]] = {job.name: [] for job in jobs}
     for number in range(rounds):

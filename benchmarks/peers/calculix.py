@@ -235,7 +235,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     arguments = parser.parse_args()
     if program() is None:
-        sys.exit("no ccx here: run benchmarks/peers/get_calculix")
+        sys.exit("CalculiX (ccx) is missing; run benchmarks/peers/get_calculix")
     text = json.dumps(compare(arguments.case, arguments.size, arguments.stiffer), indent=1)
     if arguments.output:
         arguments.output.write_text(f"{text}\n")

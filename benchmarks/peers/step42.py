@@ -46,7 +46,7 @@ def read(output: str) -> dict[str, object]:
     total = re.search(r"Total wallclock time elapsed since start *\| *([\d.e+-]+)s", output)
     steps = re.findall(r"Newton iteration (\d+)", output)
     if not (dofs and total and steps):
-        raise ValueError(f"step-42 has not come to its end: ...{output[-500:]}")
+        raise ValueError(f"step-42 did not run to its end: ...{output[-500:]}")
     sections = {
         name.strip(): float(spent)
         for name, spent in re.findall(r"^\| ([A-Za-z][^|]*)\| *\d+ \| *([\d.e+-]+)s", output, re.M)

@@ -79,5 +79,5 @@ def test_output_of_step_42_is_read() -> None:
     )
     assert (record["newton_iterations"], record["linear_iterations"]) == (2, 15)
     assert record["seconds"]["path"] == pytest.approx(0.65)  # type: ignore[index]
-    with pytest.raises(ValueError, match="has not come to its end"):
+    with pytest.raises(ValueError, match="did not run to its end"):
         read("nothing")
