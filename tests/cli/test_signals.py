@@ -259,7 +259,7 @@ def test_a_full_disk(whole: tuple[Path, Path], tmp_path: Path) -> None:
 def test_nobody_reads_to_the_end(
     whole: tuple[Path, Path], tmp_path: Path, arguments: list[str]
 ) -> None:
-    """As with ``perfplast run ... | head -1``: the run continues without output."""
+    """The run continues without output if the reader ends: ``perfplast run ... | head -1``."""
     shutil.copy(whole[0], tmp_path / "case.toml")
     program = [sys.executable, "-m", "perfplast_fenicsx", *arguments]
     with subprocess.Popen(

@@ -38,7 +38,7 @@ class Answer:
 
     @property
     def given(self) -> bool:
-        """Whether the question has a complete or partial answer."""
+        """Return whether the question has a complete or partial answer."""
         return self.status == SOLVED and not self.words.startswith("no")
 
 

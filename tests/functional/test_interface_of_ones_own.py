@@ -34,8 +34,8 @@ class Riveted(Contact):
     Args:
         primary: Physical name of the first surface.
         secondary: Physical name of the second surface.
-        rivets: Of them per area (1/length²).
-        shear: Force that one bears (force).
+        rivets: Number of rivets per area (1/length²).
+        shear: Shear strength of a rivet (force).
     """
 
     rivets: float = 0.0
@@ -98,7 +98,7 @@ def test_limit_load(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
 
 
 def test_strict_bounds(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """By statics, only the rivets carry the push."""
+    """In equilibrium, the rivets alone carry the horizontal load."""
     limit = ran(comm, shared_tmp_path, 'control = "bounds"')["limit"]
     assert limit["lower"] == pytest.approx(2.0, rel=1e-3)
     assert limit["upper"] == pytest.approx(2.0, rel=1e-3)

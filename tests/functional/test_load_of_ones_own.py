@@ -39,7 +39,7 @@ class Suction(SpreadLoad):
         on: Physical surface.
         value: The pull (stress), a number or formula.
         share: How much of it acts.
-        name: What messages call it.
+        name: Name in messages.
         constant: Whether it acts in full at any load factor.
     """
 

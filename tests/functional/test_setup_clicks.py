@@ -169,7 +169,7 @@ class Clicked:
     Attributes:
         drawing: Name of the file.
         size: Size of elements that ``perfplast mesh`` is given.
-        clicks: What a hand does on the page.
+        clicks: Clicks and entries of a user on the page.
         by_hand: The case as one writes it, without title, geometry and element.
         steel: Whether ``perfplast mesh`` is given a material.
     """

@@ -1,4 +1,4 @@
-"""Test a run in which stages move a punch: forces on file, and a restart within a cycle."""
+"""Test a run in which stages move a punch: stored forces, and a restart within a cycle."""
 
 import json
 from collections.abc import Callable

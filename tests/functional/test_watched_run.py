@@ -33,7 +33,7 @@ GOING_ON = re.compile(r"<strong>At [-0-9: ]{19} this run was in progress\.</stro
 def test_bounds_as_they_narrow(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each page has the bounds on file; the last page equals that of a run without a watch."""
+    """Each page has the stored bounds; the last page equals that of a run without a watch."""
     if comm.rank == 0:
         write_strip_footing(shared_tmp_path / "ground.msh", size=0.4)
     case = write_case(comm, shared_tmp_path / "case.toml", CASE)
@@ -106,7 +106,7 @@ def test_a_page_that_cannot_be_written_is_no_end(
 
 @pytest.mark.serial
 def test_a_killed_run_leaves_a_page_that_is_true(shared_tmp_path: Path) -> None:
-    """The page gives the time of the run, and the bounds proven on file; then the run continues."""
+    """The page gives the time of the run, and the bounds proven so far; then the run continues."""
     write_strip_footing(shared_tmp_path / "ground.msh", size=0.4)
     case = shared_tmp_path / "case.toml"
     case.write_text(CASE.replace("until = 0.2, cells = 800", "until = 1e-3, cells = 100000"))
@@ -170,7 +170,7 @@ def zetas(page: str) -> list[float]:
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("when", ["before the page is written", "behind it"])
 def test_a_watched_run_that_is_killed_and_goes_on(tmp_path: Path, ranks: int, when: str) -> None:
-    """Each page has only levels that are on file, and all levels of earlier pages."""
+    """Each page has only stored levels, and all levels of earlier pages."""
     text = LEVELS.replace("[50.0, 80.0]", "[30.0, 50.0, 70.0, 80.0]")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     results = tmp_path / "results"

@@ -232,9 +232,9 @@ class CutGround(DruckerPrager):
     Args:
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
-        cohesion: Of Mohr and Coulomb (stress).
-        friction_angle: Of Mohr and Coulomb (degrees).
-        match: As of Drucker and Prager.
+        cohesion: Mohr–Coulomb cohesion (stress).
+        friction_angle: Mohr–Coulomb friction angle (degrees).
+        match: Match of the Drucker–Prager cone.
         tension: Largest mean stress (stress), below that of the first cone.
     """
 

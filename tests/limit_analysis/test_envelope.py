@@ -61,7 +61,7 @@ def sheet(comm: MPI.Intracomm) -> Problem:
 
 
 def ellipse(angle: float) -> float:
-    """Where the ray leaves a² − ab + b² ≤ Y²."""
+    """Return the distance at which the ray leaves a² − ab + b² ≤ Y²."""
     a, b = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return Y / math.sqrt(a * a - a * b + b * b)
 
@@ -218,9 +218,9 @@ def test_constant_loads_are_not_multiplied(cube: Problem) -> None:
 
 
 def green(angle: float) -> float:
-    """Where a ray in the plane of V and H leaves what a rough strip of unit width and k = 1 bears.
+    """Return the distance at which a ray of V and H leaves the set that a rough strip carries.
 
-    V = 1 + π − arcsin H + √(1 − H²) at least as far as H = 1 (A. P. Green, J. Mech. Phys. Solids 2,
+    For the width 1 and k = 1, V = 1 + π − arcsin H + √(1 − H²) up to H = 1 (A. P. Green, J. Mech. Phys. Solids 2,
     1954), by bisection.
     """
     v, h = math.cos(math.radians(angle)), math.sin(math.radians(angle))

@@ -25,7 +25,7 @@ def shaft(comm: MPI.Intracomm, layers: int, across: int = 1) -> TaggedMesh:
     """Return a tube of flat walls; no cell belongs to two walls.
 
     Args:
-        comm: Of the mesh.
+        comm: Communicator of the mesh.
         layers: Cells along it.
         across: Cells along each wall, an even number or 1.
     """

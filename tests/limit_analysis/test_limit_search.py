@@ -101,7 +101,7 @@ def test_limit_load_of_a_block_held_by_contact_alone() -> None:
 
 @pytest.mark.serial
 def test_shells_of_two_steels_end_with_a_bracket(read: Read) -> None:
-    """They creep up to their limit load; a path once reported no limit load."""
+    """ζ increases slowly to the limit load; earlier, a path reported no limit load."""
     problem = Problem(
         read(write_thick_sphere, interface=1.5, size=0.35, order=2),
         {

@@ -175,7 +175,7 @@ def test_linear_elements_that_lock(read: Read) -> None:
 
 
 def test_slender_bodies_carry_something() -> None:
-    """They move so far that residual loads of K once looked like a corner without strength."""
+    """Large motions once made residuals of K look like a corner without strength."""
     length = 40
     ends = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > length - 1e-9}
     mesh = rectangle((2 * length, 2), (float(length), 1.0), {"beam": lambda x: x[0] > -1}, ends)

@@ -217,7 +217,7 @@ def least_thickness(of_dome: bool, count: int) -> float:
 
 
 def test_least_thickness_of_a_half_circle(shared_tmp_path: Path) -> None:
-    """It is 0.1075 radii (J.
+    """The least thickness is 0.1075 radii (J.
 
     A. Ochsendorf, The masonry arch on spreading supports, Struct. Eng. 84 (2006), 29). A mechanism
     shows that the arch collapses if it is 0.25 % thinner.
@@ -409,7 +409,7 @@ def dome(thickness: float, count: int = 20) -> Problem:
 
 @pytest.mark.long
 def test_least_thickness_of_a_dome(shared_tmp_path: Path) -> None:
-    """It is 0.042 radii (J.
+    """The least thickness is 0.042 radii (J.
 
     Heyman, On shell solutions for masonry domes, doi:10.1016/0020-7683(67)90072-8) if slices only
     lean against each other. A line of thrust gives 0.0428 for thin stones, and 0.0427 for 20

@@ -70,9 +70,9 @@ def disc(n: int, law: object = STEEL, around: float = 0.0, **friction: float) ->
 
     Args:
         n: Cells of the height.
-        law: Of the disc.
+        law: Law of the disc.
         around: Constant pressure on its side.
-        friction: Of the plane.
+        friction: Friction of the plane.
     """
     mesh = rectangle(
         (2 * n, n),

@@ -203,7 +203,7 @@ def test_an_interrupted_run_writes_what_it_knows(
 def test_a_run_that_is_interrupted_on_its_second_mesh(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The results of the first mesh are on file, with its mechanism and the remaining work."""
+    """The results of the first mesh are stored, with its mechanism and the remaining work."""
     case, results = shared_tmp_path / "case.toml", shared_tmp_path / "results"
     until = 'until = "limit"\n'
     if comm.rank == 0:

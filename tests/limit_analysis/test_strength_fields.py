@@ -258,7 +258,7 @@ def test_a_linear_field_of_a_file(tmp_path: Path) -> None:
 
 
 def test_linear_functions_beside_scattered_values(tmp_path: Path) -> None:
-    """They enclose the field in each triangle, and touch it from both sides."""
+    """Two linear functions enclose the field in each triangle, and touch it from both sides."""
     rng = np.random.default_rng(3)
     path = tmp_path / "points.csv"
     write_points(path, 30, 2, lambda x: rng.lognormal(1.0, 0.5, len(x)))

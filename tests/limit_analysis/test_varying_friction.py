@@ -100,7 +100,7 @@ def test_a_cell_has_a_cone_inside_of_and_one_around_those_of_its_points(
 
 @pytest.mark.mpi2
 def test_bounds_of_a_profile_close_in(shared_tmp_path: Path) -> None:
-    """They are strict on each mesh, and their distance halves with the cell size."""
+    """Bounds are strict on each mesh, and their distance halves with the cell size."""
     found = {
         n: proven(column(Formula(PROFILE), Formula("10 + 2*x"), n), shared_tmp_path, 1e-5, str(n))
         for n in (2, 4, 8)

@@ -33,7 +33,7 @@ def write_med(path: Path, real: str = "<f8", whole: str = "<i4", old: bool = Fal
         path: The file.
         real: Kind of its coordinates, ">f8" as of another machine.
         whole: Kind of its whole numbers.
-        old: As of MED 2.3, without steps, and with families in the mesh.
+        old: Whether to write MED 2.3, without steps, and with families in the mesh.
     """
     with h5py.File(path, "w") as file:
         mesh: Any = file.create_group("ENS_MAA/Mesh_1")

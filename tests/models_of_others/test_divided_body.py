@@ -80,7 +80,7 @@ def declared(
 
 @pytest.mark.long
 def test_limit_loads_agree(comm: MPI.Intracomm, shared_tmp_path: Path) -> None:
-    """They agree within the error of the mesh, estimated from a coarser mesh."""
+    """Limit loads agree within the error of the mesh, estimated from a coarser mesh."""
     coarse, fine, other = (
         limit_load(declared(comm, shared_tmp_path, write, n)).estimate
         for write, n in ((hexahedra, 2), (hexahedra, 3), (tetrahedra, 2))

@@ -110,7 +110,7 @@ def test_limit_of_stiff_bodies(degree: int) -> None:
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("joint", ["contact", "friction", "nodes", "tie", "tie hosted above"])
 def test_force_and_moment(gdim: int, joint: str) -> None:
-    """They act on the body in contact or glued, for any order of the surfaces."""
+    """Force and moment act on a body that is in contact or glued, for any order of surfaces."""
     counts = (COUNTS[gdim][0], COUNTS[gdim][0]) if joint == "nodes" else COUNTS[gdim]
     mesh = blocks_apart(COMM, *counts, moved_by=0.0 if joint == "nodes" else 0.5)
     pair = ("upper_bottom", "lower_top")

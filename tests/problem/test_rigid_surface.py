@@ -132,7 +132,7 @@ def test_loaded_or_moved(gdim: int, degree: int) -> None:
 
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_held_across_planes_of_symmetry(gdim: int) -> None:
-    """It is pressed along shared symmetry planes; the same motion causes the same force."""
+    """The surface moves along shared symmetry planes; the same motion causes the same force."""
     sides = [Support(f"upper_{axis}0", axis) for axis in "xyz"[: gdim - 1]]
 
     mesh = blocks_apart(MPI.COMM_WORLD, *COUNTS[gdim])  # one, as parts may differ

@@ -73,7 +73,7 @@ def said_of(mesh: Plain) -> str:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_sound_body_is_proven(dim: int) -> None:
-    """Also if the cells have the opposite orientation."""
+    """The checker proves it for either orientation of the cells."""
     assert said_of(blocks(dim)) == ""
     assert said_of(inverted(blocks(dim))) == ""
     assert "cut open" not in str(check_lower(pressed(blocks(dim))).words)

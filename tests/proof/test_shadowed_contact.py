@@ -26,7 +26,7 @@ def plates(
     """Return squares of two cells above one another; the lowest is held, the others are loaded.
 
     Args:
-        heights: Of their lower sides.
+        heights: Heights of the lower sides.
         faces_down: Numbers of squares whose lower side is of surface 1.
         faces_up: Numbers of those whose upper side is of surface 2.
     """

@@ -114,7 +114,7 @@ LAYOUTS: dict[str, Callable[[int], Callable[[Floats], Floats]]] = {
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_many_cells_in_one_place(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are refused, and the check examines few of their 720 000 pairs."""
+    """The checker refuses the cells, and examines only few of their 720 000 pairs."""
     looked_at = []
 
     def counted(ones: Floats, others: Floats) -> npt.NDArray[np.bool_]:

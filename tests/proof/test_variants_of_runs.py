@@ -63,7 +63,7 @@ class Apart:
     """Two stacked blocks with separate meshes, and a constant pressure on their sides.
 
     Attributes:
-        cohesion: Of Mohr and Coulomb's ground of 30°; for ``metal`` the shear strength.
+        cohesion: Cohesion of Mohr–Coulomb ground with φ = 30°; for ``metal`` the shear strength.
         sides: Pressure on the sides.
         lower: Cells along the lower block.
         upper: Cells along the upper one.
@@ -72,7 +72,7 @@ class Apart:
         adhesion: c of the joint.
         glued: Whether the blocks are tied instead.
         metal: Whether they are of metal.
-        off: By how much the vertices of both sides differ.
+        off: Distance between the vertices of both sides.
         far: Distance from the origin.
     """
 

@@ -100,7 +100,7 @@ def test_alg2_where_supports_hold_nodes_along_the_surface() -> None:
 
 
 def test_a_sliding_block_is_resisted_alike_in_any_direction(comm: MPI.Intracomm) -> None:
-    """It slides at the lateral force τ̄A; only the direction of the load changes."""
+    """The block slides at the lateral force τ̄A; only the direction of the load changes."""
     reached = []
     for degrees in (0.0, 37.0, 45.0):
         angle = math.radians(degrees)

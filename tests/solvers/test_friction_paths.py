@@ -99,7 +99,7 @@ def test_many_small_steps_remember_slip(comm: MPI.Intracomm, friction: dict[str,
 
 
 def test_a_coulomb_block_is_pressed_then_pushed() -> None:
-    """It sticks below μ times the pressure, and slides above it."""
+    """The block sticks below μ times the pressure, and slides above it."""
     problem = pushed(2, HARD, coulomb=0.3)
     press = Stage({"press": 100.0, "push": 0.0})
     last = solved(problem, press, Stage({"push": 27.0}))[-1]

@@ -36,7 +36,7 @@ def rings(comm: MPI.Intracomm) -> TaggedMesh:
 
 
 def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
-    """It slides when ζ times the face is τ̄ times the area of the bore, of length 2π INNER."""
+    """The ring slides if ζ times its face equals τ̄ times the area of its bore, 2π INNER long."""
     problem = Problem(
         rings(comm),
         {"lower": STEEL, "upper": STEEL},

@@ -32,7 +32,7 @@ def on_slope(degrees: float, degree: int) -> Level:
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("degrees", [-0.01, -0.001])
 def test_a_little_less_steep(degrees: float, degree: int) -> None:
-    """It rests in place, and is not thrown down the slope and back."""
+    """The block rests, and does not jump down the slope and back."""
     level = on_slope(degrees, degree)
     assert_solved(level)
     assert level.report.friction_excess < 1e-12

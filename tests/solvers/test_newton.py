@@ -201,7 +201,7 @@ def test_a_body_pulled_off_is_a_result_with_a_reason() -> None:
 def test_a_linear_system_without_solution_is_a_result(
     monkeypatch: pytest.MonkeyPatch, solver: type[Newton | WorkNewton], good: int
 ) -> None:
-    """It may occur anywhere, also inside SNES-VI."""
+    """An unsolvable system may occur anywhere, also inside SNES-VI."""
     method = solver(two_blocks_problem(2), NewtonOptions(active_set="exact"))
     solve_well, count = LinearSolver.solve, 0
 
