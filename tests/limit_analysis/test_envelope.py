@@ -220,8 +220,8 @@ def test_constant_loads_are_not_multiplied(cube: Problem) -> None:
 def green(angle: float) -> float:
     """Return the distance at which a ray of V and H leaves the set that a rough strip carries.
 
-    For the width 1 and k = 1, V = 1 + π − arcsin H + √(1 − H²) up to H = 1 (A. P. Green, J. Mech. Phys. Solids 2,
-    1954), by bisection.
+    For the width 1 and k = 1, V = 1 + π − arcsin H + √(1 − H²) up to H = 1 (A. P. Green, J. Mech.
+    Phys. Solids 2, 1954), by bisection.
     """
     v, h = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     low, high = 0.0, min(PRANDTL / max(v, 1e-12), 1 / max(h, 1e-12))
