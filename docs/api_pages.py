@@ -49,6 +49,6 @@ def _read(app: Any, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Insert the documentation at the marks of a page; Sphinx calls it."""
+    """Insert the documentation at the marks of a page; Sphinx calls this function."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -230,5 +230,5 @@ def reference() -> str:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Insert the reference where a page has :data:`MARK`; Sphinx calls it."""
+    """Insert the reference where a page has :data:`MARK`; Sphinx calls this function."""
     return replace_mark(app, MARK, reference)

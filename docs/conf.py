@@ -112,6 +112,6 @@ def _parsable(
 
 
 def setup(app: Any) -> None:
-    """Connect the functions above; Sphinx calls it before napoleon."""
+    """Connect the functions above to Sphinx, which calls this function before napoleon."""
     app.connect("autodoc-process-docstring", _as_written, priority=400)
     app.connect("autodoc-process-signature", _parsable)

@@ -47,7 +47,7 @@ EXAMPLES = (
 
 
 def _synopsis(command: argparse.ArgumentParser) -> list[str]:
-    """Return the arguments: optional ones in brackets, and bars between exclusive ones."""
+    """Return the arguments of a command: options in brackets, and bars between alternatives."""
     grouped = {
         action.dest: group
         for group in command._mutually_exclusive_groups

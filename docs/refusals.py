@@ -201,7 +201,7 @@ def write() -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Insert the table where a page has :data:`MARK`; Sphinx calls it."""
+    """Insert the table where a page has :data:`MARK`; Sphinx calls this function."""
     return replace_mark(app, MARK, reference)
 
 

@@ -55,6 +55,6 @@ def _read(app: Any, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Connect the functions above; Sphinx calls it."""
+    """Connect the functions above to Sphinx, which calls this function."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -28,7 +28,7 @@ LID = 0.3
 
 
 def write_assembly(path: str | Path, size: float = 0.45, order: int = 1, number: int = 0) -> None:
-    """Mesh an assembly and write a .msh file. On one process.
+    """Mesh an assembly and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -21,7 +21,7 @@ RADIUS, OUTER = 1.0, 2.0
 def write_ball_in_socket(
     path: str | Path, size: float = 0.35, order: int = 2, finer: float | None = None
 ) -> None:
-    """Mesh an octant of both bodies and write a .msh file. On one process.
+    """Mesh an octant of both bodies and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -15,7 +15,7 @@ from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 
 def write_beam_on_prop(path: str | Path, size: float = 12.0, order: int = 1) -> None:
-    """Mesh the beam and the block and write a .msh file. On one process.
+    """Mesh the beam and the block and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

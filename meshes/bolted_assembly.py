@@ -62,7 +62,7 @@ def write_bolted_assembly(
     glued: bool = False,
     apart: float | None = None,
 ) -> None:
-    """Mesh the assembly and write a .msh and a .step file. On one process.
+    """Mesh the assembly and write a .msh and a .step file. Not collective.
 
     Args:
         path: The .msh file to write; the .step file has the same name except for the suffix.

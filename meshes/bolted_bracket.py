@@ -30,7 +30,7 @@ PRODUCT = re.compile(r"Open CASCADE STEP translator [\d.]+ \d+\.(\d+)")
 
 
 def write_bolted_bracket(path: str | Path) -> None:
-    """Write the STEP file. On one process.
+    """Write the STEP file. Not collective.
 
     Args:
         path: The file to write.

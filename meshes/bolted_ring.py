@@ -20,7 +20,7 @@ LENGTH, HEAD = 60.0, 20.0
 
 
 def write_bolted_ring(path: str | Path, size: float = 3.0) -> None:
-    """Mesh the three bodies and write a .msh file. On one process.
+    """Mesh the three bodies and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -20,7 +20,7 @@ def write_box(
     size: float = 0.5,
     order: int = 1,
 ) -> None:
-    """Mesh a rectangle or a box and write a .msh file. On one process.
+    """Mesh a rectangle or a box and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -15,7 +15,7 @@ from perfplast_fenicsx.mesh import gmsh_session, write_split
 
 
 def write_contact_patch(path: str | Path, dim: int = 3, size: float = 0.25, order: int = 1) -> None:
-    """Mesh the two blocks and write a .msh file. On one process.
+    """Mesh the two blocks and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -20,7 +20,7 @@ LEG, THICKNESS = 0.5, 1.0
 
 
 def write_corner_seat(path: str | Path, dim: int = 3, size: float = 0.2, order: int = 1) -> None:
-    """Mesh the block and its seat and write a .msh file. On one process.
+    """Mesh the block and its seat and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

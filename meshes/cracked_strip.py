@@ -27,7 +27,7 @@ def write_cracked_strip(
     size: float = 0.05,
     order: int = 1,
 ) -> None:
-    """Mesh a quarter of the strip and write a .msh file. On one process.
+    """Mesh a quarter of the strip and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -21,7 +21,7 @@ BORE, EYE, BOLT = 8.0, 16.0, 5.0
 
 
 def write_engine_bracket(path: str | Path) -> None:
-    """Write the STEP file. On one process.
+    """Write the STEP file. Not collective.
 
     Args:
         path: The file to write.

@@ -26,7 +26,7 @@ def write_facing_blocks(
     size: float = 0.2,
     order: int = 1,
 ) -> None:
-    """Mesh the two blocks and write a .msh file. On one process.
+    """Mesh the two blocks and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

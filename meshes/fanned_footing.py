@@ -27,7 +27,7 @@ ANGLE = math.radians(120.0)
 def write_fanned_footing(
     path: str | Path, size: float = 1.2, order: int = 1, cells: int = 24
 ) -> None:
-    """Mesh the ground and write a .msh file. On one process.
+    """Mesh the ground and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

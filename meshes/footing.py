@@ -20,7 +20,7 @@ REACH = 2.2
 
 
 def write_footing(path: str | Path, size: float = 0.4, order: int = 1, finer: float = 10.0) -> None:
-    """Mesh the ground and write a .msh file. On one process.
+    """Mesh the ground and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -31,7 +31,7 @@ def write_hertz_line(
     order: int = 1,
     finer: float | None = None,
 ) -> None:
-    """Mesh half of a half-cylinder, and its image, and write a .msh file. On one process.
+    """Mesh half of a half-cylinder, and its image, and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

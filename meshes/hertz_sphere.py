@@ -31,7 +31,7 @@ def write_hertz_sphere(
     order: int = 1,
     finer: float | None = None,
 ) -> None:
-    """Mesh a quarter of a half-ball, and its image, and write a .msh file. On one process.
+    """Mesh a quarter of a half-ball, and its image, and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

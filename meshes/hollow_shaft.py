@@ -18,7 +18,7 @@ SIDES, LENGTH, THICK = 8, 1.0, 0.05
 
 
 def write_hollow_shaft(path: str | Path, size: float = 0.5, order: int = 1) -> None:
-    """Mesh the shaft and write a .msh file. On one process.
+    """Mesh the shaft and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

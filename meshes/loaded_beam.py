@@ -19,7 +19,7 @@ PLACES = (6.0, 12.0, 18.0)
 
 
 def write_loaded_beam(path: str | Path, size: float = 0.25, order: int = 1) -> None:
-    """Mesh the beam and write a .msh file. On one process.
+    """Mesh the beam and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -16,7 +16,7 @@ RADIUS, WIDTH, LENGTH, THICKNESS = 1.0, 2.0, 4.0, 1.0
 
 
 def write_pin_in_lug(path: str | Path, size: float = 0.4, order: int = 1) -> None:
-    """Mesh half of a lug and its pin and write a .msh file. On one process.
+    """Mesh half of a lug and its pin and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

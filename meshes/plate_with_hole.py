@@ -19,7 +19,7 @@ FINER = 10.0
 
 
 def write_plate_with_hole(path: str | Path, size: float = 0.25, order: int = 1) -> None:
-    """Mesh a quarter of the plate and write a .msh file. On one process.
+    """Mesh a quarter of the plate and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -28,7 +28,7 @@ def write_platens(
     size: float = 0.05,
     order: int = 1,
 ) -> None:
-    """Mesh a quarter of the block and the platen on it and write a .msh file. On one process.
+    """Mesh a quarter of the block and the platen on it and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

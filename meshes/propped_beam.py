@@ -18,7 +18,7 @@ THICK = 0.5
 
 
 def write_propped_beam(path: str | Path, size: float = 0.3, order: int = 1) -> None:
-    """Mesh the bodies and write a .msh file. On one process.
+    """Mesh the bodies and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -26,7 +26,7 @@ def write_retaining_wall(
     size: float = 0.5,
     order: int = 1,
 ) -> None:
-    """Mesh the wall and the ground and write a .msh file. On one process.
+    """Mesh the wall and the ground and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -24,7 +24,7 @@ def write_ring(
     size: float = 0.1,
     order: int = 1,
 ) -> None:
-    """Mesh half the section of a ring and write a .msh file. On one process.
+    """Mesh half the section of a ring and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -26,7 +26,7 @@ SEAM, CROWN = 12.0, 5.0
 def write_roller_on_block(
     path: str | Path, contact_size: float = 0.5, size: float = 10.0, order: int = 2
 ) -> None:
-    """Mesh half of the roller and of the block and write a .msh file. On one process.
+    """Mesh half of the roller and of the block and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -31,7 +31,7 @@ def write_rough_cube(
     platen: bool = True,
     half: bool = False,
 ) -> None:
-    """Mesh the octant and the platen and write a .msh file. On one process.
+    """Mesh the octant and the platen and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -18,7 +18,7 @@ WIDTH = 5.0
 
 
 def write_round_hole(path: str | Path, size: float = 0.1, order: int = 1) -> None:
-    """Mesh a quarter of the plate and write a .msh file. On one process.
+    """Mesh a quarter of the plate and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -26,7 +26,7 @@ FOUNDATION, DEPTH = 100.0, 200.0
 def write_rounded_punch(
     path: str | Path, contact_size: float = 0.5, size: float = 8.0, order: int = 2
 ) -> None:
-    """Mesh the section and write a .msh file. On one process.
+    """Mesh the section and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -28,7 +28,7 @@ def write_shaft(
     order: int = 2,
     finer: float | None = None,
 ) -> None:
-    """Mesh the shaft and write a .msh file. On one process.
+    """Mesh the shaft and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

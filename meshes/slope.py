@@ -22,7 +22,7 @@ def write_slope(
     size: float = 0.15,
     order: int = 1,
 ) -> None:
-    """Mesh the slope and write a .msh file. On one process.
+    """Mesh the slope and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -29,7 +29,7 @@ SIDE = 0.65
 def write_sphere_sector(
     path: str | Path, size: float = 0.1, order: int = 1, circumscribed: str = "inner"
 ) -> None:
-    """Write the sector as a .msh file. On one process.
+    """Write the sector as a .msh file. Not collective.
 
     Args:
         path: The file to write.

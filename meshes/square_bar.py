@@ -18,7 +18,7 @@ HALF = 0.5
 def write_square_bar(
     path: str | Path, length: float = 0.1, size: float = 0.1, order: int = 1
 ) -> None:
-    """Mesh the bar and write a .msh file. On one process.
+    """Mesh the bar and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -36,7 +36,7 @@ def write_square_footing(
     layers: int = 1,
     eighth: bool = False,
 ) -> None:
-    """Mesh the ground and write a .msh file. On one process.
+    """Mesh the ground and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

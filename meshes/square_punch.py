@@ -24,7 +24,7 @@ GROWTH = 0.5
 def write_square_punch(
     path: str | Path, size: float = 0.5, order: int = 1, eighth: bool = False
 ) -> None:
-    """Mesh the ground and the punch and write a .msh file. On one process.
+    """Mesh the ground and the punch and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -34,7 +34,7 @@ def write_strip_footing(
     order: int = 1,
     finer: float | None = None,
 ) -> None:
-    """Mesh the ground and the punch and write a .msh file. On one process.
+    """Mesh the ground and the punch and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -37,7 +37,7 @@ def write_thick_sphere(
     finer: float | None = None,
     circumscribed: str | None = None,
 ) -> None:
-    """Mesh an octant of a shell and write a .msh file. On one process.
+    """Mesh an octant of a shell and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -36,7 +36,7 @@ def write_thick_tube(
     sides: int | None = None,
     round_seam: bool = False,
 ) -> None:
-    """Mesh a quarter of a tube and write a .msh file. On one process.
+    """Mesh a quarter of a tube and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -24,7 +24,7 @@ def write_thin_plate(
     layers: int = 1,
     column: float = 0.125,
 ) -> None:
-    """Mesh the eighth and write a .msh file. On one process.
+    """Mesh the eighth and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

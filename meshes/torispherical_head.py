@@ -30,7 +30,7 @@ def write_torispherical_head(
     knuckle: float = KNUCKLE,
     order: int = 1,
 ) -> None:
-    """Mesh half a section and write a .msh file. On one process.
+    """Mesh half a section and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -19,7 +19,7 @@ BODIES = (2, 6)
 
 
 def write_tower(path: str | Path, size: float = 0.4, order: int = 1, number: int = 0) -> None:
-    """Mesh a tower and write a .msh file. On one process.
+    """Mesh a tower and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

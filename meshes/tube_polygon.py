@@ -25,7 +25,7 @@ LINE, TRIANGLE = 1, 2
 def write_tube_polygon(
     path: str | Path, lesser: bool = False, size: float = 0.05, order: int = 1
 ) -> None:
-    """Mesh a quarter of the tube and write a .msh file. On one process.
+    """Mesh a quarter of the tube and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -24,7 +24,7 @@ def write_vertical_cut(
     depth: float = DEPTH,
     order: int = 1,
 ) -> None:
-    """Mesh the ground and write a .msh file. On one process.
+    """Mesh the ground and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

@@ -16,7 +16,7 @@ SEAM = (0.75, 1.25)  # height of the inclined plane at x = 0 and at x = LENGTH
 
 
 def write_wedge(path: str | Path, size: float = 0.2, order: int = 1) -> None:
-    """Mesh the two blocks and write a .msh file. On one process.
+    """Mesh the two blocks and write a .msh file. Not collective.
 
     Args:
         path: The file to write.

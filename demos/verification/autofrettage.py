@@ -189,7 +189,7 @@ SIDEWAYS = 200.0
 
 
 def _at(axis: int, place: int) -> Callable[[npt.NDArray[np.int64]], npt.NDArray[np.bool_]]:
-    """Return a function that marks the points of a grid on a plane."""
+    """Return a function that marks the grid points with a given index along one axis."""
     return lambda x: x[axis] == place
 
 
@@ -262,7 +262,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 

@@ -227,7 +227,7 @@ def penalty_table(
 def penalty_text(
     found: dict[tuple[str, float | str], list[int]], shares: Sequence[float], cap: int
 ) -> str:
-    """Return the iterations as text."""
+    """Return the numbers of iterations as a text table."""
     lines = ["acceleration         r" + "".join(f"{share:>8.0%}" for share in shares)]
     for (acceleration, penalty), counts in found.items():
         cells = "".join(f"{f'>{cap}' if n > cap else n:>8}" for n in counts)

@@ -170,7 +170,7 @@ FOOTINGS = {10.0: (6.0, 3.0), 20.0: (9.0, 4.0), 30.0: (16.0, 7.0)}
 
 
 def footings(folder: ResultFolder, sizes: Sequence[float]) -> list[Row]:
-    """Return limit pressures of a strip, by the interior point method. Collective."""
+    """Return limit pressures of strip footings by the interior point method. Collective."""
     rows = []
     for angle, (width, depth) in FOOTINGS.items():
         for size in sizes:
@@ -217,7 +217,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 

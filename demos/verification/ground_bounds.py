@@ -59,13 +59,13 @@ SUPPORTS = [Support("x0", "x"), Support("side", "x"), Support("bottom")]
 
 
 def surcharge_factor(degrees: float) -> float:
-    """Return N_q."""
+    """Return N_q for a friction angle (degrees)."""
     phi = math.radians(degrees)
     return math.exp(math.pi * math.tan(phi)) * math.tan(math.pi / 4 + phi / 2) ** 2
 
 
 def cohesion_factor(degrees: float) -> float:
-    """Return N_c."""
+    """Return N_c for a friction angle (degrees)."""
     return (surcharge_factor(degrees) - 1) / math.tan(math.radians(degrees))
 
 
@@ -181,7 +181,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
     told = [("below, log spiral", ends(found)[0], 10.3909)]
     rows += at_most("slope of 60°, φ 20°", found, time.perf_counter() - began, told)
     began = time.perf_counter()
-    few = 1000  # three matrices at each point
+    few = 1000  # with a tensile strength, each cell takes more time
     found = falling(mesh(folder, write_vertical_cut, **cut), sides, 20.0, few, 1e-3)
     exact = 2 * math.tan(math.radians(55.0))
     told = [("without tension, above", exact, ends(found)[1])]
@@ -191,7 +191,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 

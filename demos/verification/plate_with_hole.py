@@ -131,7 +131,7 @@ def against_hinges(rows: Sequence[Row]) -> list[Row]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 

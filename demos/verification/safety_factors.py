@@ -158,7 +158,7 @@ def show(folder: ResultFolder, found: FactorOfSafety) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 

@@ -153,7 +153,7 @@ def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
 
 
 def pair(row: Direction) -> tuple[float, float]:
-    """Return the two factors of a direction; nan if no load was found."""
+    """Return the two load factors found in a direction; nan if no load was found."""
     if row.first is None or row.second is None:
         return math.nan, math.nan
     return row.first, row.second
@@ -257,7 +257,7 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 

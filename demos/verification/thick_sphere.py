@@ -257,7 +257,7 @@ def draw_curves(curves: dict[str, Points], profile: Floats, path: Path) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Solve, print the table and check it. Collective."""
+    """Solve all cases, print the table, and check its numbers. Collective."""
     run(TITLE, study, argv)
 
 
