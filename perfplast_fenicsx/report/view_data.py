@@ -83,7 +83,7 @@ def skin_lines(surface: Surface) -> tuple[Longs, Longs]:
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     a, b = order[first], order[first + (count > 1)]
     normals = _unit_normals(surface)
-    # Angle between triangles above which their common edge is drawn.
+    # Cosine of the angle between two triangles above which their common edge is drawn.
     least_cosine = np.cos(np.radians(30.0))
     smooth = np.einsum("ni,ni->n", normals[triangle[a]], normals[triangle[b]]) > least_cosine
     same = surface.body[triangle[a]] == surface.body[triangle[b]]
