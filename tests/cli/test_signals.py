@@ -202,7 +202,7 @@ def is_whole(folder: Path, err: str, reason: str) -> None:
         assert len(file["header"]) > 0
 
 
-@pytest.mark.long(but=["0.5"])
+@pytest.mark.long
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_files_may_grow_no_more(whole: tuple[Path, Path], tmp_path: Path, share: float) -> None:
     """From the fifth level on, files cannot grow, or cannot reach the size of a checkpoint."""

@@ -117,6 +117,7 @@ def shells(assembly: TaggedMesh, **contact: Any) -> Problem:
     )
 
 
+@pytest.mark.long
 def test_curved_facets_in_space_are_as_near_as_nodes(read: Read) -> None:
     """Lamé's pressure holds on matching and separate meshes.
 

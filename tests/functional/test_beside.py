@@ -49,6 +49,7 @@ def row(page: str, words: str) -> list[str]:
     return re.findall(r"<td>([^<]*)</td>", found[1])
 
 
+@pytest.mark.long
 def test_two_preloads(runs: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     """Preloads and their lines differ; meshes and loads agree; only one run has pictures."""
     assert main(["report", str(runs[0]), str(runs[1])]) == SOLVED

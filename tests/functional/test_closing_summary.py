@@ -45,6 +45,7 @@ def test_all_pass(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.long
 def test_a_failure_ends_nothing_else(tmp_path: Path) -> None:
     """The failure is on two ranks, and the second rank prints the last line."""
     alone = f"echo 'FAILED tests/a.py::test_a - it is so'; {ALONE}; exit 1"

@@ -220,6 +220,7 @@ strength = { ground = 3.5 }
 """
 
 
+@pytest.mark.long
 def test_each_combination_has_its_factor_of_safety(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

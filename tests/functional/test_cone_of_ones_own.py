@@ -70,6 +70,7 @@ def run(
     return perfplast("run", case, "-o", results, ranks=ranks, folder=folder)
 
 
+@pytest.mark.long(but=["1.0-1"])
 @pytest.mark.parametrize(("sign", "ranks"), [(1.0, 1), (-1.0, 2)])
 def test_a_whole_run(tmp_path: Path, sign: float, ranks: int) -> None:
     """The first cone bounds compression, the second one tension."""

@@ -56,6 +56,56 @@ def load(script: Path) -> ModuleType:
     return demo
 
 
+@pytest.mark.long(
+    but=[
+        "assemblies",
+        "autofrettage",
+        "axisymmetry",
+        "body_bounds",
+        "bolted_ring",
+        "bound_costs",
+        "bounds_apart",
+        "bounds_in_space",
+        "compare_algorithms",
+        "contact_patch",
+        "corner_seat",
+        "cracked_strips",
+        "curved_seams",
+        "dead_loads",
+        "friction",
+        "ground",
+        "ground_bounds",
+        "ground_in_space",
+        "hertz_line",
+        "hertz_sphere",
+        "hollow_shaft",
+        "joints",
+        "meshed_apart",
+        "plate_with_hole",
+        "platens",
+        "press_fit",
+        "published",
+        "published_blocks",
+        "published_contact",
+        "published_plates",
+        "random_fields",
+        "rigid_footing",
+        "ring_bounds",
+        "safety_factors",
+        "shakedown",
+        "space_costs",
+        "statements",
+        "strip_footing",
+        "tension_and_shear",
+        "tfeti_scaling",
+        "thick_sphere",
+        "thick_tube",
+        "torsion",
+        "towers",
+        "wall_bounds",
+        "yield_laws",
+    ]
+)
 @pytest.mark.parametrize(
     "script", [pytest.param(script, marks=marks(script)) for script in sorted(SCRIPTS)], ids=name
 )
@@ -127,6 +177,7 @@ def test_case(
     assert drawn == ([case.parent / PICTURE] if comm.rank == 0 else [])
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_the_notebook_prints_what_it_shows() -> None:
     """Run all cells with Jupyter's kernel; numbers may differ, as on pages of the documentation."""

@@ -54,6 +54,7 @@ pictures = false
 """
 
 
+@pytest.mark.long
 def test_a_footing(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -103,6 +103,7 @@ def test_marks_name_cases_that_there_are() -> None:
     assert parallel_plugin.wrong_cases(CASES[:-2]) == ["of[3]"]
 
 
+@pytest.mark.long
 def test_others_wait_for_the_rank_that_failed(tmp_path: Path) -> None:
     """No rank can end a collective call: the run ends, and reports where the other ranks are."""
     tests = """
@@ -236,6 +237,7 @@ def test_waits():
     assert f'test_here.py", line {line_of(BEGIN + tests, "pause")} in test_waits' in shown
 
 
+@pytest.mark.long
 def test_other_tests_on_each_rank(tmp_path: Path) -> None:
     tests = "if comm.rank == 0:\n    def test_here():\n        comm.barrier()\n"
     assert "the ranks have not collected the same tests" in run(tmp_path, tests)

@@ -274,6 +274,7 @@ OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None]
 }
 
 
+@pytest.mark.long(but=["rings with a plate", "a stone that rubs and adheres", "sand", "rock"])
 @pytest.mark.parametrize("name", OTHERS)
 def test_both_checkers_agree_on_other_bodies(name: str, tmp_path: Path, checker: Checker) -> None:
     """The test uses honest files, and edited files."""

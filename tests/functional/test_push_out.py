@@ -86,6 +86,7 @@ def test_the_load_and_what_it_is_are_told(
     assert "limit load of this mesh" not in page
 
 
+@pytest.mark.long
 def test_a_push_that_is_never_too_large_is_no_result(
     folder: Path, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -160,6 +160,7 @@ def test_a_run_goes_on(
     same_path(parts, whole)
 
 
+@pytest.mark.long(but=["newton"])
 @pytest.mark.parametrize("method", ["newton", "work-newton"])
 def test_a_run_with_coulombs_friction_goes_on(
     method: str,
@@ -524,7 +525,7 @@ class Crash(BaseException):
 
 
 @pytest.mark.mpi2("1")
-@pytest.mark.long(but=["1", "6", "10", "13"])
+@pytest.mark.long(but=["1", "10"])
 @pytest.mark.parametrize("renames", [1, 3, 4, 6, 7, 9, 10, 11, 13])
 def test_a_crash_while_writing(
     renames: int,

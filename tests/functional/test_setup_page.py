@@ -146,6 +146,7 @@ def test_a_click_chooses_a_face(made: Path, browser: Any) -> None:
     assert [line["message"] for line in browser.get_log("browser")] == []
 
 
+@pytest.mark.long
 def test_a_face_offers_the_name_that_it_shares(made: Path, browser: Any) -> None:
     """Pad and rest of the side share one name, which replaces their names."""
     page = SetupPage(browser, made)
@@ -548,6 +549,7 @@ def test_wrong_entries_are_named_at_their_field(prop: Path, browser: Any) -> Non
     assert page(options) == ["", "1", "2"]
 
 
+@pytest.mark.long
 def test_another_law_keeps_what_both_have(prop: Path, browser: Any) -> None:
     """The form offers all laws; numbers of the old law are removed, new numbers are missing."""
     page = SetupPage(browser, prop / "setup.html")
@@ -744,6 +746,7 @@ LARGE = """(() => {
 """Script with a square of two bodies and 28800 triangles, and its picture while it turns."""
 
 
+@pytest.mark.long
 def test_a_large_mesh_turns_with_fewer_triangles(prop: Path, browser: Any) -> None:
     SetupPage(browser, prop / "setup.html")
     count, starts, area, drawn, kept = in_scene(browser, LARGE)
@@ -766,6 +769,7 @@ return [[true, 0], [true, 60], [false, 60], [true, 60]].map(([turning, pace]) =>
 """Script that returns the pixels of a picture that turns, turns slowly, rests, and turns again."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("many", [True, False])
 def test_a_large_mesh_that_turns_slowly_has_fewer_pixels(
     prop: Path, browser: Any, many: bool
@@ -859,6 +863,7 @@ def test_numbers_of_loads_and_materials_have_units(prop: Path, browser: Any) -> 
         assert page(label) == f"{key} (MPa)"
 
 
+@pytest.mark.long
 def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> None:
     """Stresses, and forces on the full turn, are not per depth."""
     page = SetupPage(browser, section / "setup.html")
@@ -1131,6 +1136,7 @@ def test_one_material_is_given_to_all_bodies(prop: Path, browser: Any) -> None:
     assert page("document.getElementById('near').parentElement.id") == "e-material-beam-"
 
 
+@pytest.mark.long
 def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) -> None:
     """The case asks for bounds again as in the first case; the user's comment stays."""
     page = SetupPage(browser, prop / "setup.html")
@@ -1163,6 +1169,7 @@ def test_comments_and_refinement_go_with_the_question(prop: Path, browser: Any) 
     assert 'control = "work"\n' in page.case
 
 
+@pytest.mark.long
 def test_a_reason_against_refinement_goes_with_the_question(prop: Path, browser: Any) -> None:
     """In a first case with a fine mesh, this line is true only for its own question."""
     text = (prop / "setup.html").read_text(encoding="utf-8")
@@ -1180,6 +1187,7 @@ def test_a_reason_against_refinement_goes_with_the_question(prop: Path, browser:
     assert page.case == before
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_all_loads_become_constant_for_the_factor_of_safety(
     prop: Path, browser: Any, capsys: pytest.CaptureFixture[str]

@@ -77,6 +77,7 @@ def test_a_run(
         assert "A factor of 1 is traction" in page
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_pictures(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(CASE.replace("pictures = false", "pictures = true"))

@@ -152,6 +152,7 @@ limit_tolerance = 0.05
 """
 
 
+@pytest.mark.long
 def test_a_strength_that_is_not_divided(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], shared_tmp_path: Path
 ) -> None:
@@ -233,6 +234,7 @@ def coarse(comm: MPI.Intracomm, slope: Path) -> Path:
     return write(comm, slope, text.replace("adapt = { until = 0.2, cells = 300 }", ""))
 
 
+@pytest.mark.long
 def test_a_wide_tolerance(
     comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str], slope: Path
 ) -> None:

@@ -61,6 +61,7 @@ CONTRASTS = [
 bounded. In number 15, forces from rounding do more work on the mechanism than a proof allows."""
 
 
+@pytest.mark.long(but=["1-2", "2-2", "4-3"])
 @pytest.mark.mpi2("1-2")
 @pytest.mark.parametrize(("seed", "dim"), SEEDS)
 def test_random_bodies(shared_tmp_path: Path, seed: int, dim: int) -> None:
@@ -118,6 +119,7 @@ def pressed(seed: int, path: Path) -> Pressed:
     return sliding(seed, kind + 1, path)
 
 
+@pytest.mark.long(but=["1", "3", "4", "15"])
 @pytest.mark.parametrize("seed", CONTRASTS)
 def test_contrasts(shared_tmp_path: Path, seed: int) -> None:
     it = pressed(seed, shared_tmp_path)

@@ -89,6 +89,7 @@ def test_the_man_page_is_that_of_the_parser() -> None:
         assert f"\n.SS perfplast {command}\n" in page
 
 
+@pytest.mark.long
 def test_the_command_of_an_installed_wheel(wheel: Path, tmp_path: Path) -> None:
     venv = tmp_path / "venv"
     run(sys.executable, "-m", "venv", "--system-site-packages", venv, cwd=tmp_path)

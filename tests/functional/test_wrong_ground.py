@@ -97,6 +97,19 @@ REFUSED: dict[str, tuple[Sequence[tuple[str, str]], Sequence[str]]] = {
 }
 
 
+@pytest.mark.long(
+    but=[
+        "a water table beside the ground",
+        "a water table below the ground",
+        "a unit weight of water in other units",
+        "strata that cross",
+        "regions that overlap",
+        "regions with a gap",
+        "a negative strength at one corner",
+        "a strength that falls below zero in cells alone",
+        "an angle of friction that is negative at one corner",
+    ]
+)
 @pytest.mark.parametrize("fault", REFUSED)
 def test_one_sentence_with_its_place(
     fault: str, comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]

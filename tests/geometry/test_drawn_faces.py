@@ -248,6 +248,24 @@ def check_forces(survey: Survey, read: TaggedMesh) -> None:
             assert pressed == pytest.approx(face.area, rel=EXACT)
 
 
+@pytest.mark.long(
+    but=[
+        "pad-step-sets0",
+        "pad-brep-sets1",
+        "pad-iges-sets2",
+        "round_pad-step-sets5",
+        "pads_on_two_sides-step-sets7",
+        "two_feet-step-sets8",
+        "clevis-step-sets11",
+        "lug-step-sets12",
+        "bolt_circle-step-sets13",
+        "split_bore-step-sets14",
+        "split_bore-iges-sets15",
+        "half_bearing-step-sets17",
+        "stepped_shaft-step-sets18",
+        "oblique-step-sets19",
+    ]
+)
 @pytest.mark.parametrize(("make", "kind", "sets"), SOLIDS)
 def test_faces_of_solids_are_as_drawn(
     tmp_path: Path, make: Callable[[], None], kind: str, sets: dict[str, tuple[int, float]]

@@ -260,6 +260,7 @@ def test_unknown_body(shared_tmp_path: Path) -> None:
         survey_of(step, shared_tmp_path / "out.msh", MeshingOptions(sizes={"part_9": 1.0}))
 
 
+@pytest.mark.long
 def test_smaller_elements_in_one_body(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "pin.step", pin_in_plate)
     cells = []
@@ -325,6 +326,7 @@ def test_faces_are_sewn_to_solids(shared_tmp_path: Path) -> None:
     assert body.cad == pytest.approx(6000.0, rel=1e-9)
 
 
+@pytest.mark.long
 def test_faces_of_bodies_that_touch_are_sewn_to_several_solids(shared_tmp_path: Path) -> None:
     """Edges belong to faces of both bodies. Sewn together, the faces enclosed no volume."""
 
@@ -440,6 +442,7 @@ def test_long_names_of_bodies_bring_advice_on_short_names_of_faces(body: str, sa
         assert MeshingOptions(face=[NamedFace(**wanted)]).face[0].number == 7
 
 
+@pytest.mark.long
 def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
     plate = write(shared_tmp_path / "plate.step", lambda: gmsh.model.occ.addBox(0, 0, 0, 50, 50, 2))
     mesh = shared_tmp_path / "plate.msh"
@@ -452,6 +455,7 @@ def test_one_element_through_the_thickness(shared_tmp_path: Path) -> None:
     assert not warned(1.2)
 
 
+@pytest.mark.long
 def test_a_round_rod_with_few_edges_around_it(shared_tmp_path: Path) -> None:
     """The remark names the missing volume, and recommends a size that is small enough."""
     cylinder = (0, 0, 0, 150, 0, 0, 5)
@@ -469,6 +473,7 @@ def test_a_round_rod_with_few_edges_around_it(shared_tmp_path: Path) -> None:
     assert remark(size=12.0, sizes={"part": float(advice[1])}) == ""
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
 def test_a_screw_of_others(shared_tmp_path: Path) -> None:
     found = survey_of(FOREIGN / "step" / "screw.step", shared_tmp_path / "out.msh")

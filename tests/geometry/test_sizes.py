@@ -42,6 +42,7 @@ def tube() -> None:
     occ.cut([(3, outer)], [(3, inner)])
 
 
+@pytest.mark.long
 def test_where_faces_cross_on_a_coarse_mesh_a_finer_one_is_made(made: Made, tmp_path: Path) -> None:
     """A given size remains, and the refusal names a remedy."""
     path = made(tube)

@@ -14,6 +14,7 @@ from perfplast_fenicsx.pictures.drawing_process import draw_parts
 pytestmark = pytest.mark.serial
 
 
+@pytest.mark.long(but=["2"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
     """Two squares or cubes side by side have all free faces, each with its number on it."""
@@ -47,7 +48,7 @@ def test_skin_and_picture(tmp_path: Path, dim: int) -> None:
     assert len(colours) > 20
 
 
-@pytest.mark.long(but=["size0"])
+@pytest.mark.long
 @pytest.mark.parametrize("size", [(1, 1, 3), (6, 1, 1), (1, 6, 1)])
 def test_long_bodies_are_not_cut_off(tmp_path: Path, size: tuple[int, int, int]) -> None:
     """The picture of a box ends in corners on all sides; if cut off, it would end in a line."""

@@ -98,6 +98,7 @@ def test_nothing_to_decide_on(shared_tmp_path: Path) -> None:
         adaptive_bounds(footing(shared_tmp_path), Adaptation(until="decided"))
 
 
+@pytest.mark.long(but=["True"])
 @pytest.mark.parametrize("punch", [False, True])
 def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     told: list[Round] = []
@@ -121,6 +122,7 @@ def test_footing(punch: bool, shared_tmp_path: Path) -> None:
     assert found.problem.num_pairs == 0 or punch
 
 
+@pytest.mark.long
 def test_a_round_that_worsens_bounds_does_not_count(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -264,6 +266,7 @@ def test_contact_in_space() -> None:
             assert one.upper == pytest.approx(other.upper, rel=1e-8)
 
 
+@pytest.mark.long
 def test_steps_to_the_next_mesh_in_space() -> None:
     """The step doubles the cells for wide brackets, and is smaller for narrow brackets."""
     linear = two_blocks_problem(2, comm=COMM)

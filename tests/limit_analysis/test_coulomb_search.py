@@ -165,6 +165,7 @@ def grows(loads: Sequence[Load], mu: float, material: object = STEEL, degree: in
     )
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_slip_and_flow_together_lie_between_druckers_pair() -> None:
     found = limit_load(grows([Traction("top", (0.1, -1.0))], 0.2), 1e-3)
@@ -175,6 +176,7 @@ def test_slip_and_flow_together_lie_between_druckers_pair() -> None:
     assert found.drucker.lower < found.lower < found.upper < found.drucker.upper
 
 
+@pytest.mark.long(but=["0.9-does not level off"])
 @pytest.mark.serial
 @pytest.mark.parametrize(("mu", "ends"), [(0.1, "nothing is carried"), (0.9, "does not level off")])
 def test_pushes_that_grow_with_the_pressure_slide_at_once_or_never(mu: float, ends: str) -> None:

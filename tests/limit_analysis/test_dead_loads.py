@@ -94,6 +94,7 @@ def checked(low: BodyBounds, high: BodyBounds, folder: Path) -> dict[str, Checke
     return found
 
 
+@pytest.mark.long(but=["1.0-0.5", "-1.0-0.5", "-1.0-5.0", "-1.0--3.0", "-1.0-10000.0"])
 @pytest.mark.mpi2("1.0-0.5")
 @pytest.mark.parametrize("lateral", [0.5, 5.0, -3.0, 1e4])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -180,6 +181,7 @@ def test_factors_of_rounding_spoil_no_bound(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(asked) == 1
 
 
+@pytest.mark.long
 def test_green(shared_tmp_path: Path) -> None:
     """A constant shear is half of what a strip carries: 4.484019 (A.
 

@@ -97,6 +97,7 @@ def test_a_footing(read: Read, shared_tmp_path: Path) -> None:
     assert proven(bounds, bounds, shared_tmp_path) == {"lower", "upper"}
 
 
+@pytest.mark.long
 def test_refined_where_the_bounds_say(read: Read) -> None:
     """The gap is 7 % with 475 cells; the first mesh of 60 cells leaves a factor of 2."""
     found = adaptive_bounds(footing(read, 20.0), Adaptation(until=0.1, cells=700), 1e-3)
@@ -107,6 +108,7 @@ def test_refined_where_the_bounds_say(read: Read) -> None:
     assert found.lower.value < footing_limit(20.0) < found.upper.value < 1.1 * found.lower.value
 
 
+@pytest.mark.long(but=["40.0"])
 @pytest.mark.parametrize("angle", [10.0, 40.0])
 def test_a_tube_between_two_polygons(read: Read, shared_tmp_path: Path, angle: float) -> None:
     """The tube carries what a polygon inside it carries, and no more than a polygon around it.
@@ -133,6 +135,7 @@ def test_a_tube_between_two_polygons(read: Read, shared_tmp_path: Path, angle: f
     assert proven(low, low, shared_tmp_path) == {"lower", "upper"}
 
 
+@pytest.mark.long(but=["plane-strain"])
 @pytest.mark.parametrize("match", ["compression", "plane-strain"])
 def test_a_sphere_between_two_polyhedra(read: Read, shared_tmp_path: Path, match: str) -> None:
     low, high = (
@@ -200,6 +203,7 @@ def test_a_mechanism_of_points_alone_proves_nothing(read: Read) -> None:
     assert any("control = 'bounds'" in why for why in (*bound.why_not, *bound.doubts))
 
 
+@pytest.mark.long(but=["1-2", "6-2", "13-2"])
 @pytest.mark.parametrize(("seed", "dim"), STACKS)
 def test_random_stacks(shared_tmp_path: Path, seed: int, dim: int) -> None:
     """The stacks have ground, steel and elastic bodies, with contact, planes, weight and shear.

@@ -88,6 +88,7 @@ def test_mortar_contact_that_was_asked_for_is_at_each_point_in_bounds() -> None:
     assert bounds.upper.value == pytest.approx(EXACT, rel=1e-5)
 
 
+@pytest.mark.long
 def test_as_the_body_whose_nodes_match() -> None:
     """A block is pushed and pressed on an inclined seam: both brackets contain the same number."""
     loads = [Pressure("top", 1.0), Traction("top", (0.4, 0.0))]

@@ -121,6 +121,7 @@ def fits_the_ellipse(
     return found
 
 
+@pytest.mark.long
 @pytest.mark.mpi2
 def test_an_ellipse_is_between_the_polygons(sheet: Problem, tmp_path: Path) -> None:
     is_closed(fits_the_ellipse(sheet, IN_SHEET, True, 0.1, tmp_path / "envelope.png"))
@@ -133,6 +134,7 @@ def test_an_ellipse_of_a_cube(around: bool, until: float, cube: Problem, tmp_pat
     fits_the_ellipse(cube, ALONG, around, until, tmp_path / "envelope.png")
 
 
+@pytest.mark.mpi2
 def test_loads_that_stay(cube: Problem) -> None:
     """A pull that stays moves the set, and what is carried without any load is not known."""
     mesh, dead = cube.tagged_mesh, 100.0
@@ -192,6 +194,7 @@ def test_an_octahedron(signed: tuple[bool, ...]) -> None:
     assert (rays_at(first) @ rays_at(worst[None])[0]).max() < math.cos(math.radians(0.9))
 
 
+@pytest.mark.long(but=["around0-1"])
 @pytest.mark.parametrize(("around", "parts"), [((False, False), 1), ((True, False), 2)])
 def test_numbers_of_either_sign(around: tuple[bool, bool], parts: int, cube: Problem) -> None:
     """A quarter or half of the ellipse, and what is refused."""
@@ -245,6 +248,7 @@ def test_forces_on_a_rigid_footing() -> None:
     assert found.gap < 0.6  # of 256 cells
 
 
+@pytest.mark.long(but=["True"])
 @pytest.mark.parametrize("beside", [False, True])
 def test_forces_and_moments_on_a_rigid_footing(beside: bool) -> None:
     """V and M, or H and M with constant V: closed diagrams, and equal gaps for mirrored loads."""
@@ -260,6 +264,7 @@ def test_forces_and_moments_on_a_rigid_footing(beside: bool) -> None:
         assert found.inner(angle) <= found.outer(mirrored + (angle if beside else -angle))
 
 
+@pytest.mark.long
 def test_forces_and_a_moment_on_a_rigid_footing(tmp_path: Path) -> None:
     """V, H and M: Green's curve at M = 0, and mirrored loads have equal gaps."""
     given = [[PUSH], [SHOVE], [TURN]]

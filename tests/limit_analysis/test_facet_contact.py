@@ -155,7 +155,8 @@ def test_a_pin_that_turns_enters_the_facets_of_its_hole(
     assert entering_between_nodes(problem, v) == []
 
 
-@pytest.mark.mpi2("pin_in_lug-<lambda>")
+@pytest.mark.long(but=["clamped_pin-write_clamped_pin"])
+@pytest.mark.mpi2("clamped_pin-write_clamped_pin")
 @pytest.mark.parametrize(
     ("make", "write"),
     [

@@ -33,6 +33,7 @@ def tubes(shared_tmp_path: Path) -> Problem:
     )
 
 
+@pytest.mark.long
 def test_the_path_goes_through_the_gap(tubes: Problem) -> None:
     """The path does not leap across the gap; earlier, 39 Newton steps did so on this mesh."""
     path = limit_load(tubes, method="path")

@@ -29,6 +29,7 @@ def tied(sign: float) -> Problem:
     )
 
 
+@pytest.mark.long(but=["1.0"])
 @pytest.mark.mpi2("1.0")
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_tie_carries_pressure_and_pull_alike(shared_tmp_path: Path, sign: float) -> None:

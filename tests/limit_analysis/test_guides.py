@@ -101,6 +101,7 @@ def test_an_eighth_of_a_tube_deforms_as_a_quarter() -> None:
     assert reactions[1]["support y0"] == pytest.approx([-across * pull, along * pull], rel=1e-8)
 
 
+@pytest.mark.long
 def test_planes_of_symmetry_stay_flat_where_meshes_are_refined(shared_tmp_path: Path) -> None:
     adapted = adaptive_bounds(tube(2, quarter=False, turned=TURNED), Adaptation(0.05, 250))
     assert adapted.lower.strict

@@ -93,6 +93,7 @@ def loads() -> tuple[list[Traction], list[Traction]]:
     return pull, twist
 
 
+@pytest.mark.long
 def test_an_ellipse_is_between_the_polygons(comm: MPI.Intracomm) -> None:
     """Equal walls under tension and shear carry (N/N₀)² + (T/T₀)² = 1 for any number of walls.
 

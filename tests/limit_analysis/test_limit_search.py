@@ -99,6 +99,7 @@ def test_limit_load_of_a_block_held_by_contact_alone() -> None:
     assert limit.upper == pytest.approx(300.0, rel=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_shells_of_two_steels_end_with_a_bracket(read: Read) -> None:
     """ζ increases slowly to the limit load; earlier, a path reported no limit load."""

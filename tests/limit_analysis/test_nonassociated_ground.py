@@ -107,6 +107,7 @@ def test_a_footing_by_radenkovic(read: Read, tmp_path: Path) -> None:
     proven(bounds, tmp_path)
 
 
+@pytest.mark.long
 def test_unlike_ground_on_two_meshes_is_no_pair(shared_tmp_path: Path) -> None:
     """The check compares the cones of both halves place by place, for any order of steepness."""
     softer, steeper = MohrCoulomb(1e4, 0.3, C, 20.0), MohrCoulomb(1e4, 0.3, C, 30.0)
@@ -120,6 +121,7 @@ def test_unlike_ground_on_two_meshes_is_no_pair(shared_tmp_path: Path) -> None:
         assert "Radenkovic" not in told
 
 
+@pytest.mark.long(but=["radenkovic"])
 @pytest.mark.parametrize("stand", ["radenkovic", "davis-b"])
 def test_factors_of_safety(stand: str, read: Read) -> None:
     """A free block under a constant pressure: its strength divided by F equals the pressure."""

@@ -148,6 +148,7 @@ def test_thick_spheres_by_their_sections(read: Read, angle: float, exact: float)
     assert found.upper == pytest.approx(exact, rel=2e-3)
 
 
+@pytest.mark.long(but=["20.0-20.077"])
 @pytest.mark.parametrize(("angle", "exact"), [(0.0, 5.6894), (10.0, 9.987), (20.0, 20.077)])
 def test_smooth_circular_footings(read: Read, angle: float, exact: float) -> None:
     """A strong punch acts; exact values by characteristics (A. D. Cox, G. Eason, H. G. Hopkins)."""

@@ -216,6 +216,7 @@ def least_thickness(of_dome: bool, count: int) -> float:
     return float(brentq(room, 0.02, 0.3, xtol=1e-8))
 
 
+@pytest.mark.long
 def test_least_thickness_of_a_half_circle(shared_tmp_path: Path) -> None:
     """The least thickness is 0.1075 radii (J.
 

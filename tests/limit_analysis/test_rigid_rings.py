@@ -69,6 +69,7 @@ def test_the_plate_moves_along_the_axis() -> None:
     assert np.abs(v[:, 0]).max(initial=0.0) < 1e-12
 
 
+@pytest.mark.long
 def test_nearer_bounds_on_finer_meshes() -> None:
     (low, high), (lower, upper) = (both(limit_bounds(pressed_disc(n)), 2e-2) for n in (2, 4))
     assert low < lower < upper < high

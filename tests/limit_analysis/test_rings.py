@@ -171,6 +171,7 @@ def test_pressure_of_shells_that_touch_on_the_axis(read: Read) -> None:
     assert -fields.resultants[0][1] == pytest.approx(pressure * math.pi * seam**2, rel=5e-3)
 
 
+@pytest.mark.long(but=["disc", "tube", "tubes meshed apart", "Tresca", "weight"])
 @pytest.mark.parametrize(
     ("problem", "exact", "width"),
     [
@@ -198,6 +199,7 @@ def test_exact_limit_loads_lie_between(
     check(found, exact, width)
 
 
+@pytest.mark.long(but=["column", "constant pressure around", "Drucker\\u2013Prager"])
 @pytest.mark.mpi3("column")
 @pytest.mark.parametrize(
     ("problem", "exact", "width"),
@@ -331,6 +333,7 @@ def test_motions_along_the_axis_strain_nothing() -> None:
     assert np.abs(u.x.array.reshape(-1, 2) - [0.0, 1.0]).max() < 1e-12
 
 
+@pytest.mark.long(but=["2-3-False", "3-3-True"])
 @pytest.mark.mpi2("2-3-False")
 @pytest.mark.parametrize("tied", [False, True])
 @pytest.mark.parametrize(("lower", "upper"), [(2, 3), (3, 3)])

@@ -71,6 +71,7 @@ def both(bounds: BodyBounds, rel: float = 1e-6) -> tuple[float, float]:
     return bounds.lower.value, bounds.upper.value
 
 
+@pytest.mark.long
 def test_rubbing_platens() -> None:
     """The load increases with friction, from smooth to rough platens."""
     smooth = limit_bounds(between_platens(4))
@@ -142,6 +143,7 @@ def test_a_rough_floor() -> None:
     assert smooth < lower < upper < 1.06 * lower
 
 
+@pytest.mark.long(but=["0.0"])
 @pytest.mark.parametrize("adhesion", [0.0, 1.0])
 def test_drucker_of_a_block_that_slides(adhesion: float) -> None:
     """The upper bound is statics, μN + cA; the lower bound is the adhesion alone, if any."""
@@ -155,6 +157,7 @@ def test_drucker_of_a_block_that_slides(adhesion: float) -> None:
     assert "Drucker's pair" in words
 
 
+@pytest.mark.long(but=["0.2"])
 @pytest.mark.parametrize("slope", [0.1, 0.2, -0.3])
 def test_drucker_up_and_down_a_slope(slope: float) -> None:
     """Statics gives (tan α + μ)/(1 − μ tan α) of the weight, with adhesion along the seam."""
@@ -176,6 +179,7 @@ def test_a_path_knows_adhesion_beside_friction() -> None:
     assert path.lower < path.upper < 4.0 * (1 + 2e-5)
 
 
+@pytest.mark.long
 @pytest.mark.serial
 def test_the_path_lies_between_druckers_pair() -> None:
     """Block between platens with Coulomb friction: frictionless ≤ path ≤ associated ≤ glued."""
@@ -190,6 +194,7 @@ def test_the_path_lies_between_druckers_pair() -> None:
     assert upper < glued[1]
 
 
+@pytest.mark.long
 def test_coulomb_in_space_is_bounded_as_if_nothing_slipped() -> None:
     bounds = limit_bounds(pushed(2, gdim=3, coulomb=0.3), 1e-3)
     assert bounds.upper.strict

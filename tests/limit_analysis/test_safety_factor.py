@@ -57,6 +57,7 @@ def slope(read: Read, soil: Material, weight: BodyForce = WEIGHT) -> Problem:
     return Problem(read(write_slope), {"soil": soil}, SUPPORTS, [weight], degree=2)
 
 
+@pytest.mark.long
 def test_the_slope_of_griffiths_and_lane(read: Read) -> None:
     """Géotechnique 49 (1999), 387: 1.4 by finite elements; log spirals collapse at 1.3978."""
     ground = DruckerPrager(1e3, 0.3, 0.05, 20.0, "plane-strain")
@@ -154,6 +155,7 @@ def test_upper_bounds_of_ground_glued_to_what_keeps_its_volume(
     assert bounds.certificates["inadmissible"] < 1e-11
 
 
+@pytest.mark.long
 def test_values_that_are_not_strict_steer_the_search(
     glued_wall: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -317,6 +319,7 @@ def test_what_is_refused(read: Read) -> None:
         weakened(slope(read, Flow(ground)), 1.1)
 
 
+@pytest.mark.long
 def test_strengths_that_f_does_not_divide_and_that_limit(read: Read) -> None:
     """A body with unreduced strength collapses, or is stable, at any F: one sentence ends the
     search.
@@ -341,6 +344,7 @@ def test_strengths_that_f_does_not_divide_and_that_limit(read: Read) -> None:
     assert_refused(lambda: factor_of_safety(asked(0.5, 0.1), 1e-2), ["even with F = 100"])
 
 
+@pytest.mark.long(but=["0.3"])
 @pytest.mark.parametrize("tolerance", [0.3, 0.9])
 def test_wide_tolerances(read: Read, tolerance: float) -> None:
     """The first mesh initially has ten times the tolerance, which may exceed one."""

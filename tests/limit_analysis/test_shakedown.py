@@ -58,6 +58,7 @@ def first_yield(ratio: float) -> float:
     return math.sqrt(2) / float(np.linalg.norm(stress - stress.mean()))
 
 
+@pytest.mark.long(but=["1.5-1", "2.0-2", "3.0-2"])
 @pytest.mark.mpi2("1.5-1")
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("ratio", [1.5, 2.0, 3.0])

@@ -112,6 +112,7 @@ def test_clarabel_finds_the_same(law: Material, comm: MPI.Intracomm) -> None:
     assert theirs.upper == pytest.approx(ours.upper, rel=2e-6)
 
 
+@pytest.mark.long(but=["0.0-5.0", "20.0-2.0"])
 @pytest.mark.parametrize("ratio", [2.0, 5.0])
 @pytest.mark.parametrize("angle", [0.0, 20.0])
 def test_a_tube_with_principal_stresses(angle: float, ratio: float, comm: MPI.Intracomm) -> None:

@@ -162,6 +162,7 @@ def is_frictionless(checked: Checked, chosen: np.ndarray) -> bool:
     return bool((np.abs(shear) < ROUNDING * scale).all() and (along < ROUNDING * scale).all())
 
 
+@pytest.mark.long(but=["4-2.3952"])
 @pytest.mark.parametrize(("n", "expected"), [(4, 2.3952), (16, 2.41855)])
 def test_rough_platens(n: int, expected: float) -> None:
     problem = platens(n)
@@ -276,6 +277,7 @@ def test_blocks_in_space() -> None:
     assert np.allclose(checked.tractions[seam], -opposite(checked, seam), atol=ROUNDING * 300)
 
 
+@pytest.mark.long
 def test_cantilevers_in_contact() -> None:
     """The contact is partly open; bounds on the same mesh enclose the limit load."""
     problem = Problem(

@@ -119,6 +119,7 @@ class Enough(StopSearch):
     """The monitor stops the search."""
 
 
+@pytest.mark.long(but=["8"])
 @pytest.mark.mpi2("8")
 @pytest.mark.parametrize("most", [8, 11])
 def test_a_stopped_search_tells_its_bracket(read: Read, most: int) -> None:
@@ -200,6 +201,7 @@ def test_an_interrupted_run_writes_what_it_knows(
         assert "the search was stopped after" in limit["reason"]
 
 
+@pytest.mark.long
 def test_a_run_that_is_interrupted_on_its_second_mesh(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -99,6 +99,7 @@ def values(bounds: BodyBounds) -> tuple[float, float]:
     return bounds.lower.value, bounds.upper.value
 
 
+@pytest.mark.long(but=["von-mises", "mohr-coulomb"])
 @pytest.mark.parametrize("law", ["von-mises", "tresca", "drucker-prager", "mohr-coulomb"])
 def test_a_block_of_linear_strength(shared_tmp_path: Path, law: str) -> None:
     exact = 2.0 if law in ("von-mises", "tresca") else 2 * math.sqrt(N)
@@ -107,6 +108,7 @@ def test_a_block_of_linear_strength(shared_tmp_path: Path, law: str) -> None:
     assert exact * (1 - 1e-5) <= low <= exact <= high <= exact * (1 + 1e-5)
 
 
+@pytest.mark.long(but=["von-mises", "mohr-coulomb"])
 @pytest.mark.parametrize("law", ["von-mises", "tresca", "drucker-prager", "mohr-coulomb"])
 def test_a_block_in_space(shared_tmp_path: Path, law: str) -> None:
     """The cube on rollers carries a pressure along z in proportion to its uniaxial strength."""
@@ -122,6 +124,7 @@ def test_a_block_in_space(shared_tmp_path: Path, law: str) -> None:
     assert exact * (1 - 1e-4) <= low <= exact <= high <= exact * (1 + 1e-4)
 
 
+@pytest.mark.long(but=["mohr-coulomb"])
 @pytest.mark.mpi2
 @pytest.mark.parametrize("law", ["tresca", "mohr-coulomb"])
 def test_a_strength_with_a_kink_in_cells(shared_tmp_path: Path, law: str) -> None:

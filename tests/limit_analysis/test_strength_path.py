@@ -44,6 +44,7 @@ def times(problem: Problem, factor: float) -> float:
     return found.lower
 
 
+@pytest.mark.long
 @pytest.mark.mpi2
 def test_it_ends_at_the_factor_of_its_mesh(read: Read) -> None:
     """Each point is in equilibrium; the mesh is stable there, and hardly beyond the last point."""
@@ -63,6 +64,7 @@ def test_it_ends_at_the_factor_of_its_mesh(read: Read) -> None:
     assert "an estimate from a mesh, and no bound" in found.in_words()
 
 
+@pytest.mark.mpi2
 def test_without_friction_it_ends_at_the_limit_load(read: Read) -> None:
     problem = slope(read(write_slope, size=0.3), VonMises(1e4, 0.3, 0.3))
     found = strength_path(problem, TOLERANCE)

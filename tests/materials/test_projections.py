@@ -144,7 +144,7 @@ class Many:
         return stress, change
 
 
-@pytest.mark.long(but=[*(f"{name}-4" for name in CASES), "mohr-coulomb-6", "hill-6"])
+@pytest.mark.long(but=[*(f"{name}-4" for name in CASES), "hill-6"])
 @pytest.mark.parametrize("size", [4, 6])
 @pytest.mark.parametrize("name", CASES)
 def test_laws_are_their_projections(name: str, size: int) -> None:

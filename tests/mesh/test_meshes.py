@@ -288,6 +288,7 @@ def test_pin_in_lug_keeps_its_curve(comm: MPI.Intracomm, shared_tmp_path: Path) 
     check_interface(tagged_mesh, "lug_bore", "pin_bore")
 
 
+@pytest.mark.long(but=["False-None", "True-None"])
 @pytest.mark.parametrize(("glued", "apart"), [(False, None), (True, None), (False, 1.2)])
 def test_bolted_assembly(
     comm: MPI.Intracomm, shared_tmp_path: Path, glued: bool, apart: float | None

@@ -70,7 +70,7 @@ def results(
 
 
 @pytest.mark.mpi2("plane-False")
-@pytest.mark.long(but=["plane-False", "space-True"])
+@pytest.mark.long(but=["space-True"])
 @needs_xvfb
 @pytest.mark.parametrize("limit", [False, True])
 @pytest.mark.parametrize("where", NEARBY)

@@ -344,6 +344,7 @@ def test_without_fields(
     assert "fields = true" in one_line(comm, capsys)
 
 
+@pytest.mark.long
 @needs_xvfb
 @pytest.mark.usefixtures("undrawn")
 def test_plot_and_animate(

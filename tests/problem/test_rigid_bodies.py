@@ -106,6 +106,19 @@ def test_limit_of_stiff_bodies(degree: int) -> None:
         assert limit_bounds(Problem(mesh, **vars(problem.given)), 1e-2).strict
 
 
+@pytest.mark.long(
+    but=[
+        "contact-2",
+        "contact-3",
+        "friction-2",
+        "nodes-2",
+        "nodes-3",
+        "tie-2",
+        "tie-3",
+        "tie hosted above-2",
+        "tie hosted above-3",
+    ]
+)
 @pytest.mark.mpi2("contact-3")
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize("joint", ["contact", "friction", "nodes", "tie", "tie hosted above"])

@@ -75,6 +75,7 @@ def test_iterations_hardly_grow_as_the_mesh_is_refined(multigrid: None) -> None:
     assert counts[1] <= 20
 
 
+@pytest.mark.long
 def test_flow_makes_fewer_iterations_where_coarse_spaces_follow_it(
     multigrid: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
