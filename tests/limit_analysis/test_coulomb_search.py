@@ -178,7 +178,7 @@ def test_slip_and_flow_together_lie_between_druckers_pair() -> None:
 
 @pytest.mark.long(but=["0.9-does not level off"])
 @pytest.mark.serial
-@pytest.mark.parametrize(("mu", "ends"), [(0.1, "nothing is carried"), (0.9, "does not level off")])
+@pytest.mark.parametrize(("mu", "ends"), [(0.1, "no load factor"), (0.9, "does not level off")])
 def test_pushes_that_grow_with_the_pressure_slide_at_once_or_never(mu: float, ends: str) -> None:
     problem = grows([BodyForce("upper", (0.4, -1.0))], mu, ELASTIC, degree=1)
     found = limit_load(problem, 1e-3)

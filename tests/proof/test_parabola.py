@@ -95,7 +95,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Halves:
     path = tmp_path_factory.mktemp("parabola")
     found = written(path, limit_bounds(block(ROCK)))
     words = check(path / "bounds.h5")["lower"].words[0]
-    assert "strength (σ₁ − σ₃)² at most 30 times (0.133333 − σ₁)" in words
+    assert "strength: (σ₁ − σ₃)² at most 30 times (0.133333 − σ₁)" in words
     return found
 
 

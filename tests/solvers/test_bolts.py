@@ -240,7 +240,7 @@ def test_limit_load_is_that_without_preload() -> None:
     expected, tight = plain.lower, bolted(**about)
     assert limit_load(tight, 1e-6).lower == pytest.approx(expected, rel=1e-6)
     (told,) = ignored(tight)
-    assert told.startswith("preloads of bolts stay")
+    assert told.startswith("preloads of bolts remain")
     path = limit_load(bolted(**about), 1e-4, method="path")
     assert path.lower == pytest.approx(expected, rel=1e-4)
 

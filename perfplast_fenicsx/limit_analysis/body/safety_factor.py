@@ -260,7 +260,7 @@ def _missed(
     for kind, factor in (("lower", lower), ("upper", upper)):
         if factor not in last.shown(kind):
             why.append(f"the {kind} factor comes from an earlier mesh, because {last.failed(kind)}")
-    why = why or [f"the search for each factor ends at the relative accuracy {last.tolerance:g}"]
+    why = why or [f"the search for each factor ends at limit_tolerance = {last.tolerance:g}"]
     return (
         f"The factors are {percent(apart)} apart, more than until = {adaptation.until:g}:"
         f" {'; '.join(why)}. The last mesh has {cells} cells."
