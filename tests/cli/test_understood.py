@@ -405,6 +405,13 @@ CASES = {
         {"right": RIGHT, "bottom": BOTTOM, "top": TOP},
         mapped=leant,
     ),
+    "a thin plate with large faces": Told(
+        support("bottom") + load("top"),
+        ("all of side z = 4 of 'cube'",),
+        {"bottom": side(2, 0.0), "top": side(2, 4.0)},
+        bodies=cube(),
+        mapped=lambda x: np.column_stack([1e5 * x[:, :2], x[:, 2]]),
+    ),
     "a part of an oblique side": Told(
         support("bottom") + load("upper_half"),
         ("50 % of side with normal (0.8, 0.6)", "force (-1, -0.75)"),

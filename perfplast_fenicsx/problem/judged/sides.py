@@ -207,10 +207,8 @@ def sides_of(
     count, gdim = len(facets.area), facets.x.shape[2]
     pairs = _neighbours(facets.vertex)
     turn = np.einsum("pi,pi->p", facets.normal[pairs[:, 0]], facets.normal[pairs[:, 1]])
-    in_plane = np.cos(
-        1e-3
-    )  # largest angle (rad) between facets in one plane, for coordinates with few digits
-    flat = turn >= in_plane
+    most = 1e-3  # largest angle (rad) between facets in one plane, for coordinates with few digits
+    flat = turn >= np.cos(most)
     _, patch = _joined(count, pairs[flat])
     bends = pairs[~flat & (turn >= SHARP)]
     curved, smooth = _curved(patch, bends, gdim)
@@ -243,8 +241,8 @@ def sides_of(
         words = "curved side"
         if not smooth[patch[one]]:
             words = _plane(normal[patch[one]], float(offset[patch[one]]), axes, size)
-        size = float(area[number])
-        found.append(Side(int(facets.body[one]), words, size, int(pieces[number])))
+        body = int(facets.body[one])
+        found.append(Side(body, words, float(area[number]), int(pieces[number])))
     return Sides(facets, found, side, piece, dict(surfaces))
 
 
