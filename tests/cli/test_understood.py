@@ -406,11 +406,11 @@ CASES = {
         mapped=leant,
     ),
     "a thin plate with large faces": Told(
-        support("bottom") + load("top"),
-        ("all of side z = 4 of 'cube'",),
-        {"bottom": side(2, 0.0), "top": side(2, 4.0)},
+        support("left") + load("top"),
+        ("all of side x = 0 of 'cube'", "all of side z = 50 of 'cube'"),
+        {"left": LEFT, "top": side(2, 4.0)},
         bodies=cube(),
-        mapped=lambda x: np.column_stack([1e5 * x[:, :2], x[:, 2]]),
+        mapped=lambda x: np.column_stack([x[:, 0], 1e5 * x[:, 1], 1e5 * (x[:, 2] - 4) + 50]),
     ),
     "a part of an oblique side": Told(
         support("bottom") + load("upper_half"),
