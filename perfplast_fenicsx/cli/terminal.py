@@ -324,15 +324,16 @@ def describe(
     pairs = problem.num_pairs
     ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
     direct = method == LimitMethod.INTERIOR_POINT
-    turned = ", axisymmetric" if problem.tagged_mesh.axisymmetric else ""
-    turned = ", plane stress" if problem.tagged_mesh.is_thin else turned
+    plane = ", plane strain" if mesh.geometry.dim == 2 else ""
+    plane = ", axisymmetric" if problem.tagged_mesh.axisymmetric else plane
+    plane = ", plane stress" if problem.tagged_mesh.is_thin else plane
     linear = "MUMPS Cholesky" if direct else chosen_solver(problem)
     if direct and conic != USUAL:
         linear = conic
     if isinstance(options, NewtonOptions) and options.subdivision:
         linear = "Total FETI"
     return (
-        f"{visible(title)}: {bodies}; {cells} cells, P{problem.degree}{turned},"
+        f"{visible(title)}: {bodies}; {cells} cells, P{problem.degree}{plane},"
         f" {problem.num_dofs} dofs, {pairs} contact pairs;"
         f" method {method} on {ranks}, {linear}"
     )

@@ -47,10 +47,13 @@ class FaceRow:
     centre: str
     together: str = ""
 
-    @property
-    def in_words(self) -> str:
-        """Return the text that appears after a click on the face."""
-        words = f"{self.name}: {self.shape}, area {self.area}, centre ({self.centre})"
+    def in_words(self, size: str) -> str:
+        """Return the text that appears after a click on the face.
+
+        Args:
+            size: What ``area`` is: "area", or "length" for a plane body.
+        """
+        words = f"{self.name}: {self.shape}, {size} {self.area}, centre ({self.centre})"
         return f"{words}; one of {self.together}" if self.together else words
 
 
@@ -103,7 +106,7 @@ def setup_page(
         marks={},
     )
     still = [pack_numbers(np.zeros(len(points))) for _ in range(3)]
-    words = {face.number: face.in_words for face in faces}
+    words = {face.number: face.in_words(size.lower()) for face in faces}
     data = view_mesh(surface, order) | {
         "axisymmetric": False,
         "marks": [],

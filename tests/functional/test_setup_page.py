@@ -879,6 +879,44 @@ def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> No
     assert page(LABELS)[0] == "force x (N)"
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_a_plane_drawing_asks_for_the_kind_of_its_model(
+    section: Path, browser: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page and ``check`` say that the model is in plane strain until the user chooses."""
+    page = SetupPage(browser, section / "setup.html")
+    assert page("document.querySelectorAll('#kind [value=model]').length") == 1
+    told = "the kind of the plane model is missing, so the bodies are in plane strain"
+    page.wait(f"{LEFT}.some((line) => line.includes('{told}'))")
+    page.press("part_2_y_high")
+    assert re.match("part_2_y_high: straight, length 2, centre", page.part("told").text)
+    page.press("Choose the kind")
+    assert page("document.activeElement.id") == "add-model-kind"
+    page.add("model", **{"model-kind": "axisymmetric", "thickness": "5"})
+    assert page.part("add-fault").text.startswith("thickness applies only to thin sheets")
+    page.add("model", **{"model-kind": "plane-stress", "thickness": "5"})
+    page.wait(f"!{LEFT}.some((line) => line.includes('[model]'))")
+    assert tomllib.loads(page.case)["model"] == {"kind": "plane-stress", "thickness": 5}
+    page.press("part_2_y_high")
+    page.add("force", **{"force-x": "0", "force-y": "-1"})
+    assert page(LABELS)[0] == "force x (N)"
+    page.press("part_1_y_low")
+    page.add("support")
+    page.choose("e-model--kind", "axisymmetric")
+    page.wait(f"{LEFT}.some((line) => line.startsWith('[model], thickness: applies only'))")
+    page.choose("e-model--kind", "plane-stress")
+    page.wait("document.getElementById('save').textContent === 'Save case.toml'")
+    sheets = page.case
+    for text, words in (
+        (sheets, ", P2, plane stress, "),
+        (re.sub(r"\[model\]\nkind.*\nthickness.*\n", "", sheets), ", P2, plane strain, "),
+    ):
+        case = section / "kind.toml"
+        case.write_text(text, encoding="utf-8")
+        assert main(["check", str(case), "--trust"]) == SOLVED
+        assert words in capsys.readouterr().out
+
+
 def test_the_form_and_what_is_missing_are_beside_the_picture(prop: Path, browser: Any) -> None:
     """One laptop window has the picture, the form and missing entries; a phone has one column."""
     box = (

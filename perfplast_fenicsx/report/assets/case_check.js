@@ -290,6 +290,12 @@ function faultsOfCase(value, schema, drawn) {
   materials.forEach((body) => unknown(body, drawn.bodies, ["material", body]));
   const bare = drawn.bodies.filter((body) => !materials.includes(body) && !value.geometry?.without?.includes(body));
   bare.forEach((body) => add(["material", body], `the material of '${body}' is missing`));
+  if (drawn.dim === 2 && !value.model?.kind) {
+    add(["model"], "the kind of the plane model is missing, so the bodies are in plane strain: long, without strain along their length", true, "kind");
+  }
+  if (value.model?.thickness !== undefined && value.model.kind !== "plane-stress") {
+    add(["model", "thickness"], "applies only to plane stress; remove it, or choose plane-stress");
+  }
   loadingFaults(value, rows, add);
   holdFaults(value, rows, surfaces, drawn, add);
   refusedFaults(value, rows, drawn, add);

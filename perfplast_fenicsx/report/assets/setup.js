@@ -46,6 +46,11 @@ function putNear() {
 const system = () => parsed?.value.units?.system;
 const units = () => setup.systems[system()] ?? {};
 
+const modelKind = () => parsed?.value.model?.kind ?? "plane-strain";
+
+/** What the units of fields depend on. */
+const unitsOfFields = () => `${system()} ${modelKind()}`;
+
 /** The unit of a key, by its description in the schema. */
 function unitOf(schema) {
   const words = schema?.description ?? "";
@@ -54,7 +59,7 @@ function unitOf(schema) {
   if (!kind || !length) return /degrees/.test(words) ? "degrees" : "";
   const unit = kind === "moment" ? `${force} ${length}` : units()[kind];
   if (per) return per === " per volume" ? `${unit}/${length}³` : `${unit} per unit of time`;
-  const deep = setup.dim === 2 && parsed?.value.model?.kind !== "axisymmetric" && /per unit of depth/.test(words);
+  const deep = setup.dim === 2 && modelKind() === "plane-strain" && /per unit of depth/.test(words);
   return deep ? `${unit} per ${length} of depth` : unit;
 }
 
@@ -410,6 +415,24 @@ const KINDS = {
     words: ([body, name]) => `${name} is the material of ${body || `all ${presentBodies().length} bodies`}`,
   },
 };
+
+if (setup.dim === 2) {
+  KINDS.model = {
+    label: "Kind of the plane model",
+    fields: () => [
+      formField({ id: "add-model-kind", label: "The drawing shows", choices: [
+        ["a section of long bodies (plane strain)", "plane-strain"], ["thin sheets (plane stress)", "plane-stress"],
+        ["half a section of bodies of revolution about y (axisymmetric)", "axisymmetric"],
+      ] }),
+      formField({ id: "add-thickness", label: "Thickness of sheets", key: "thickness", optional: true, schema: schemaOf(["model"]).properties.thickness }),
+    ],
+    refused: ([kind, thickness]) => (thickness && kind !== "plane-stress" ? "thickness applies only to thin sheets; empty the field" : ""),
+    tables: ([kind, thickness]) => [[["model"], false, { kind: quoted(kind), ...(thickness && { thickness }) }]],
+    least: 0,
+    single: true,
+    words: ([kind]) => `the model is ${kind}`,
+  };
+}
 
 /* ---- Loads on several faces ---- */
 
@@ -876,7 +899,7 @@ function refresh() {
   const cards = parsed.tables.filter((table) => table.path.length || "title" in table.keys);
   const now = JSON.stringify([
     cards.map((table) => [table.path, table.number, Object.keys(table.keys), pending.get(idOf(table)),
-      table.value.law, table.value.control, table.value.builder]), system(),
+      table.value.law, table.value.control, table.value.builder]), unitsOfFields(),
   ]);
   if (now !== shape) {
     const focused = document.activeElement?.id;
@@ -886,7 +909,7 @@ function refresh() {
     if (within) (document.getElementById(focused) ?? part("entries-h")).focus({ preventScroll: true });
     offerNames();
     const asked = part("kind").value === "combination"; // its fields are the loads
-    if (shape === "" || asked || JSON.parse(shape)[1] !== system()) showKind();
+    if (shape === "" || asked || JSON.parse(shape)[1] !== unitsOfFields()) showKind();
     shape = now;
   }
   showFaults(cards);
@@ -935,6 +958,11 @@ const REMEDIES = {
     take(text);
     return `${found.length} ${found.length === 1 ? "load grows" : "loads grow"} with the load factor again.`;
   }],
+  kind: ["Choose the kind", () => {
+    part("kind").value = "model";
+    showKind();
+    part("add-model-kind").focus();
+  }],
   tie: ["Glue them instead", () => {
     const rows = refusedRows(parsed.value.contact, setup.refused);
     const kept = [];
@@ -953,7 +981,10 @@ const REMEDIES = {
 function remedyButton(remedy) {
   const [words, change] = REMEDIES[remedy];
   const button = made("button", { type: "button" }, words);
-  button.addEventListener("click", () => done(change()));
+  button.addEventListener("click", () => {
+    const changed = change();
+    if (changed) done(changed);
+  });
   return button;
 }
 
