@@ -27,6 +27,10 @@ POUND_FORCE = 4.4482216152605
 """Exact force in N: 0.45359237 kg times the standard gravity 9.80665 m/s²."""
 
 
+MASSES = {("N", "m"): "kg", ("kN", "m"): "t", ("N", "mm"): "t"}
+"""Names of the units of mass, force · s² / length, by the units of force and length."""
+
+
 @dataclass(frozen=True)
 class System:
     """A consistent system of units.
@@ -48,6 +52,12 @@ class System:
     pascals: float
     arm: str = "m"
     arm_metres: float = 1.0
+
+    @property
+    def density(self) -> str:
+        """Unit of densities, such as t/mm³; it is force · s² / length⁴."""
+        mass = MASSES.get((self.force, self.length))
+        return f"{mass}/{self.length}³" if mass else f"{self.force} s²/{self.length}⁴"
 
 
 SYSTEMS: dict[Name, System] = {

@@ -395,6 +395,7 @@ def _page(
         "schema": case_schema(),
         "systems": {
             name: {"length": one.length, "force": one.force, "stress": one.stress}
+            | {"density": one.density, "newtons": one.pascals / one.metres}
             for name, one in SYSTEMS.items()
         },
         "library": {name: library(name) for name in SYSTEMS},

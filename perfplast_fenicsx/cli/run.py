@@ -272,7 +272,8 @@ def run_command(path: str, output: str, report: Reporting, trust: bool) -> str:
 def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
     """Log warnings about suspicious data in a valid case. Collective."""
     points = problem.tagged_mesh.mesh.geometry.x
-    odd = odd_magnitudes(case.units, case.materials, comm, np.asarray(points, dtype=np.float64))
+    places = np.asarray(points, dtype=np.float64)
+    odd = odd_magnitudes(case.units, case.materials, case.loads, comm, places)
     for remark in (*problem.tagged_mesh.remarks, *odd):
         if comm.rank == 0:
             log.warning("%s", remark)

@@ -75,8 +75,9 @@ def setup_page(
         setup: Data for ``setup.js``: dimension ``dim``; names of ``bodies``; the number of
             ``cells``, and the number up to which bounds are ``affordable``; ``faces``, ``sets``
             and ``joints`` with their names; the contacts that a run has ``refused``, or None; the
-            text of the initial ``case``; the JSON ``schema`` of case files; ``systems`` of units;
-            the ``library`` of materials for each system.
+            text of the initial ``case``; the JSON ``schema`` of case files; ``systems`` of units,
+            each with the ``newtons`` per m³ of its force per volume; the ``library`` of materials
+            for each system.
         tables: Additional tables by heading. Their rows have equal length; the first row has the
             column heads.
         size: Heading of the column with the sizes of faces.

@@ -879,6 +879,20 @@ def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> No
     assert page(LABELS)[0] == "force x (N)"
 
 
+def test_gravity_has_units_and_a_plausible_weight(prop: Path, browser: Any) -> None:
+    page = SetupPage(browser, prop / "setup.html")
+    page.choose("kind", "gravity")
+    densities = [f"Density of {body} (t/mm³), may be empty" for body in ("beam", "block")]
+    assert page(LABELS)[2:] == ["acceleration z (mm/s²)", *densities]
+    page.add("gravity", **{"acceleration-z": "-9.81", "density-beam": "7850"})
+    heavy = "'beam' weighs 77000000000 kN/m³, and steel weighs 77 kN/m³"
+    remedy = "give densities in t/mm³, and accelerations in mm/s²"
+    page.wait(f"{LEFT}.some((line) => line.endsWith(`{heavy}; {remedy}`))")
+    page.type("e-gravity--acceleration", "0, 0, -9810")
+    page.type("e-gravity--density", "{ beam = 7.85e-9 }")
+    page.wait(f"!{LEFT}.some((line) => line.includes('weighs'))")
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_a_plane_drawing_asks_for_the_kind_of_its_model(
     section: Path, browser: Any, capsys: pytest.CaptureFixture[str]

@@ -23,8 +23,10 @@ class GravityTable:
     lbf/in³, ground 120 lbf/ft³.
 
     Args:
-        acceleration: Components of the acceleration vector, such as [0.0, 0.0, -9810.0].
-        density: Densities by names of bodies; bodies without a density have no weight.
+        acceleration: Components of the acceleration vector (length per s²), such as
+            [0.0, 0.0, -9810.0].
+        density: Densities (mass per volume) by names of bodies; bodies without a density have no
+            weight.
         constant: Whether the weight has its full value at any load factor; otherwise ζ multiplies
             the weight.
         name: Name of these loads for messages and stages.

@@ -278,6 +278,7 @@ function faultsOfCase(value, schema, drawn) {
   if (Array.isArray(acceleration) && acceleration.length !== drawn.dim) {
     add(["gravity", "acceleration"], countWords(acceleration, drawn.dim));
   }
+  weightFaults(value, drawn, add);
   Object.keys(value.gravity?.density ?? {}).forEach((body) => unknown(body, drawn.bodies, ["gravity", "density"]));
   Object.keys(value.geometry?.sizes ?? {}).forEach((body) => unknown(body, drawn.bodies, ["geometry", "sizes"]));
   const until = value.mesh?.adapt?.until;
@@ -327,6 +328,20 @@ const loadNames = (value) => [
   ...(value.gravity ? [value.gravity.name ?? "gravity"] : []),
   ...(value.water || value.seepage ? ["water"] : []), ...(value.earthquake ? ["earthquake"] : []),
 ].filter(Boolean);
+
+const WEIGHTS = [100, 1e7]; // plausible weights of materials on earth, with foam and with gold (N/m³)
+
+/** Warnings of weights that no material has, which come from numbers in other units. */
+function weightFaults({ gravity, units }, { systems }, add) {
+  const { newtons, density: unit, length } = systems[units?.system] ?? {};
+  const { acceleration, density } = gravity ?? {};
+  if (!newtons || !Array.isArray(acceleration) || typeof density !== "object") return;
+  for (const [body, one] of Object.entries(density)) {
+    const weight = one * Math.hypot(...acceleration) * newtons;
+    if (!weight || (weight >= WEIGHTS[0] && weight <= WEIGHTS[1])) continue;
+    add(["gravity", "density"], `'${body}' weighs ${Number((weight / 1e3).toPrecision(3))} kN/m³, and steel weighs 77 kN/m³; give densities in ${unit}, and accelerations in ${length}/s²`, true);
+  }
+}
 
 /** Faults of combinations that the schema does not find. */
 function combinationFaults(value, rows, add) {

@@ -56,6 +56,8 @@ function unitOf(schema) {
   const words = schema?.description ?? "";
   const [, kind, per] = /\((stress|length|force|moment)\b( per (?:volume|time))?[^)]*\)/.exec(words) ?? [];
   const { length, force } = units();
+  if (length && words.includes("(length per s²)")) return `${length}/s²`;
+  if (length && words.includes("(mass per volume)")) return units().density;
   if (!kind || !length) return /degrees/.test(words) ? "degrees" : "";
   const unit = kind === "moment" ? `${force} ${length}` : units()[kind];
   if (per) return per === " per volume" ? `${unit}/${length}³` : `${unit} per unit of time`;
@@ -342,7 +344,8 @@ const KINDS = {
       const { properties } = schemaOf(["gravity"]);
       const densities = setup.bodies.map((body) => formField({
         id: `add-density-${body}`, label: `Density of ${body}`, key: "density",
-        schema: properties.density.additionalProperties, optional: true,
+        schema: { ...properties.density.additionalProperties, description: properties.density.description },
+        optional: setup.bodies.length > 1,
       }));
       return [...vectorFields("acceleration", properties.acceleration, "acceleration"), ...densities];
     },

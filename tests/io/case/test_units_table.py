@@ -4,19 +4,22 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.case.case_reader import read_case
+from perfplast_fenicsx.io.case.gravity_table import GravityTable
 from perfplast_fenicsx.io.case.load_table import load_in_words, meaning
+from perfplast_fenicsx.io.case.units_table import odd_magnitudes
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb
 from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.problem.declared.loads import Force, PorePressure, Pressure
 from perfplast_fenicsx.problem.declared.supports import Support
-from perfplast_fenicsx.units import Units
+from perfplast_fenicsx.units import Name, Units
 from tests.models import case_text, write_case
 
 pytestmark = pytest.mark.serial
@@ -122,3 +125,24 @@ def test_commands(
         assert "unit weights in kN/m^3" in out
         clay = [line.split()[1:6] for line in out.splitlines() if "  clay-stiff-drained" in line]
         assert clay == [["4000", "0.3", "13", "17.5", "19"]]
+
+
+@pytest.mark.parametrize(
+    ("system", "density", "acceleration", "weighs"),
+    [
+        ("mm-N-MPa", 7.85e-9, 9810.0, None),
+        ("mm-N-MPa", 7850.0, 9.81, "7.7e+10 kN/m³"),
+        ("mm-N-MPa", 7.85e-9, 9.81, "0.077 kN/m³"),
+        ("SI", 7850.0, 9.81, None),
+        ("in-lbf-psi", 0.284, 1.0, None),  # a unit weight as the density
+    ],
+)
+def test_weights_in_other_units_are_suspicious(
+    comm: MPI.Intracomm, system: Name, density: float, acceleration: float, weighs: str | None
+) -> None:
+    loads = GravityTable([0.0, 0.0, -acceleration], {"lower": density}).loads(["lower"])
+    points = np.array([[0.0, 0.0, 0.0], [10.0, 10.0, 10.0]])
+    told = odd_magnitudes(Units(system=system), {}, loads, comm, points)
+    assert [line.split(", and steel")[0] for line in told] == (
+        [f"'lower' weighs {weighs}"] if weighs else []
+    )
