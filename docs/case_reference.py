@@ -49,7 +49,7 @@ def arguments(documented: object) -> dict[str, str]:
 def summary(documented: object) -> str:
     """Return the text of a docstring before its first section, in Markdown."""
     text = docstrings.summary(documented)
-    return markdown(text, inspect.getmodule(documented)).replace(" Collective.", "")
+    return re.sub(r"\s*\bCollective\.", "", markdown(text, inspect.getmodule(documented)))
 
 
 def markdown(text: str, module: object = None) -> str:
@@ -85,8 +85,7 @@ def rows(schema: type[Any], leave_out: frozenset[str] = frozenset()) -> str:
 
 def _type(hint: Any, key: str) -> str:
     """Return a type in the words of the program's messages, with the quotes of TOML."""
-    words = described(hint, key).replace("a list whose items are each a number", "list of numbers")
-    return re.sub(r"'([^']*)'", r'`"\1"`', words)
+    return re.sub(r"'([^']*)'", r'`"\1"`', described(hint, key))
 
 
 def _default(field: "dataclasses.Field[Any]") -> str:
@@ -123,7 +122,7 @@ def _variants(key: str, choices: Mapping[str, type[Any]]) -> Iterator[str]:
 
 
 def _mesh() -> Iterator[str]:
-    yield f"Either a file or a builder.\n\n**`file`.** {summary(tables.MeshFile)}\n"
+    yield f"Give either a file or a builder.\n\n**`file`.** {summary(tables.MeshFile)}\n"
     yield HEAD + rows(tables.MeshFile)
     yield f"**`builder`.** {summary(tables.MeshBuilder)}\n"
     meaning = arguments(tables.MeshBuilder)

@@ -29,7 +29,7 @@ class BoundsControl(OfBody):
         design: Load factor of the design load, often 1.0; results report the ratio of the limit
             load to the design load.
         direction: "up" computes the largest load factor that the bodies carry, and also the
-            smallest load factor if the bodies do not carry the permanent loads alone; "both" always
+            smallest load factor if the bodies do not carry the constant loads alone; "both" always
             computes both.
 
     Raises:

@@ -26,7 +26,7 @@ class DisplacementControl(OfLevels):
     """Loading by prescribed motions: ζ multiplies the motions of supports and obstacles.
 
     Args:
-        values: Load factors, all increasing or all decreasing.
+        values: Load factors, in increasing or in decreasing order.
         until: The last load factor, not 0; the program chooses the load factors before it, starting
             from first yield.
 

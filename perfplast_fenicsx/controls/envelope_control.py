@@ -18,18 +18,18 @@ class EnvelopeControl(OfBody):
     """Inner and outer bounds on the multiples of two or three loads that the bodies carry.
 
     Args:
-        first: Names of the loads that the first number multiplies; a load without a name has the
+        first: Names of the loads that the first factor multiplies; a load without a name has the
             name of its surface.
-        second: Names of the loads that the second number multiplies. Constant loads always act,
-            whatever these numbers are.
-        third: Names of the loads that the third number multiplies; without this key there are two
-            numbers.
-        until: Relative distance between the inner and outer polygon (polytope for three numbers) at
+        second: Names of the loads that the second factor multiplies. Constant loads have their full
+            value for all factors.
+        third: Names of the loads that the third factor multiplies; without this key there are two
+            factors.
+        until: Relative distance between the inner and outer polygon (polytope for three factors) at
             which the search ends.
         directions: Largest number of directions in which the program computes bounds on the limit
             load.
-        around: True if all numbers may be negative, or the names of loads whose number may be
-            negative; by default all numbers are at least 0.
+        around: True if all factors may be negative, or the names of loads whose factor may be
+            negative; by default all factors are at least 0.
         limit_tolerance: Relative distance of each bound from the best bound of its kind on its
             mesh, between 0 and 1.
 
@@ -57,13 +57,13 @@ class EnvelopeControl(OfBody):
 
     @property
     def named(self) -> dict[str, list[str]]:
-        """Return the names of the loads that each number multiplies, by the key of the number."""
+        """Return the names of the loads that each factor multiplies, by the key of the factor."""
         two = {"first": self.first, "second": self.second}
         return two if self.third is None else two | {"third": self.third}
 
     @property
     def signed(self) -> tuple[bool, ...]:
-        """Return for each number whether it may be negative."""
+        """Return for each factor whether it may be negative."""
         if isinstance(self.around, bool):
             return (self.around,) * len(self.named)
         return tuple(bool({*names} & {*self.around}) for names in self.named.values())

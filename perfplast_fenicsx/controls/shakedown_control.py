@@ -28,7 +28,7 @@ from perfplast_fenicsx.problem.problem import Problem
 class ShakedownControl(OfBody):
     """Loads and temperatures that vary repeatedly and arbitrarily within ranges.
 
-    The control computes the largest multiple of these ranges for which the bodies shake down: by
+    The program computes the largest multiple of these ranges for which the bodies shake down: by
     Melan's theorem, they respond elastically after some plastic flow. The result is an estimate,
     because the elastic stresses come from the finite element solution. Bodies in contact must be
     tied. Constant loads act all the time.

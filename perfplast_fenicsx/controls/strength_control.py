@@ -22,8 +22,8 @@ class StrengthControl(OfBody):
     constant.
 
     Args:
-        limit_tolerance: Relative distance of each factor from the factor at which its bound of the
-            load factor is 1, between 0 and 1.
+        limit_tolerance: Relative distance, between 0 and 1, of each factor from the factor at which
+            its bound on the load factor equals 1.
         path: Whether to compute afterwards the curve of the factor F over the work of the loads, by
             Newton's method on the mesh of the upper bound. The plateau of this curve is an
             estimate, not a bound.

@@ -136,7 +136,7 @@ class MeshingOptions:
             The body that comes later in the file gets the common volume. Larger overlaps are
             refused.
         close_gaps: Largest gap that is closed (length): two faces of bodies at a smaller distance
-            become one face, at the position of either face, so that the bodies touch. The value
+            become one face, at the position of one of them, so that the bodies touch. The value
             must be much smaller than thicknesses and edges.
         patience: Time limit for meshing (s).
         without: Names of bodies to leave out.

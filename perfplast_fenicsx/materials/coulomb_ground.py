@@ -35,8 +35,8 @@ class Tresca:
         cohesion: Largest shear stress (stress), positive, a number or a field; half of the
             uniaxial yield stress.
         expansion: Thermal strain per degree (1/temperature).
-        tensile_strength: Largest tension f in any direction (stress), positive; None without a
-            limit.
+        tensile_strength: Largest tension f in any direction (stress), positive; by default, the
+            tension has no separate limit.
         reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:
@@ -102,8 +102,8 @@ class MohrCoulomb:
         nonassociated: Treatment of ground with ψ < φ: ``"radenkovic"`` bounds all its possible
             collapse loads; ``"davis-a"``, ``"davis-b"`` or ``"davis-c"`` replaces it by associated
             ground, which gives an estimate.
-        tensile_strength: Largest tension f in any direction (stress), positive; None, or a value of
-            at least c cot φ, if only cohesion and friction limit the tension.
+        tensile_strength: Largest tension f in any direction (stress), positive. By default, and for
+            values from c cot φ on, only cohesion and friction limit the tension.
         reduced: Whether F of ``control = "strength"`` divides the strength; true by default.
 
     Raises:

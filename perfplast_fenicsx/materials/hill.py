@@ -182,7 +182,7 @@ class Hill:
     Args:
         young: Young's modulus E > 0 (stress); elasticity is isotropic.
         poisson: Poisson's ratio ν in (−1, ½).
-        yield_stress: Y > 0 (stress).
+        yield_stress: Reference yield stress Y > 0 (stress), to which the ratios refer.
         r11: Ratio of tension along the first axis, positive.
         r22: Ratio of tension along the second axis, positive.
         r33: Ratio of tension along the third axis z, positive.

@@ -53,7 +53,7 @@ class NewtonOptions:
         contact_solver: "snes-vi" finds the closed pairs by PETSc's SNES-VI, with one linear system
             for each active set. "tfeti" divides the bodies into subdomains and solves for the
             forces between them (Total FETI); contact then only bounds some of these forces, and
-            each step solves it completely.
+            each step solves the contact program completely.
         subdomains: Number of subdomains on all ranks for "tfeti"; each rank makes at least one
             subdomain of each of its bodies. By default subdomains have a size that factorises
             quickly.

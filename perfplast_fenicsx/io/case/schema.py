@@ -134,12 +134,21 @@ def described(hint: Any, key: str) -> str:
     if origin in (list, Sequence):
         if typing.get_origin(arguments[0]) is dict or dataclasses.is_dataclass(arguments[0]):
             return f"tables, each under its own heading [[{key}]]"
-        return f"a list whose items are each {described(arguments[0], key)}"
+        return _list_of(described(arguments[0], key))
     if origin is dict and arguments[-1] is float:
         return f"a table of numbers, {key} = {{NAME = 1.0}}"
     if typing.get_origin(arguments[-1]) is dict:
         return f"tables with a name, headed [{key}.NAME]"
     return f"a table, headed [{key}]"
+
+
+def _list_of(item: str) -> str:
+    """Return the description of a list, from the description of one item."""
+    if re.fullmatch(r"a (whole )?(number|string)", item):
+        return f"a list of {item.removeprefix('a ')}s"
+    if item.startswith("a list of "):
+        return item.replace("a list", "a list of lists", 1)
+    return f"a list whose items are each {item}"
 
 
 def _either(words: Sequence[str]) -> str:

@@ -118,8 +118,8 @@ class ReportHead:
         client: Recipient of the report.
         revision: Revision of the document, as a string such as ``"B"``.
         prepared: Name of the person who prepared the document.
-        checked: Name of the person who checks it.
-        approved: Name of the person who approves it.
+        checked: Name of the person who checks the document.
+        approved: Name of the person who approves the document.
     """
 
     project: str = ""

@@ -51,9 +51,9 @@ SOLVERS: dict[str, ConicSolver] = {USUAL: iterate, "clarabel": by_clarabel}
 """Solvers by the name of ``conic`` in case files."""
 
 CONIC = (
-    "The solver of limit loads and bounds: the program's own interior point method, or Clarabel, a"
+    "The solver for limit loads and bounds: the program's own interior point method, or Clarabel, a"
     " package that is installed by pip install clarabel and works on one rank. Give no other"
-    " key with it, because the other keys belong to a loading path."
+    " key with conic, because the other keys belong to a loading path."
 )
 """Description of the key ``conic`` of ``[solve]``, for the reference pages."""
 
