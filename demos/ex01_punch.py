@@ -4,7 +4,7 @@ A square punch rests without friction on a base of the same metal; the mesh is a
 bodies. The interior point method computes the limit load of the mesh together with the collapse
 mechanism, without load steps.
 
-Exact: the punch yields first, in uniform compression, at its yield stress 400 √(3/2).
+Exact: the punch yields first, in uniform compression, at the yield stress 400 √(3/2) MPa.
 """
 
 import math
@@ -39,14 +39,14 @@ problem = Problem(
         Support("x0", "x"),
         Support("y0", "y"),
         Support("bottom"),
-    ],  # symmetry, floor
+    ],  # two planes of symmetry, and the floor
     loads,
     contacts,
 )
 
 limit = limit_load(problem, rtol=1e-5)
 
-# Both bounds hold for the mesh. They agree at the exact load, because the stress is uniform.
+# Both values hold for the mesh. They agree with the exact load, because the stress is uniform.
 assert limit.levelled_off, limit.reason
 assert limit.estimate is not None
 assert math.isclose(limit.estimate, EXACT, rel_tol=1e-5)

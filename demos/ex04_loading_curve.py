@@ -43,7 +43,7 @@ assert limit.levelled_off, limit.reason
 assert limit.estimate is not None
 assert math.isclose(limit.estimate, EXACT, rel_tol=1e-3)
 
-# Levels at prescribed works resolve the bend of the curve.
+# Levels at prescribed works show where the curve bends.
 first = limit.levels[0].report
 stiffness = first.zeta / first.alpha  # stiffness of the elastic tube
 works = [factor * EXACT / stiffness for factor in (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0)]

@@ -4,7 +4,7 @@ A steel block lies on an aluminium block. They touch on an inclined plane withou
 pressure on top pushes the upper block down the incline, against a wall at x = 0. Gmsh generates the
 mesh. Only the contact supports the upper block in z.
 
-Exact: the contact forces act along the normal of the incline, and their vertical sum is the load.
+Exact: the contact force acts along the normal of the incline; its vertical component is the load.
 """
 
 from mpi4py import MPI

@@ -64,7 +64,7 @@ TITLE = "Two blocks in frictionless contact"
 # %% [markdown]
 # ## The problem
 #
-# Lengths are in mm and stresses in MPa. The steel is the one of the square plate with a hole in E.
+# Lengths are in mm and stresses in MPa. The steel is that of the square plate with a hole in E.
 # Stein (ed.), *Error-Controlled Adaptive Finite Elements in Solid Mechanics*, 2003. The mesh
 # defines the names of volumes and surfaces. It has `n` cubes per unit length, with six tetrahedra
 # each.
@@ -117,7 +117,7 @@ def convergence_table(level: Level) -> str:
 # The bounds hold for the bodies, not only for the mesh. A stress field that is in equilibrium
 # everywhere and does not violate the yield condition bounds the limit load from below. A velocity
 # field that preserves volume everywhere bounds it from above. The program refines the mesh where
-# the two bounds differ until the bounds are 6 % apart. It starts from a mesh that is half as fine.
+# the two bounds differ until the bounds are 6 % apart. The first mesh is half as fine.
 
 
 # %%
@@ -158,7 +158,7 @@ KNOWN = {
 def main(argv: Sequence[str] | None = None) -> None:
     """Load the blocks, write the results and check them. Collective."""
     parser = argparse.ArgumentParser(description=TITLE)
-    parser.add_argument("-o", "--output", default="results/two_blocks", help="replaced if there")
+    parser.add_argument("-o", "--output", default="results/two_blocks", help="replaced if it exists")
     parser.add_argument("--coarse", action="store_true", help="n = 2 instead of 4")
     arguments = parser.parse_args(argv)
     n = 2 if arguments.coarse else 4
