@@ -158,7 +158,7 @@ KNOWN = {
 def main(argv: Sequence[str] | None = None) -> None:
     """Load the blocks, write the results and check them. Collective."""
     parser = argparse.ArgumentParser(description=TITLE)
-    parser.add_argument("-o", "--output", default="results/two_blocks", help="replaced if it exists")
+    parser.add_argument("-o", "--output", default="results/two_blocks", help="will be replaced")
     parser.add_argument("--coarse", action="store_true", help="n = 2 instead of 4")
     arguments = parser.parse_args(argv)
     n = 2 if arguments.coarse else 4
