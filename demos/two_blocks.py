@@ -88,8 +88,8 @@ def blocks(comm: MPI.Intracomm, n: int) -> Problem:
 # ## How the Newton iteration converges
 #
 # In each step ALG1 minimises a quadratic model of J_ζ over K_h, and moves by a fraction β ≤ 1 of
-# the step to the minimum. The regularisation adds ρ times the elastic stiffness to the tangent,
-# and ρ decreases to zero. The order of convergence therefore tends to 2.
+# the step to the minimum. The regularisation replaces the fraction ρ of the tangent by the elastic
+# stiffness, and ρ decreases to zero. The order of convergence therefore tends to 2.
 
 
 # %%
