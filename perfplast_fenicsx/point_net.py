@@ -108,7 +108,10 @@ class Triangulation:
         flat = np.abs(np.linalg.det(edges)) <= 1e-12 * size
         if flat.any():
             where = place_of(middles[np.argmax(flat)])
-            raise InputError(f"'{self.name}' has a cell without area at {where}; remove it.")
+            raise InputError(
+                f"'{self.name}' has a degenerate cell (zero area or volume) at "
+                f"{where}; remove this cell."
+            )
         d = middles.shape[1]
         near_sides = np.full((d + 1, d + 1), 0.9 / d)
         np.fill_diagonal(near_sides, 0.1)

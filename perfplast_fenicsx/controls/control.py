@@ -397,7 +397,7 @@ def check_values(
         InputError: If a value is not valid; the message names the first such value.
     """
     if not values:
-        raise InputError(f"values is empty; give at least one of the {what}.")
+        raise InputError(f"values is empty, but {what} are needed; give at least one number.")
     for value in values:
         if not math.isfinite(value):
             raise InputError(

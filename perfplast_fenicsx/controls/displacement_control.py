@@ -62,9 +62,9 @@ class DisplacementControl(OfLevels):
         for load in given.loads:
             if not load.constant:
                 raise InputError(
-                    "control = 'displacement' moves supports and obstacles, but the load "
-                    f"on '{load.on}' would grow; give it constant = true, or give control "
-                    "= 'load'."
+                    "control = 'displacement' moves supports and obstacles, but the load on "
+                    f"'{load.on}' would grow; set constant = true for this load, or give control = "
+                    "'load'."
                 )
         if not given.moving:
             raise InputError(

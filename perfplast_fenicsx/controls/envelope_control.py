@@ -90,8 +90,8 @@ class EnvelopeControl(OfBody):
             if len(where) != 1:
                 said = f"in both {where[0]} and {where[1]}" if where else f"not in {keys}"
                 raise InputError(
-                    f"the load '{name}' is {said}; list it in one of {keys}, or give "
-                    "constant = true to a permanent load."
+                    f"the load '{name}' is {said}; list it exactly once, or set constant = true if "
+                    "the load is permanent."
                 )
 
     def admit(self, problem: Problem, solver: Any) -> None:

@@ -241,7 +241,10 @@ def points_of(given: Sequence[Sequence[float]], what: str, least: int = 2) -> Fl
     """
     for at in given:
         if len(at) != 2 or not np.isfinite(at).all():
-            raise InputError(f"{what} contains the point {list(at)}; give two numbers, [x, y].")
+            raise InputError(
+                f"{what} contains {list(at)}, which is not a point; give two finite "
+                "numbers, [x, y]."
+            )
         for value in at:
             check_magnitude(f"a coordinate of {what}", value)
     points = np.array(given, dtype=np.float64).reshape(-1, 2)
@@ -344,7 +347,10 @@ def _check_strata(strata: Sequence[Stratum]) -> None:
                 "from the surface downwards, and do not let them cross."
             )
         if at_ends.max() <= 10 * ROUNDING * size:
-            raise InputError(f"{above} and {below} are the same line; remove this stratum.")
+            raise InputError(
+                f"{above} and {below} are the same line, so the stratum between them "
+                "is empty; remove it."
+            )
 
 
 def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
@@ -369,12 +375,12 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
             near = (apart > ROUNDING * size) & (apart < NEARLY * size)
             if near.any():
                 p, s = np.argwhere(near)[0]
-                whose = "itself" if name == other else f"'{other}'"
+                whose = f"another part of '{name}'" if name == other else f"'{other}'"
                 more = "" if name == other else f", or add this corner to {whose}"
                 raise InputError(
                     f"'{name}' has the corner {place_of(points[p])}, which is {apart[p, s]:.3g}"
-                    f" away from {whose} at {place_of(nearest[p, s])}; give both the same"
-                    f" coordinates{more}."
+                    f" away from {whose} at {place_of(nearest[p, s])}; give both points the"
+                    f" same coordinates{more}."
                 )
 
 
@@ -414,8 +420,8 @@ def _check_apart(shapes: Sequence[Shape]) -> None:
         left = row & ~inside[opening].any(axis=0)
         if not one.opening and not left.any():
             raise InputError(
-                f"openings cut out the whole area {area:.4g} of '{one.name}'; remove this region "
-                "or correct the openings."
+                f"openings cover the whole area {area:.4g} of '{one.name}'; remove this region or "
+                "correct the openings."
             )
 
 

@@ -284,9 +284,9 @@ class _Choice:
         found = [k for k, some in names.items() if value in some]
         if not found:
             there = ", ".join(sorted({" ".join(some) for some in names.values()}))
+            remedy = f"the {what}s are {there}" if there else f"no free face has a {what}"
             raise InputError(
-                f"the face '{wanted.name}': no free face has the {what} '{value}'; there are "
-                f"{there or f'no faces with a {what}'}."
+                f"the face '{wanted.name}': no free face has the {what} '{value}'; {remedy}."
             )
         return found
 

@@ -85,7 +85,8 @@ class Sizes:
         for body in options.sizes:
             if body not in names:
                 raise InputError(
-                    f"sizes names '{body}', but there is no such body; {nearest(body, names)}"
+                    f"sizes has an entry for '{body}', but there is no such body; "
+                    f"{nearest(body, names)}"
                 )
         size = options.size or self.usual
         curvature = USUAL if options.curvature is None else options.curvature
@@ -199,8 +200,8 @@ def _generate(dim: int, parts: Sequence[Part]) -> None:
     flat = [name for name, quality in worst[best].items() if quality < NO_VOLUME]
     if flat:
         raise InputError(
-            f"{' and '.join(map(repr, flat))} cannot be meshed: elements are flat with each of "
-            f"{len(ALGORITHMS)} meshing algorithms; remove tiny edges and faces in the CAD "
+            f"{' and '.join(map(repr, flat))} cannot be meshed: each of the {len(ALGORITHMS)} "
+            "meshing algorithms makes flat elements; remove tiny edges and faces in the CAD "
             "system, or give another size."
         )
     if best != ALGORITHMS[-1]:

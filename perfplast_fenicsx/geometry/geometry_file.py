@@ -68,8 +68,8 @@ def check_file(path: Path) -> None:
         )
     if suffix == ".dxf":
         raise InputError(
-            f"'{path}' draws ground in the plane; give it in a case, as file = '{path.name}' "
-            "under [geometry], with materials and supports for the names of its layers."
+            f"'{path}' is a 2D drawing of ground; give it in a case, as file = '{path.name}' under "
+            "[geometry], with materials and supports for the names of its layers."
         )
     if suffix not in (*IMPORTED, *SCRIPTS):
         known = ", ".join((*IMPORTED, *SCRIPTS))

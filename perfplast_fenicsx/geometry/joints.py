@@ -39,7 +39,9 @@ def cut_along_each_other(
     try:
         _, images = gmsh.model.occ.fragment(solids, [])
     except Exception as error:  # gmsh raises no more specific exception
-        raise InputError(f"the bodies cannot be cut along each other: {error}.") from error
+        raise InputError(
+            f"gmsh cannot divide the bodies at their common faces: {error}."
+        ) from error
     gmsh.model.occ.synchronize()
     owner: dict[int, int] = {}
     places = iter(zip(solids, images, strict=True))

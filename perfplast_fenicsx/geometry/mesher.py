@@ -174,12 +174,14 @@ def without(dim: int, parts: Sequence[Part], names: Sequence[str]) -> list[Part]
     for name in names:
         if name not in known:
             raise InputError(
-                f"the option without names '{name}', but there is no such body; "
+                f"the option 'without' contains '{name}', which is not a body; "
                 f"{nearest(name, known)}"
             )
     kept = [part for part in parts if part.name not in names]
     if not kept:
-        raise InputError("the option without lists all bodies; keep at least one body.")
+        raise InputError(
+            "the option 'without' contains all bodies; remove at least one of them from it."
+        )
     gone = [(dim, tag) for part in parts if part.name in names for tag in part.tags]
     kernels = (gmsh.model.occ, gmsh.model.geo)
     for kernel in kernels:

@@ -135,9 +135,9 @@ class MohrCoulomb:
         check_tension(self.tensile_strength, self.cohesion)
         if self.tensile_strength is not None and self.nonassociated == "radenkovic":
             raise InputError(
-                f"tensile_strength = {self.tensile_strength:g} with nonassociated = "
-                "'radenkovic': this pair of bounds needs ground without a tensile "
-                "strength; remove it, or give nonassociated = 'davis-a' for an estimate."
+                f"tensile_strength = {self.tensile_strength:g} with nonassociated = 'radenkovic': "
+                "Radenkovic's bounds need ground without a tensile strength; remove it, or give "
+                "nonassociated = 'davis-a' for an estimate."
             )
 
     def _check_field(self) -> None:

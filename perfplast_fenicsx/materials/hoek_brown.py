@@ -253,8 +253,8 @@ class HoekBrown:
         for name, value, most in (("m_b", self.m_b, 100.0), ("s", self.s, 1.0)):
             if not 0 < value <= most:
                 raise InputError(
-                    f"{name} = {value} is not above 0 and at most {most:g}; give the value of the "
-                    "rock mass (m_b = m_i and s = 1 for intact rock)."
+                    f"{name} = {value}, but it must be above 0 and at most {most:g}; give the "
+                    "value of the rock mass (m_b = m_i and s = 1 for intact rock)."
                 )
 
     @property

@@ -85,7 +85,7 @@ def _refuse(
         cell = x[np.argmax(wrong.any(axis=1))]
         place = place_of(cell.mean(axis=0))
         message = (
-            f"the mesh is folded over itself: {total} {what}, one of them at a cell around "
+            f"the mesh is folded over itself: {total} {what}, one of them near "
             f"{place}; mesh the bodies again."
         )
     raise_together(mesh.comm, message)

@@ -307,8 +307,8 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # true also for NaN
     if wrong.size:
         raise InputError(
-            f"'{path}' has {wrong.size} nodes with coordinates such as"
-            f" {place_of(points[wrong[0]])}; save the mesh again."
+            f"'{path}' has {wrong.size} nodes whose coordinates are not finite or too large, such "
+            f"as {place_of(points[wrong[0]])}; save the mesh again."
         )
     first = points[cells[:, 0], :gdim]
     edges = points[cells[:, 1 : gdim + 1], :gdim] - first[:, None]
@@ -323,8 +323,8 @@ def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> N
     if flat.any():
         at = place_of(first[np.argmax(flat)])
         raise InputError(
-            f"{np.count_nonzero(flat)} cells in '{path}' have no volume, the first at {at}; mesh "
-            "the bodies again."
+            f"{np.count_nonzero(flat)} cells in '{path}' are degenerate (zero area or volume), the "
+            f"first at {at}; mesh the bodies again."
         )
 
 
@@ -409,8 +409,8 @@ def _body_of(block: Block, content: Content, path: str | Path) -> int:
         known = {tag: name or str(tag) for of, tag, name in content.groups if of == block.dim}
         names = " and ".join(f"'{known[tag]}'" for tag in block.groups)
         raise InputError(
-            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups {names}; a "
-            "body can have only one name."
+            f"{_ENTITY[block.dim]} {block.entity} of '{path}' is in the physical groups {names}, "
+            "but a body has only one name; keep it in one group."
         )
     return block.groups[0] if block.groups else 0
 

@@ -216,7 +216,7 @@ def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
         return np.array(table, dtype=np.int64).reshape(len(rows), last - first)
     except ValueError as error:
         raise InputError(
-            f"{rows[0][0]} has fields that are not numbers ({error}); the file is damaged."
+            f"{rows[0][0]} has fields that are not integers ({error}); the file is damaged."
         ) from error
 
 

@@ -158,8 +158,8 @@ def with_material(model: ForeignModel, name: str) -> tuple[ForeignModel, str]:
     ]
     if not fitting:
         raise InputError(
-            f"Young's moduli in the file ({', '.join(f'{young:g}' for young in known)}) do not "
-            f"fit {name} in any unit; remove --material, and fill in the yield stress."
+            f"the Young's moduli in the file ({', '.join(f'{young:g}' for young in known)}) do not "
+            f"fit {name} in any system of units; remove --material, and fill in the yield stress."
         )
     one = common.in_system(fitting[0])
     given = ForeignMaterial(one.young, one.poisson, one.yield_stress)

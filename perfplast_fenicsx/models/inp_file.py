@@ -85,8 +85,9 @@ def _thickness(given: set[float]) -> float:
     """Return the thickness of plane elements; 1 if sections give no thickness."""
     if len(given) > 1 or any(not one > 0 for one in given):
         told = " and ".join(f"{one:g}" for one in sorted(given))
+        what = "thicknesses" if len(given) > 1 else "thickness"
         raise InputError(
-            f"sections of plane elements have the thickness {told}, but a case has only one "
+            f"sections of plane elements have the {what} {told}, but a case has only one "
             "positive thickness; give all sections the same thickness, or model the bodies in 3D."
         )
     return next(iter(given), 1.0)

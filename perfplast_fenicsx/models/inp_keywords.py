@@ -108,8 +108,8 @@ class _Included:
         self.size += path.stat().st_size
         if self.size > MOST_BYTES:
             raise InputError(
-                f"'{path}' would exceed the limit of {MOST_BYTES:.0e} bytes for all "
-                "files; give a smaller model."
+                f"with '{path}', the files of the model exceed the limit of {MOST_BYTES:.0e} bytes "
+                "in total; give a smaller model."
             )
 
 
@@ -152,8 +152,8 @@ def _included(keyword: Keyword, path: Path, so_far: _Included) -> Iterator[Keywo
     if so_far.times[other] > MOST_TIMES or so_far.times.total() > MOST_INCLUDED:
         raise InputError(
             f"'{path}', line {keyword.number}: *INCLUDE of '{name}' exceeds the limit of "
-            f"{MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} of all files; put the "
-            "included lines into one file."
+            f"{MOST_TIMES} inclusions of one file, or {MOST_INCLUDED} in total; put the included "
+            "lines into one file."
         )
     so_far.open.append(other)
     yield from _keywords(other, so_far)

@@ -205,8 +205,8 @@ class MeshReader:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:
             raise InputError(
-                f"line {keyword.number}: *ELEMENT has a text that is not a number ({error}); the "
-                "file is damaged."
+                f"line {keyword.number}: *ELEMENT has an entry that is not an integer ({error}); "
+                "the file is damaged."
             ) from error
         if len(table) % width and kind.shape is LINE:
             # beams may have an extra node for their direction; this function omits all beams
@@ -214,8 +214,8 @@ class MeshReader:
             return
         if len(table) % width:
             raise InputError(
-                f"line {keyword.number}: elements of type {name} have {kind.nodes} nodes each, but"
-                f" there are {len(table)} numbers; the file is cut off or damaged."
+                f"line {keyword.number}: each element of type {name} needs {width} numbers, but "
+                f"{len(table)} numbers are given in total; the file is cut off or damaged."
             )
         table = table.reshape(-1, width)
         part = self._parts[self._now]

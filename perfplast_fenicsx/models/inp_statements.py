@@ -108,8 +108,8 @@ class Statements:
         now, rows = self.materials.get(self._material), [row for row in keyword.rows() if row]
         if now is None or not rows:
             raise InputError(
-                f"line {keyword.number}: *{keyword.name} belongs to no *MATERIAL; the "
-                "file is damaged."
+                f"line {keyword.number}: *{keyword.name} belongs to no *MATERIAL, or contains no "
+                "numbers; the file is damaged."
             )
         values = [[number_of(cell, keyword) for cell in row] for row in rows]
         if keyword.name == "ELASTIC":

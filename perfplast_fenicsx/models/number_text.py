@@ -135,7 +135,7 @@ def table_of(keyword: Keyword) -> Floats:
         rows = [[float(cell.strip() or 0) for cell in line.split(",")] for line in lines]
     except ValueError as error:
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has a text that is not a number ({error}); "
+            f"line {keyword.number}: *{keyword.name} has an entry that is not a number ({error}); "
             "the file is damaged."
         ) from error
     width = max(map(len, rows))

@@ -302,7 +302,9 @@ class Network:
         for number, body in enumerate(seepage.conductivity):
             if body not in mesh.volumes:
                 hint = nearest(body, list(mesh.volumes))
-                raise InputError(f"conductivity names '{body}', which is not a body; {hint}")
+                raise InputError(
+                    f"conductivity has an entry for '{body}', which is not a body; {hint}"
+                )
             there = mesh.cells(body)
             self.bodies[body] = slice(begin, begin + len(there))
             begin += len(there)
@@ -396,8 +398,8 @@ class Network:
             if twice.any():
                 other = seepage.head[who[np.argmax(twice)]]
                 raise InputError(
-                    f"the level {head.level:g} at '{head.on}' and the level {other.level:g} at "
-                    f"'{other.on}' meet at {place_of(self.points[np.argmax(twice)])}; leave an "
+                    f"the surfaces '{head.on}' (level {head.level:g}) and '{other.on}' (level "
+                    f"{other.level:g}) meet at {place_of(self.points[np.argmax(twice)])}; leave an "
                     "impervious part of the boundary between them, or give both the same level."
                 )
             level[wet], who[wet] = head.level, number
@@ -445,9 +447,9 @@ class Network:
         closed = ~open_[of_point]
         if closed.any():
             raise InputError(
-                f"the ground at {place_of(self.points[np.argmax(closed)])} is connected to neither"
-                " a level nor an outlet, so the pressure there is unknown; name one of its"
-                " surfaces, or remove its conductivity."
+                f"the ground at {place_of(self.points[np.argmax(closed)])} is connected to no "
+                "surface with a level and to no outlet, so the pressure there is unknown; list "
+                "one of its surfaces in [[seepage.head]] or outlet, or remove its conductivity."
             )
 
     def leaving(self, w: Floats) -> Floats:

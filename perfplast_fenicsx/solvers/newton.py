@@ -187,8 +187,8 @@ class WorkNewton(LevelSolver):
             )
         if problem.motion.driven:
             raise InputError(
-                "ζ multiplies motions or overlaps, so the work of the loads does not determine "
-                "ζ; give these motions constant = true, or prescribe load factors."
+                "ζ multiplies motions or overlaps, so the work of the loads does not determine ζ; "
+                "set constant = true for these motions, or prescribe load factors."
             )
         self.options = options or NewtonOptions()
         super().__init__(

@@ -155,10 +155,9 @@ HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
         GOOD + '[loading]\ncontrol = "strength"\n': "constant",
         GOOD + ENVELOPE: "compared by load factors",
         GOOD.replace("strength = 1.0", "strength = { uper = 1.1 }")
-        + BOUNDS: "names 'uper', which is not",
+        + BOUNDS: "'uper', which is not",
         "[design]\nstrength = 0.0\n" + BOUNDS: "strength = 0 is not positive",
-        "[design]\nstrength = { uper = 1.1 }\n"
-        + BOUNDS: "strength names 'uper', which is not a body",
+        "[design]\nstrength = { uper = 1.1 }\n" + BOUNDS: "strength has an entry for 'uper'",
     }.items(),
 )
 def test_refused_in_one_sentence(

@@ -113,14 +113,14 @@ RANGES = "ranges = { pull = [0, 1], heat = [0, 1] }"
         (RANGES, "corners = [{ pull = 1 }, { pull = inf }]", "a factor that is not finite"),
         (RANGES, "corners = [{ pull = 1, heat = 1 }]", "corners has 1 corner that differs"),
         (RANGES, "ranges = { pul = [0, 1], heat = [0, 1] }", "'pul' varies, but no load"),
-        (RANGES, "ranges = { stays = [0, 1], heat = [0, 1] }", "it is a constant load"),
+        (RANGES, "ranges = { stays = [0, 1], heat = [0, 1] }", "this load is constant"),
         (RANGES + ", directions = 3", "ranges = { heat = [0, 1] }", "the load 'pull' has no range"),
-        ("directions = 3", "directions = 2", "directions = 2 with 2 varying names"),
+        ("directions = 3", "directions = 2", "directions = 2, and the number"),
         ("tie = [", "contact = [", "[[tie]]"),
         (
             'law = "von-mises"\nyoung = 2e5\npoisson = 0.3\nyield_stress = 100.0',
             'law = "mohr-coulomb"\nyoung = 2e5\npoisson = 0.3\ncohesion = 0\nfriction_angle = 30',
-            "cohesion = 0 in volume 'lower': shakedown needs a cohesion",
+            "cohesion = 0 in volume 'lower': shakedown needs a positive",
         ),
         (
             'components = "x" },\n]',

@@ -133,7 +133,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
         ({"regions": [Region("a", [[0, 0], [4, 0], [8, 0]])]}, "no area"),
         ({"regions": [Region("a", [[0, 0], [9, 0], [4, 0], [4, 4]])]}, r"itself at \(4, 0\)"),
         ({"regions": [Region("a", [[0, 0], [4, 0]])]}, "2 points; give at least 3"),
-        ({"regions": [Region("a", [[0, 0], [4, 0, 1], [4, 4]])]}, r"the point \[4, 0, 1\]"),
+        ({"regions": [Region("a", [[0, 0], [4, 0, 1], [4, 4]])]}, r"contains \[4, 0, 1\]"),
         (
             {"regions": [Region("a", [[0, 0], [0, 0], [4, 0], [4, 4]])]},
             r"contains the point \(0, 0\) twice",
@@ -144,7 +144,7 @@ def test_ground_of_several_parts_has_no_sides() -> None:
         ({"regions": [Region("a", square(0, 0), opening=True)]}, "no ground"),
         (
             {"regions": [Region("a", square(1, 1, 1)), Region("b", square(0, 0), opening=True)]},
-            "no ground|cut out the whole area",
+            "no ground|cover the whole area",
         ),
         (
             {"regions": [Region("s", SLOPE)], "lines": [DrawnLine("l", [[10, 20], [30, 20]])]},

@@ -122,13 +122,13 @@ def test_what_is_no_plane_of_symmetry_is_refused() -> None:
         supports = [support, *other]
         assert_refused(lambda: Problem(mesh, {"body": WEAK}, supports, loads), words)
 
-    refused(Support("inner", "normal"), "'inner'", "facets deviate by up to", "give letters")
+    refused(Support("inner", "normal"), "'inner'", "deviate by up to", "give letters")
     refused(Support("x0", "normals"), "components = 'normals'", "or 'normal'")
     moved = (Support("x0", "x", value=0.1),)
     refused(Support("x0", "normal"), "'x0'", "different amount", other=moved)
     mesh, loads = cube(COMM, 1, octant=False, turned=2e-4), [Pressure("top", 1.0)]
     nearly = (Support("diagonal", "y"),)
-    refused(Support("y0", "normal"), "within 0.011° of", "where it meets", other=nearly)
+    refused(Support("y0", "normal"), "within 0.011° of", "where its surface meets", other=nearly)
     mesh, loads = square_tube(COMM, 2, quarter=True), [Pressure("inner", 1.0)]
     plate = [RigidSurface("inner", held="normal")]
     assert_refused(lambda: Problem(mesh, {"body": WEAK}, [], loads, rigid=plate), ["'normal'"])
@@ -143,7 +143,7 @@ def test_planes_may_have_coordinates_of_few_digits_and_several_names() -> None:
     assert_solved(Newton(problem).solve(0.5))
     mesh.mesh.geometry.x[:] = np.round(mesh.mesh.geometry.x, 2)
     given = (mesh, {"body": WEAK}, supports, [Pressure("inner", 1.0)])
-    assert_refused(lambda: Problem(*given), ["facets deviate by up to 0."])
+    assert_refused(lambda: Problem(*given), ["deviate by up to 0."])
 
 
 def rubbing_cube(octant: bool, turned: float = 0.0) -> Problem:

@@ -271,7 +271,7 @@ def test_sand_in_space_is_refused_with_a_remedy() -> None:
     bodies, ties = {"lower": sand, "upper": sand}, [Tie("lower_top", "upper_bottom")]
     blocks, supports = stacked_blocks(COMM, 1), [Support("bottom")]
     problem = Problem(blocks, bodies, supports, loads, ties=ties, degree=2)
-    with pytest.raises(InputError, match="give a cohesion, such as a thousandth"):
+    with pytest.raises(InputError, match="give a small one, such as a thousandth"):
         limit_bounds(problem)
 
 

@@ -251,7 +251,7 @@ DAMAGED: dict[str, tuple[Make, str]] = {
             _node(blocks(d), [0.5] * (d - 1) + [1.0], 2),
             _node(blocks(d), [0.0] * (d - 1) + [1.0], 1),
         ),
-        "folded|overlap|no volume",
+        "folded|overlap|degenerate",
     ),
 }
 """The kind of damage, by the dimension, and words of the message."""

@@ -310,7 +310,7 @@ def test_sheets_in_plane_stress(tmp_path: Path) -> None:
     assert strain.thickness is None
     assert strain.pushed[0].value == pytest.approx((0, -4))
     other = SHEET.replace("*BOUNDARY", "*SOLID SECTION, ELSET=BASE, MATERIAL=STEEL\n2\n*BOUNDARY")
-    with pytest.raises(InputError, match=r"the thickness 0\.5 and 2"):
+    with pytest.raises(InputError, match=r"the thicknesses 0\.5 and 2"):
         model(tmp_path, PLANE + other + loads)
 
 
@@ -358,7 +358,7 @@ def test_what_has_no_counterpart_is_said(
         ("*NODE\n1,0,0,nan\n*ELEMENT,TYPE=C3D4\n1,1,1,1,1\n", "are not finite numbers"),
         (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7\n", "cut off or damaged"),
         (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,99\n", "no node of 'the model' 99"),
-        (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,x,4,5,6,7,8\n", "a text that is not a number"),
+        (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,x,4,5,6,7,8\n", "an entry that is not"),
         (HEAD + "*ELEMENT, TYPE=S4\n1,1,2,3,4\n", "shells"),
         (HEAD + ONE_BODY + "*INCLUDE, INPUT=/etc/passwd\n", "outside the folder of the model"),
         (HEAD + ONE_BODY + "*INCLUDE, INPUT=model.inp\n", "in a cycle"),

@@ -195,11 +195,11 @@ ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
         ({"obstacles": 2 * [ABOVE]}, "and their surfaces share facets"),
         (
             {"loads": [Traction("top", lambda x: x)]},  # type: ignore[arg-type]
-            "'top' has a function as value",
+            "'top' is a function",
         ),
         (
             {"loads": [Traction("top", (0.0, 0.0, lambda x: x))]},  # type: ignore[arg-type]
-            "'top' has a function as value",
+            "'top' is a function",
         ),
     ],
 )

@@ -187,7 +187,8 @@ def weakened(
     for body, factor in factors.items():
         if body not in materials:
             raise InputError(
-                f"strength names '{body}', which is not a body; {nearest(body, materials)}"
+                f"strength has an entry for '{body}', which is not a body; "
+                f"{nearest(body, materials)}"
             )
         if not (factor > 0 and math.isfinite(factor)):
             raise InputError(f"strength = {factor:g} is not positive; give a factor above 0.")

@@ -56,7 +56,8 @@ class GravityTable:
         for body, density in self.density.items():
             if body not in known:
                 raise InputError(
-                    f"density names '{body}', which is not a body; {nearest(body, known)}"
+                    f"density has an entry for '{body}', which is not a body; "
+                    f"{nearest(body, known)}"
                 )
             if not (density > 0 and math.isfinite(density)):
                 raise InputError(f"the density of '{body}' is {density:g}; give a positive number.")
@@ -154,7 +155,8 @@ def earthquake_loads(
     with at(place):
         if gravity is None:
             raise InputError(
-                "the force is a share of the weight, but [gravity] is missing; give [gravity]."
+                "the earthquake force is a share of the weight, but [gravity] is missing; give "
+                "[gravity]."
             )
         _check_coefficient(found.coefficient, sought, loads)
         return found.loads(weights, gravity.acceleration)
@@ -171,11 +173,11 @@ def _check_coefficient(k: float | None, sought: bool, loads: Iterable[Load]) -> 
     if not sought and k is None:
         raise InputError(
             "coefficient is missing; give it, or give control = 'seismic' under [loading] to "
-            "bound the largest coefficient that the bodies carry."
+            "bound the largest coefficient that the bodies can withstand."
         )
     for load in loads if sought else ():
         if not load.constant:
             raise InputError(
                 f"the load '{load.name or load.on}' would grow with the coefficient that is "
-                "sought; give this load constant = true."
+                "sought; set constant = true for this load."
             )

@@ -65,7 +65,8 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
     for body in seepage.conductivity:
         if body not in known:
             raise InputError(
-                f"conductivity names '{body}', which is not a body; {nearest(body, known)}"
+                f"conductivity has an entry for '{body}', which is not a body; "
+                f"{nearest(body, known)}"
             )
         found.append(FieldPores(body, "steady seepage", name=f"pore water in {body}"))
     for head in seepage.head:

@@ -229,7 +229,8 @@ class _Given:
             for name in names:
                 if name not in self.bodies:
                     raise InputError(
-                        f"{kind} names '{name}', which is not a body; {nearest(name, self.bodies)}"
+                        f"{kind} has an entry for '{name}', which is not a body; "
+                        f"{nearest(name, self.bodies)}"
                     )
         for body in self.bodies:
             own = [kind for kind, names in kinds.items() if body in names]
@@ -297,8 +298,8 @@ class _Given:
         for body, density in self.said.saturated.items():
             if self.gravity is None or body not in self.gravity.density:
                 raise InputError(
-                    f"saturated names '{body}', which has no density in [gravity]; give the "
-                    "density of this body above the water table in [gravity]."
+                    f"saturated has an entry for '{body}', which has no density in [gravity]; give "
+                    "the density of this body above the water table in [gravity]."
                 )
             bulk = self.gravity.density[body]
             more = density - bulk

@@ -80,8 +80,8 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
         found = block_limit(problem.comm, blocks, question, rtol)
     if Outcome.FAILED in (found.lower[0], found.upper[0]):
         raise InputError(
-            "the linear program of the joints has no reliable solution; choose units for the "
-            "mesh and the loads in which the numbers are closer to 1."
+            "a linear program for the joints cannot be solved reliably; choose units in which the "
+            "coordinates and the loads are closer to 1."
         )
     if question is Question.LIMIT and not found.resists:
         raise InputError(

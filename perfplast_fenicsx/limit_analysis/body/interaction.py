@@ -213,7 +213,9 @@ def envelope(
     _check(loads, directions)
     signed = (around,) * len(loads) if isinstance(around, bool) else tuple(around)
     if len(signed) != len(loads):
-        raise InputError(f"around = {around} must have one entry for each of {len(loads)} loads.")
+        raise InputError(
+            f"around = {around} must have one entry for each of the {len(loads)} loads."
+        )
     watched = progress or Progress()
     stay = [load for load in problem.given.loads if load.constant]
     carried: list[Sequence[float]] = [] if stay else [(0.0,) * len(loads)]

@@ -258,8 +258,9 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
         if cone is None and getattr(materials[name], "cohesion", None) == 0:
             raise InputError(
                 f"cohesion = 0 in volume '{name}': in 3D and in axisymmetry the interior point "
-                "method needs a cohesion for law = 'mohr-coulomb'; give a cohesion, such as a "
-                "thousandth of the constant pressures, or of the unit weight times the height."
+                "method needs a positive cohesion for law = 'mohr-coulomb'; give a small one, "
+                "such as a thousandth of the constant pressures, or of the unit weight times the "
+                "height."
             )
         if cone is None:
             raise InputError(
@@ -320,8 +321,8 @@ def check_whole_cones(problem: Problem) -> None:
             continue
         if getattr(material, "cohesion", None) == 0:
             raise InputError(
-                f"cohesion = 0 in volume '{name}': shakedown needs a cohesion for law = "
-                "'mohr-coulomb'; give a cohesion, such as a thousandth of the constant pressures."
+                f"cohesion = 0 in volume '{name}': shakedown needs a positive cohesion for law = "
+                "'mohr-coulomb'; give a small one, such as a thousandth of the constant pressures."
             )
         raise InputError(
             "shakedown needs a yield set that is a single cone of stresses, unlike the yield set "
@@ -390,9 +391,9 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
     larger = _of_numbers(material.law, twice, (size, flat, thin))
     if len(profiles) > 1 or not _is_twice(larger, found):
         raise InputError(
-            f"a number of {type(material).__name__} varies in space, but the yield set is not "
-            "proportional to this number, as limit loads by the interior point method and strict "
-            "bounds require; give constant numbers, and a separate body for each layer."
+            f"a parameter of {type(material).__name__} varies in space, but the yield set is not "
+            "proportional to this parameter, as limit loads by the interior point method and "
+            "strict bounds require; give constant parameters, and a separate body for each layer."
         )
     return replace(found, profile=profiles.pop(), friction=friction)
 

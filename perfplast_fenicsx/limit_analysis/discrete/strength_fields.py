@@ -372,7 +372,7 @@ def check_cohesion(problem: Problem) -> None:
     grows, stays = problem.loads.grows(), problem.loads.has_dead()
     if body_cones(problem).all_loose and not (grows and stays):
         raise InputError(
-            "cohesion = 0: ground without cohesion has strength only where a constant load "
-            "compresses it, and unless some loads are constant and others grow, its limit load "
-            "is zero or infinite; give constant loads and one that grows, or a small cohesion."
+            "cohesion = 0: ground without cohesion has a finite, nonzero limit load only if "
+            "constant loads compress it while other loads grow; give constant loads and one that "
+            "grows, or a small cohesion."
         )

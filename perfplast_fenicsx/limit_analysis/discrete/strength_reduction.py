@@ -213,6 +213,6 @@ def check_stands(
     for load in loads:
         if not load.constant:
             raise InputError(
-                f"the load on '{load.on}' grows, but a factor of safety needs constant loads; "
-                "give it constant = true, or compute its limit load."
+                f"the load on '{load.on}' grows, but a factor of safety needs constant loads; set "
+                "constant = true for this load, or compute a limit load instead."
             )

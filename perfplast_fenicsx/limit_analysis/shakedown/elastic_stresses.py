@@ -231,8 +231,8 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
     for name in names:
         if name in constant:
             raise InputError(
-                f"'{name}' varies, but it is a constant load; remove constant = true from it, or"
-                " remove its range."
+                f"'{name}' varies, but this load is constant; remove constant = true, or remove "
+                f"'{name}' from ranges or corners."
             )
         if name not in growing and name not in warmed:
             raise InputError(
@@ -242,7 +242,7 @@ def check_names(problem_loads: Sequence[Load], warmed: Sequence[str], names: Seq
     for name in growing:
         if name not in names:
             raise InputError(
-                f"the load '{name}' has no range; give a range, or constant = true if the load "
+                f"the load '{name}' has no range; give a range, or set constant = true if the load "
                 "does not vary."
             )
 
@@ -271,7 +271,7 @@ class LoadDomain:
                 valid.
         """
         if not ranges:
-            raise InputError("ranges is empty; give one at least, such as { pressure = [0, 1] }.")
+            raise InputError("ranges is empty; give at least one, such as { pressure = [0, 1] }.")
         most = 6  # 64 corners, each with its own cone at every point
         if len(ranges) > most:
             raise InputError(
@@ -282,8 +282,8 @@ class LoadDomain:
             if len(given) != 2 or not all(map(math.isfinite, given)) or not given[0] < given[1]:
                 shown = ", ".join(f"{value:g}" for value in given)
                 raise InputError(
-                    f"[{shown}] is not a valid range for '{name}'; give two different factors, "
-                    "the smaller one first. For a load that does not vary set constant = true."
+                    f"[{shown}] is not a valid range for '{name}'; give two different factors, the "
+                    "smaller one first. For a load that does not vary, set constant = true."
                 )
         corners = np.array(list(itertools.product(*ranges.values())), dtype=np.float64)
         return LoadDomain(tuple(ranges), corners)

@@ -489,8 +489,9 @@ def check_directions(domain: LoadDomain, directions: int) -> None:
     """
     if directions and (directions < 3 or len(domain.names) != 2):
         raise InputError(
-            f"directions = {directions} with {len(domain.names)} varying names does not define a "
-            "diagram; give 3 or more directions and exactly two names, or remove directions."
+            f"directions = {directions}, and the number of varying loads is {len(domain.names)}, "
+            "but a diagram needs at least 3 directions and exactly two varying loads; correct "
+            "this, or remove directions."
         )
 
 

@@ -110,8 +110,8 @@ def check_loads(problem: Problem) -> None:
     what = "strict bounds and the interior point method need loads that grow"
     if problem.motion.driven:
         raise InputError(
-            f"the load factor moves supports or obstacles, but {what}; remove these motions, "
-            "or give supports constant = true."
+            f"the load factor moves supports or obstacles, but {what}; remove these motions, or "
+            "set constant = true for the supports."
         )
     if not _is_loaded(problem):
         raise InputError(f"there is no load, but {what}; give a load.")

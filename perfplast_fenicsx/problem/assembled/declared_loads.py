@@ -351,7 +351,7 @@ def declared_loads(
     growing = [load for load in loads if not load.constant]
     constant = [load for load in loads if load.constant]
     if not (driven or strained or loads):
-        raise InputError("no load is given, so no load can grow; give at least one load.")
+        raise InputError("no load is given; give at least one load.")
     free = [surface.on for surface in rigid if surface.free]
     straight = {surface.on: surface for surface in rigid if surface.held}
     for load in loads:
@@ -380,8 +380,8 @@ def declared_loads(
     still = bool(loads) and not case.grows()
     if not driven and still and (growing or not case.has_dead()):
         raise InputError(
-            "the loads do no work on any admissible displacement, so no load can grow;"
-            " give a load that is not zero on a surface that is free to move."
+            f"{'the growing' if growing else 'the'} loads do no work on any admissible "
+            "displacement; give a load that is not zero on a surface that is free to move."
         )
     return case
 

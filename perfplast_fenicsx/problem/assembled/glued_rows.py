@@ -146,9 +146,9 @@ def find_guides(
         new = np.flatnonzero(sizes > rounding)
         if (sizes[new] < least).any():
             message = (
-                f"components = 'normal' of the support on '{support.on}': where it meets other "
-                f"supports, its normal is within {np.degrees(sizes[new].min()):.2g}° of the "
-                "directions that these supports hold; remove one of the supports, or separate "
+                f"components = 'normal' of the support on '{support.on}': where its surface meets "
+                f"other supports, its normal is within {np.degrees(sizes[new].min()):.2g}° of the "
+                "directions that these supports fix; remove one of the supports, or separate "
                 "their surfaces."
             )
             new = new[sizes[new] >= least]
@@ -196,9 +196,9 @@ def flat_normal(
     outward = comm.allreduce(areas @ n)
     if not np.trace(squares) > 0:
         raise InputError(
-            f"components = 'normal' of the support on '{support.on}': no facet of the "
-            "surface lies on the outside of a body and has a normal; name another "
-            "surface, or give letters as components."
+            f"components = 'normal' of the support on '{support.on}': no facet of the surface lies "
+            "on the outside of a body, so the surface has no normal; name another surface, or "
+            "give letters as components."
         )
     normal: Floats = np.linalg.eigh(squares)[1][:, -1]
     across = np.linalg.norm(n - (n @ normal)[:, None] * normal, axis=1)
@@ -206,10 +206,10 @@ def flat_normal(
     flat = 1e-4  # largest angle (rad) in a plane, as for coordinates with six digits
     if turn > flat:
         raise Curved(
-            f"components = 'normal' of the support on '{support.on}' needs a flat surface, "
-            f"but its facets deviate by up to {np.degrees(turn):.3g}° from their mean; give "
-            "each flat part its own name and support, or give letters as components, or "
-            "give a value to move a curved surface along its normals."
+            f"components = 'normal' of the support on '{support.on}' needs a flat surface, but the "
+            f"normals of its facets deviate by up to {np.degrees(turn):.3g}° from their mean; give "
+            "each flat part its own name and support, or give letters as components, or give a "
+            "value to move a curved surface along its normals."
         )
     rounding = 1e-12
     for one in known:

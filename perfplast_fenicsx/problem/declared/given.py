@@ -51,8 +51,8 @@ class Given:
             numbers = load.value if isinstance(load.value, Sequence) else [load.value]
             if not isinstance(load.value, str) and any(map(callable, numbers)):
                 raise InputError(
-                    f"the load on '{load.on}' has a function as value; give numbers, or formulas in"
-                    " x, y and z as text, such as '10*x'."
+                    f"the value of the load on '{load.on}' is a function; give numbers, or "
+                    "formulas in x, y and z as text, such as '10*x'."
                 )
         used = [one.on for one in (*self.supports, *self.obstacles, *self.rigid)]
         used += [load.on for load in self.loads if not load.in_volume]

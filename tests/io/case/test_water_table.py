@@ -115,7 +115,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
             r"9\.81 kN/m\^3; correct it, or correct \[units\]",
         ),
         ({"table": INSIDE, "unit_weight": -1.0}, "unit_weight = -1"),
-        ({"table": INSIDE, "dry": ["clay"]}, "dry names 'clay', .*; known: soil"),
+        ({"table": INSIDE, "dry": ["clay"]}, "dry has .* 'clay', .*; known: soil"),
         (
             {"table": INSIDE, "dry": ["soil"], "piezometric": {"soil": POND}},
             "'soil' is in piezometric and in dry",
