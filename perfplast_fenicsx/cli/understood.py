@@ -272,11 +272,11 @@ class _Told:
 
     def _told(self, line: str, name: str, role: str, words: str) -> None:
         """Add a line on a surface, with the sides that the surface covers."""
-        parts, all_of = [], dict[str, list[str]]()
+        parts, all_of = [], dict[str, set[str]]()
         for cover in self.sides.covers(name):
             body = self.problem.free.names[cover.side.body]
             if cover.whole:
-                all_of.setdefault(cover.side.words, []).append(body)
+                all_of.setdefault(cover.side.words, set()).add(body)
             else:
                 parts.append(_part(cover, f"{cover.side.words} of {body}"))
         if all_of:

@@ -392,6 +392,13 @@ CASES = {
         mapped=ring,
         never=("only a part",),
     ),
+    "all of two curved sides of one body": Told(
+        support("rounds") + load("right"),
+        ("all of curved side of 'plate'",),
+        {"rounds": lambda x: BOTTOM(x) | TOP(x), "right": RIGHT},
+        mapped=ring,
+        never=("'plate', 'plate'",),
+    ),
     "symmetry of a ring, one plane half": Told(
         support("left", 'components = "y"') + support("right", 'components = "x"') + load("outer"),
         ("left: holds y; length 1; leaves translation in x", "50 % of side y = 0"),
