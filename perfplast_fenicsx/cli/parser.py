@@ -32,11 +32,12 @@ def add_mesh(commands: Any, scripts: argparse.ArgumentParser) -> None:
         parents=[scripts],
         help="make a mesh and a first case file from a geometry or from another program's model",
         description="Read the bodies of a geometry file, find the faces that touch, and write "
-        "DIR/case.msh and DIR/case.toml. Then fill in materials, supports and loads in "
-        "DIR/case.toml. Lengths are in mm for STEP files. A model of another program (Abaqus, "
-        "CalculiX: .inp; Salome: .med; I-DEAS: .unv; Nastran: .bdf; VTK: .vtu) already has a "
-        "mesh: the command reads the mesh with its groups. From an .inp file it also reads "
-        "materials, supports, loads, contacts and ties.",
+        "DIR/case.msh, DIR/case.toml and DIR/setup.html. Then choose materials, supports and "
+        "loads on the page setup.html in a browser, or write them in DIR/case.toml. Lengths are "
+        "in mm for STEP files. A model of another program (Abaqus, CalculiX: .inp; Salome: .med; "
+        "I-DEAS: .unv; Nastran: .bdf; VTK: .vtu) already has a mesh: the command reads the mesh "
+        "with its groups. From an .inp file it also reads materials, supports, loads, contacts "
+        "and ties.",
     )
     mesh.add_argument(
         "geometry",

@@ -879,6 +879,69 @@ def test_forces_on_plane_bodies_are_per_depth(section: Path, browser: Any) -> No
     assert page(LABELS)[0] == "force x (N)"
 
 
+def test_a_question_counts_only_when_it_is_asked(prop: Path, browser: Any) -> None:
+    """The list names a changed form; a file that is dropped shows its question in the form."""
+    page = SetupPage(browser, prop / "setup.html")
+    changed = f"{LEFT}.some((line) => line.startsWith('What is asked: the form has changed'))"
+    assert not page(changed)
+    page.choose("question", "strength")
+    page.wait(changed)
+    assert 'control = "bounds"' in page.case
+    page.press("Ask this")
+    page.wait(f"!{changed}")
+    assert 'control = "strength"' in page.case
+    page.choose("question", "load")
+    page.wait(changed)
+    page.press("Ask this")
+    told = page.part("ask-values-fault").text
+    assert told == "Load factors: is missing; give a list of numbers."
+    assert page("document.getElementById('near')") is None  # of the question before
+    page.choose("question", "strength")
+    page.wait(f"!{changed}")
+    page.choose("e-loading--control", "work")
+    page.wait("document.getElementById('question').value === 'work'")
+    assert not page(changed)
+    page.part("ask-design").send_keys("2")
+    page.wait(changed)
+    page.drop(page.case.replace('"work"', '"bounds"'))
+    page.wait("document.getElementById('question').value === 'bounds'")
+    page.wait(f"!{changed}")
+    page.drop("solid drawing")
+    page.wait("document.getElementById('done').textContent.startsWith('case.toml is not a case')")
+
+
+def test_a_wrong_entry_has_one_line(prop: Path, browser: Any) -> None:
+    page = SetupPage(browser, prop / "setup.html")
+    before = page(LEFT)
+    page.type("e-material-beam--young", "210 GPa")
+    page.wait(f"{LEFT}.some((line) => line.includes('has a unit'))")
+    after = page(LEFT)
+    assert len(after) == len(before)
+    assert not any(line.startswith("Material of beam, young: 0 is") for line in after)
+
+
+def test_many_bodies_without_a_material_have_one_line(
+    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawing = tmp_path / "row.brep"
+    with gmsh_session():
+        for x in range(5):
+            gmsh.model.occ.addBox(2 * x, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(drawing))
+    monkeypatch.setattr("perfplast_fenicsx.cli.mesh_command.draw_parts", lambda *of: None)
+    arguments = ["mesh", str(drawing), "-o", str(tmp_path / "case"), "--size", "1"]
+    assert main(arguments) == SOLVED
+    page = SetupPage(browser, tmp_path / "case" / "setup.html")
+    line = "5 bodies have no material yet: part_1, part_2, part_3 and 2 more Choose a material"
+    assert line in page(LEFT)
+    assert not any(told.startswith("Material of") for told in page(LEFT))
+    page.press("Choose a material")
+    assert page("document.activeElement.id") == "add-body"
+    page.press("Add")
+    page.wait(f"!{LEFT}.some((told) => told.includes('no material'))")
+
+
 def test_gravity_has_units_and_a_plausible_weight(prop: Path, browser: Any) -> None:
     page = SetupPage(browser, prop / "setup.html")
     page.choose("kind", "gravity")
@@ -911,7 +974,7 @@ def test_a_plane_drawing_asks_for_the_kind_of_its_model(
     page.add("model", **{"model-kind": "plane-stress", "thickness": "5"})
     page.wait(f"!{LEFT}.some((line) => line.includes('[model]'))")
     assert tomllib.loads(page.case)["model"] == {"kind": "plane-stress", "thickness": 5}
-    page.press("part_2_y_high")
+    assert page.part("chosen").text == "Chosen: part_2_y_high"
     page.add("force", **{"force-x": "0", "force-y": "-1"})
     assert page(LABELS)[0] == "force x (N)"
     page.press("part_1_y_low")

@@ -129,8 +129,10 @@ function open(text, name) {
   }
   wrongFields.clear();
   pending.clear();
+  showQuestion();
+  askedLast = formAsks();
   take(found);
-  done(`${name} has been read.`);
+  done(parsed.fault ? `${name} is not a case file; Undo brings the case before back.` : `${name} has been read.`);
 }
 
 /* ---- Faces that are chosen ---- */
@@ -517,8 +519,15 @@ function choiceFault(kind) {
   return "";
 }
 
+/** Remove the words on an earlier entry. */
+function forgetNear() {
+  near.textContent = "";
+  putNear();
+}
+
 part("adding").addEventListener("submit", (event) => {
   event.preventDefault();
+  forgetNear();
   const kind = KINDS[part("kind").value];
   const say = (words) => { part("add-fault").textContent = words; };
   const given = fields.map((field) => field.read());
@@ -551,8 +560,10 @@ part("adding").addEventListener("submit", (event) => {
   const words = kind.words?.(values) ?? `${tables.length > 1 && !isOneLoad() ? `${tables.length} entries, ` : ""}${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}${isOneLoad() ? `, together '${part("one-name").value.trim()}'` : ""}`;
   done(`Added: ${words}.${understood}`);
   delete part("one-name").dataset.typed;
-  chosen.clear();
-  part("told").textContent = "Click a face to choose it.";
+  if (kind.least) { // the entry acts on the chosen faces
+    chosen.clear();
+    part("told").textContent = "Click a face to choose it.";
+  }
   kind.after?.(values);
   take(text);
   showKind();
@@ -576,7 +587,7 @@ const QUESTIONS = {
   work: { label: "Limit load of this mesh alone (an estimate)", control: "work", keys: ["design"], fixed: { until: quoted("limit") } },
   strength: { label: "Factor of safety: by how much strengths may fall", control: "strength", keys: [] },
 };
-const KEY_LABELS = { design: "Load factor of the design load", values: "Load factors, such as 1, 1.5, 2" };
+const KEY_LABELS = { design: "Load factor of the design load", values: "Load factors" };
 let questionFields = [];
 
 function showQuestion() {
@@ -585,6 +596,7 @@ function showQuestion() {
   questionFields = keys.map((key) => formField({
     id: `ask-${key}`, label: KEY_LABELS[key], key, schema: properties[key], optional: key === "design",
   }));
+  questionFields.forEach(({ input }, k) => { if (keys[k] === "values") input.placeholder = "1, 1.5, 2"; });
   part("question-fields").replaceChildren(...questionFields.map((field) => field.element));
   part("ask-fault").textContent = "";
   part("time").textContent = timeWords(control);
@@ -600,10 +612,31 @@ function timeWords(control) {
     : `${control === "work" ? "The limit load of the mesh alone usually takes less. " : ""}Ctrl+C stops perfplast run and keeps its results.`);
 }
 part("question").append(...Object.entries(QUESTIONS).map(([key, { label }]) => new Option(label, key)));
-part("question").addEventListener("change", showQuestion);
+part("question").addEventListener("change", () => {
+  showQuestion();
+  refreshSoon();
+});
+part("question-fields").addEventListener("input", refreshSoon);
+
+let askedLast = ""; // the form, as its button or a file has left it
+
+/** The question and its fields, as the form shows them. */
+const formAsks = () => JSON.stringify([part("question").value, ...questionFields.map(({ input }) => input.value.trim())]);
+
+/** Show the question of the case file, unless the user is changing the form. */
+function followQuestion() {
+  if (formAsks() !== askedLast) return;
+  const control = parsed.value.loading?.control;
+  const key = Object.keys(QUESTIONS).find((one) => QUESTIONS[one].control === control);
+  if (!key || key === part("question").value) return;
+  part("question").value = key;
+  showQuestion();
+  askedLast = formAsks();
+}
 
 part("asking").addEventListener("submit", (event) => {
   event.preventDefault();
+  forgetNear();
   const { label, control, keys, fixed = {} } = QUESTIONS[part("question").value];
   const given = questionFields.map((field) => field.read());
   const wrong = given.findIndex((one) => one.words);
@@ -625,6 +658,7 @@ part("asking").addEventListener("submit", (event) => {
   }
   const refined = withRefinement(text);
   const added = refined === text ? "" : " Added, as in the first case: [mesh] adapt.";
+  askedLast = formAsks();
   take(withTrueComments(refined));
   done(`Asked: ${label}.${removed.length ? ` Removed, since it does not go with this: ${removed.join(", ")}.` : ""}${added}`);
 });
@@ -915,6 +949,7 @@ function refresh() {
     if (shape === "" || asked || JSON.parse(shape)[1] !== unitsOfFields()) showKind();
     shape = now;
   }
+  followQuestion();
   showFaults(cards);
   putNear();
   paintFaces();
@@ -961,11 +996,8 @@ const REMEDIES = {
     take(text);
     return `${found.length} ${found.length === 1 ? "load grows" : "loads grow"} with the load factor again.`;
   }],
-  kind: ["Choose the kind", () => {
-    part("kind").value = "model";
-    showKind();
-    part("add-model-kind").focus();
-  }],
+  kind: ["Choose the kind", () => goToForm("model", "add-model-kind")],
+  material: ["Choose a material", () => goToForm("material", "add-body")],
   tie: ["Glue them instead", () => {
     const rows = refusedRows(parsed.value.contact, setup.refused);
     const kept = [];
@@ -981,6 +1013,13 @@ const REMEDIES = {
   }],
 };
 
+/** Show the form of an entry, with the focus in one of its fields. */
+function goToForm(kind, field) {
+  part("kind").value = kind;
+  showKind();
+  part(field).focus();
+}
+
 function remedyButton(remedy) {
   const [words, change] = REMEDIES[remedy];
   const button = made("button", { type: "button" }, words);
@@ -990,6 +1029,10 @@ function remedyButton(remedy) {
   });
   return button;
 }
+
+/** The bodies whose material still has the placeholders of the first case. */
+const emptyMaterials = () => Object.entries(parsed.value.material ?? {})
+  .filter(([, one]) => one.young === 0 && Number.isNaN(one.poisson)).map(([body]) => body);
 
 /** Fill fields, and write faults beside them and into the list. */
 function showFaults(cards) {
@@ -1005,9 +1048,15 @@ function showFaults(cards) {
   if (back.length && !faults.some(({ remedy }) => remedy === "grow")) {
     faults.push({ path: ["load"], words: `${back.length} of the loads became constant for the factor of safety, and do not grow with the load factor`, loose: true, remedy: "grow" });
   }
+  const empty = parsed.fault ? [] : emptyMaterials();
+  if (empty.length > 4) {
+    lines.push({ words: `${empty.length} bodies have no material yet: ${empty.slice(0, 3).join(", ")} and ${empty.length - 3} more`, remedy: "material" });
+  }
   for (const { path, words, loose, remedy } of faults) {
     const { table, key, id } = placeOf(path);
-    if (id && !wrongFields.has(id)) atField.set(id, words);
+    if (id && wrongFields.has(id)) continue; // its line says what was typed
+    if (id) atField.set(id, words);
+    if (empty.length > 4 && path[0] === "material" && empty.includes(path[1])) continue;
     const place = table ? `${cardWords(table)}${key === undefined ? "" : `, ${key}`}` : path.length ? `[${path[0]}]` : "The case";
     lines.push({ words: `${place}: ${words}`, id, loose, remedy: !lines.some((line) => line.remedy === remedy) && remedy });
   }
@@ -1023,6 +1072,7 @@ function showFaults(cards) {
     }
     part(`${idOf(table)}-legend`).textContent = cardWords(table);
   }
+  if (formAsks() !== askedLast) lines.push({ words: `What is asked: the form has changed, and the case file has not; press "Ask this"`, id: "ask-button" });
   const focused = part("left").contains(document.activeElement);
   part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check performs all other tests." }])
     .map(({ words, id, loose, remedy }) => {
@@ -1030,7 +1080,7 @@ function showFaults(cards) {
       const item = made("li", { className: !lines.length ? "" : loose ? "loose" : "wrong" });
       if (target) {
         const button = made("button", { type: "button" }, words);
-        button.addEventListener("click", () => (target.matches("input, select") ? target : target.querySelector("input, select"))?.focus());
+        button.addEventListener("click", () => (target.matches("input, select, button") ? target : target.querySelector("input, select"))?.focus());
         item.append(button);
       } else {
         item.append(words);
@@ -1057,7 +1107,7 @@ part("save").addEventListener("click", () => {
   const link = made("a", { href: URL.createObjectURL(new Blob([caseText], { type: "text/plain" })), download: "case.toml" });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  done("The browser saves case.toml. Put it into the folder of this page, in the place of the first one.");
+  done("The browser saves case.toml. Put it into the folder of this page, in the place of the first one. If the browser has added a number, as in case (1).toml, rename the file.");
 });
 part("copy").addEventListener("click", async () => {
   part("text").select();
@@ -1106,5 +1156,4 @@ part("canvas").addEventListener("ready", async ({ detail }) => {
 });
 part("canvas").setAttribute("aria-label", "The bodies; keys turn, move and zoom them. The lists below choose faces by name");
 open(setup.case, "The first case");
-showQuestion();
 part("undo").disabled = true;
