@@ -1,8 +1,8 @@
 """Shakedown of a thick tube under a varying pressure.
 
 A pressure varies between 0 and λ p. Below the shakedown load the tube yields a few times and then
-responds elastically. Above this load it yields in every cycle. Melan's theorem gives the largest λ
-for the mesh.
+responds elastically. Above this load the tube yields in every cycle. Melan's theorem gives the
+largest λ for the mesh.
 
 Exact: alternating yield at the inner radius limits thick tubes, at twice the elastic limit.
 Collapse limits thin tubes, at (2/√3) σ_y ln(b/a). Both limits are equal at b/a = 2.2.

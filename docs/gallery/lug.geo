@@ -1,4 +1,4 @@
-// A lug with its pin (mm), the whole of it; the case takes a quarter by symmetry.
+// A complete lug with its pin (mm); the case models a quarter by symmetry.
 SetFactory("OpenCASCADE");
 Box(1) = {-20, -60, -5, 40, 60, 10};
 Cylinder(2) = {0, 0, -5, 0, 0, 10, 20};

@@ -1,4 +1,4 @@
-// A cylindrical vessel with a nozzle (mm): the piece between four cuts.
+// A cylindrical vessel with a nozzle (mm): the part between four cutting planes.
 SetFactory("OpenCASCADE");
 Cylinder(1) = {-150, 0, 0, 300, 0, 0, 110};
 Cylinder(2) = {0, 0, 0, 0, 0, 170, 35};

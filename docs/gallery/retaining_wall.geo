@@ -1,4 +1,4 @@
-// A gravity wall (m) that stands on ground and retains 4 m of it.
+// A gravity wall (m) that is founded on ground and retains 4 m of ground.
 SetFactory("OpenCASCADE");
 Point(1) = {-8, -5, 0};
 Point(2) = {10, -5, 0};

@@ -1,4 +1,4 @@
-// A strip footing beside a slope of 1:2 (m): clay, 2 m from the crest to the edge of the footing.
+// A strip footing on clay beside a slope of 1:2 (m); its edge is 2 m from the crest.
 Point(1) = {-12, 0, 0};
 Point(2) = {14, 0, 0};
 Point(3) = {14, 6, 0};
