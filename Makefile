@@ -7,7 +7,7 @@ RUN = timeout --foreground --kill-after=30 $(LIMIT) ./fenicsx
 
 help:
 	@echo 'make demo        two blocks in contact, on 2 MPI ranks'
-	@echo 'make test        all tests on 1 rank, some on 2, a few on 3'
+	@echo 'make test        tests on 1 rank, some on 2, a few on 3'
 	@echo 'make pip-test    the demo and a twentieth of the tests with the packages of PyPI'
 	@echo 'make verify      the tests that make test omits; PART=random runs one part of them'
 	@echo 'make tribunal    verdicts on published factors and limit loads: docs/tribunal.md; NAMES="cheng" selects'
