@@ -126,14 +126,14 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     if wrong.any():
         at = place_of(x[np.argmax(wrong)])
         raise InputError(
-            f"{place}: {_quoted(formula)} is {values[wrong][0]} at {at}; give a number or a formula"
-            " that is finite wherever it is needed."
+            f"{place}: {_quoted(formula)} is {values[wrong][0]} at {at}; give a number, or a "
+            "formula that is finite at this point."
         )
     largest = np.abs(values).max(initial=0)
     if largest > LARGEST:
         raise InputError(
-            f"{place}: {_quoted(formula)} has the size {largest:.6g}, too large to compute with;"
-            f" stay below {LARGEST:g}."
+            f"{place}: {_quoted(formula)} has the size {largest:.6g}, which is too large to "
+            f"compute with; keep it below {LARGEST:g}."
         )
     return values
 

@@ -83,7 +83,7 @@ def test_a_refusal_of_the_package() -> None:
         "message": str(other),
         "code": other.code,
         "where": "young",
-        "remedy": "give it in stress units",
+        "remedy": "give a positive number in stress units",
     }
 
 

@@ -61,8 +61,8 @@ def read_dxf(path: Path) -> DxfDrawing:
         ezdxf, paths = import_module("ezdxf"), import_module("ezdxf.path")
     except ImportError as missing:
         raise InputError(
-            f"'{path.name}' needs the package ezdxf, which is not installed; install it"
-            " (pip install ezdxf), or draw the ground by [[region]]."
+            f"'{path.name}' needs the package ezdxf, which is not installed; install it (pip "
+            "install ezdxf), or draw the ground with [[region]]."
         ) from missing
     try:
         drawing = ezdxf.readfile(path)

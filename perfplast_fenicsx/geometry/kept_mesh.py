@@ -117,8 +117,8 @@ def mesh_geometry(
             doing = last_of(seen if isinstance(seen, str) else seen.decode(errors="replace"))
             raise InputError(
                 f"'{source}' was not meshed within {options.patience:g} s, while gmsh was {doing}; "
-                "give a larger size, fewer elements around circles (curvature = 4) or a larger "
-                "patience, or simplify the geometry in the CAD system."
+                "give a larger size, fewer elements around circles (curvature = 4) or a longer "
+                "time limit (patience), or simplify the geometry in the CAD system."
             ) from error
         if done.returncode:
             if "    import gmsh\n" in done.stderr:  # the traceback shows this line
@@ -192,8 +192,8 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
     if mesh.exists() and before is None:
         raise InputError(
             f"'{mesh}' would be generated from '{source}', but a mesh file of another origin "
-            "already has this name; move it, or give it as file under [mesh] instead of "
-            "[geometry]."
+            "already has this name; move this mesh file, or give it as file under [mesh] instead "
+            "of [geometry]."
         )
     scripted = is_script(source) and READS_OTHERS.search(content)
     if before != _fingerprint(content, options) or scripted:

@@ -234,7 +234,9 @@ def require_positive(field: str, value: Strength) -> None:
     if isinstance(value, SpatialField):
         return
     if not (value > 0 and math.isfinite(value)):
-        raise InputError(f"{field} = {value} is not a positive number; give it in stress units.")
+        raise InputError(
+            f"{field} = {value} is not a positive number; give a positive number in stress units."
+        )
     check_magnitude(field, value)
 
 

@@ -222,7 +222,9 @@ class Hill:
         for name in ("r11", "r22", "r33", "r12", "r13", "r23"):
             ratio = getattr(self, name)
             if not (ratio > 0 and math.isfinite(ratio)):
-                raise InputError(f"{name} = {ratio} is not a positive number; give a ratio.")
+                raise InputError(
+                    f"{name} = {ratio} is not a positive number; give a positive ratio."
+                )
         if not math.isfinite(self.angle):
             raise InputError(f"angle = {self.angle} is not finite; give degrees, or remove it.")
         # Smallest allowed ratio of the smaller h_i for normal stresses to the larger h_i.

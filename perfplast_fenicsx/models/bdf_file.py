@@ -78,8 +78,8 @@ def _mesh(text: str) -> GroupedMesh:
     systems = {row[2] for row in cards["GRID"] if len(row) > 2} - {"", "0"}
     if systems:
         raise InputError(
-            f"nodes are in the coordinate system {sorted(systems)[0]}; export the mesh in the basic"
-            " system."
+            f"nodes are given in the coordinate system {sorted(systems)[0]}; export the mesh in "
+            "the basic coordinate system."
         )
     index = NumberIndex(ids, 0, "node")
     found = GroupedMesh(_real(cards["GRID"], 3, 6), [])

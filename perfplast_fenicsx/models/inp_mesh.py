@@ -141,7 +141,7 @@ class MeshReader:
             part, first = self._parts[of], count
             ids = np.concatenate([NOBODY, *(one for one, _ in part.nodes)])
             places = np.concatenate([np.zeros((0, 3)), *(xyz for _, xyz in part.nodes)])
-            nodes = NumberIndex(ids, offset, f"node of '{name or 'the model'}'")
+            nodes = NumberIndex(ids, offset, f"node of '{name}'" if name else "node of the model")
             points.append(_moved(places, moves, name))
             offset += len(places)
             of_elements = [NOBODY]

@@ -95,8 +95,8 @@ class NumberIndex:
         if not len(self._sorted):
             if numbers.size and not missing_is_fine:
                 raise InputError(
-                    f"there is no {self._what} {numbers.ravel()[0]}; the file is cut "
-                    "off or damaged."
+                    f"there is no {self._what} with the number {numbers.ravel()[0]}; the file is "
+                    "cut off or damaged."
                 )
             return NOBODY
         at = np.searchsorted(self._sorted, numbers, side="right") - 1
@@ -105,8 +105,8 @@ class NumberIndex:
             return self._first + self._order[at[there]]
         if not there.all():
             raise InputError(
-                f"there is no {self._what} {numbers[~there].ravel()[0]}, to which an element "
-                "refers; the file is cut off or damaged."
+                f"there is no {self._what} with the number {numbers[~there].ravel()[0]}, to which "
+                "an element refers; the file is cut off or damaged."
             )
         return self._first + self._order[at]
 

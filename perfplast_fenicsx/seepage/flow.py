@@ -420,9 +420,9 @@ class Network:
         lowest = float(z[there].min())
         if head.level < lowest - rounding:
             raise InputError(
-                f"the level {head.level:g} of the water at '{head.on}' lies below that surface,"
-                f" whose lowest point has the height {lowest:g}; give a higher level, or list the"
-                " surface in outlet."
+                f"the level {head.level:g} of the water at '{head.on}' lies below this surface, "
+                f"whose lowest point has the height {lowest:g}; give a higher level, or list the "
+                "surface in outlet."
             )
         facets = self._facets(mesh, head.on)
         for level in dict.fromkeys((head.level, head.outside)):

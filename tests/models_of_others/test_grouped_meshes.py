@@ -162,7 +162,10 @@ BROKEN_TEXT = {
         unv_text().replace("1.0000000000000000D+00", "x"),
         "are expected",
     ),
-    "unv without a node": (unv_text().replace(f"{15:10}\n", f"{99:10}\n"), "no node 99"),
+    "unv without a node": (
+        unv_text().replace(f"{15:10}\n", f"{99:10}\n"),
+        "no node with the number 99",
+    ),
     "unv with an infinite place": (
         unv_text().replace("1.0000000000000000D+00", "inf                   "),
         "not finite",
@@ -187,7 +190,10 @@ def test_broken_unv_is_one_sentence(tmp_path: Path, fault: str) -> None:
         (("CHEXA ", "CHEXB "), "only shells"),
         (("GRID    11              0.0", "GRID    11              zero"), "not numbers"),
         (("GRID    11              0.0", "GRID    11      7       0.0"), "coordinate system 7"),
-        (("CHEXA   1       1       11", "CHEXA   1       1       99"), "no node 99"),
+        (
+            ("CHEXA   1       1       11", "CHEXA   1       1       99"),
+            "no node with the number 99",
+        ),
         (("BEGIN BULK\n", "BEGIN BULK\n+       1\n"), "is a continuation line"),
         (("GRID ", "DIRG "), "no nodes"),
     ],

@@ -357,7 +357,10 @@ def test_what_has_no_counterpart_is_said(
         ("*NODE\n1,0,0,0\n", "no solid elements"),
         ("*NODE\n1,0,0,nan\n*ELEMENT,TYPE=C3D4\n1,1,1,1,1\n", "are not finite numbers"),
         (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7\n", "cut off or damaged"),
-        (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,99\n", "no node of 'the model' 99"),
+        (
+            HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,99\n",
+            "no node of the model with the number 99",
+        ),
         (HEAD + "*ELEMENT, TYPE=C3D8\n1,1,2,x,4,5,6,7,8\n", "an entry that is not"),
         (HEAD + "*ELEMENT, TYPE=S4\n1,1,2,3,4\n", "shells"),
         (HEAD + ONE_BODY + "*INCLUDE, INPUT=/etc/passwd\n", "outside the folder of the model"),

@@ -328,7 +328,7 @@ def small(**given: object) -> SteadyFlow:
         ({"conductivity": {}}, "conductivity is empty"),
         ({"head": []}, "seepage.head"),
         ({"head": [Head("left", 3.0), Head("dry", 1.0)]}, "'dry'"),
-        ({"head": [Head("top", 3.0)]}, "lies below that surface"),
+        ({"head": [Head("top", 3.0)]}, "lies below this surface"),
         ({"head": [Head("left", 2.5)]}, r"crosses a facet near \(0, 2.5\)"),
         ({"head": [Head("left", 3.0), Head("base", 1.0)]}, r"meet at \(0, 0\)"),
         (

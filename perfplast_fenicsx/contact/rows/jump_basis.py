@@ -253,10 +253,10 @@ def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
     named = ", ".join(found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
     error = TooManyConditions(
-        f"{total} contact nodes{f' of {named}' if named else ''}{more} have more "
-        "independent conditions than degrees of freedom; list each pair of faces once, "
-        "remove nodes that supports hold from the contact surfaces, or tie bodies that "
-        "meet at a coarsely meshed corner ([[tie]]; perfplast mesh --tied)."
+        f"{total} contact nodes{f' of {named}' if named else ''}{more} have more independent "
+        "conditions than degrees of freedom; list each pair of faces once, remove supported nodes "
+        "from the contact surfaces, or tie bodies that meet at a coarsely meshed corner ([[tie]]; "
+        "perfplast mesh --tied)."
     )
     error.contacts = found
     raise error

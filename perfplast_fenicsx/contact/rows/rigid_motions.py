@@ -428,7 +428,7 @@ class FreeMotions:
         if self.count and forces[0].comm.rank == 0:
             log.warning(
                 "nothing resists a rigid motion of %s, and no load does work on it; the program "
-                "fixes this motion without any force",
+                "prevents this motion, which needs no force",
                 self.words(np.arange(self.count)),
             )
 

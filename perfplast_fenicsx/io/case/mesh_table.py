@@ -141,7 +141,8 @@ def read_ground(top: Document, case: Path) -> DrawnGround | None:
     if not (regions or strata or of_file.regions):
         raise InputError(
             f"{name}, [[line]]: a line needs ground, but the case has no [[region]] or "
-            "[[stratum]]; draw the ground, or name faces of a geometry file by [[geometry.face]]."
+            "[[stratum]]; draw the ground, or name faces of a geometry file with "
+            "[[geometry.face]]."
         )
 
     def read(key: str, kind: type[T], tables: Sequence[Table]) -> list[T]:
@@ -172,8 +173,8 @@ def read_geometry(
     if ground is not None and (mesh.keys() - {"adapt"} or other_file):
         other = "[geometry] file" if other_file else "[mesh] file or builder"
         raise InputError(
-            f"{place}: the case draws ground by [[region]] or [[stratum]], but also has a {other}; "
-            "remove one of them."
+            f"{place}: the case draws ground with [[region]] or [[stratum]], but also has a "
+            f"{other}; remove one of them."
         )
     if mesh.keys() - {"adapt"}:
         raise InputError(

@@ -66,8 +66,8 @@ def check_bodies_have_limits(problem: Problem) -> None:
     for name, material in problem.given.materials.items():
         if carries_any_load(material):
             raise InputError(
-                f"the material of '{name}' hardens, so bodies can carry any load and there is no "
-                "limit load; give load values, or a perfectly plastic law."
+                f"the material of '{name}' hardens, so this body can carry any load and there is "
+                "no limit load; give load values, or a perfectly plastic law."
             )
 
 
