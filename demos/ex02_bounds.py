@@ -63,5 +63,5 @@ if comm.rank == 0:
 
 if __name__ == "__main__":
     if comm.rank == 0:
-        print(f"{found.body.in_words()} By hand it is at most {HINGES:.6g}.")
+        print(f"{found.body.in_words()} A hand calculation gives at most {HINGES:.6g}.")
     draw(folder)  # results/ex02/mechanism.png
