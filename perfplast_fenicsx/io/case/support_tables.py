@@ -59,7 +59,8 @@ class RigidSurfaceTable:
         rotation: Angle of rotation (rad): one number in the plane, and one for each axis in 3D. The
             default is 0 if a displacement is given.
         components: Displacement components that the prescribed motion fixes, as letters of x, y, z;
-            the default is all. If only some are fixed, the end of a twisted bar can warp.
+            the default is all. For example, omit the component along a twisted bar so that its end
+            can warp.
         constant: As for supports.
         name: As for supports.
         held: Directions, as letters of x, y, z, in which a free surface cannot move, as at a plane
