@@ -132,7 +132,7 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
     largest = np.abs(values).max(initial=0)
     if largest > LARGEST:
         raise InputError(
-            f"{place}: {_quoted(formula)} has the size {largest:.6g}, which is too large to "
+            f"{place}: {_quoted(formula)} has the magnitude {largest:.6g}, which is too large to "
             f"compute with; keep it below {LARGEST:g}."
         )
     return values

@@ -59,9 +59,9 @@ def cut_along_each_other(
                 )
                 if common > overlap * smaller:
                     raise InputError(
-                        f"bodies '{parts[before].name}' and '{part.name}' overlap by {common:.3g}, "
-                        f"{common / smaller:.1%} of the volume of the smaller one; separate them "
-                        "in the CAD system, or give a larger overlap."
+                        f"bodies '{parts[before].name}' and '{part.name}' overlap by {common:.3g} "
+                        f"({common / smaller:.1%} of the volume of the smaller one); separate them "
+                        "in the CAD system, or increase overlap."
                     )
     cut = [
         Part(part.name, part.label, tuple(tag for tag, own in owner.items() if own == number))

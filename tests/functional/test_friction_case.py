@@ -64,8 +64,8 @@ REFUSED = {
         + '[[support]]\non = "x0"\ncomponents = "x"\n',
         "has the same surfaces as tie 1",
     ),
-    "shear stress": (CONTACT + "tresca = -1.0\n", "tresca = -1.0 is not a valid friction"),
-    "coefficient": (CONTACT + "coulomb = -0.1\n", "coulomb = -0.1 is not a valid friction"),
+    "shear stress": (CONTACT + "tresca = -1.0\n", "tresca = -1.0 is not valid"),
+    "coefficient": (CONTACT + "coulomb = -0.1\n", "coulomb = -0.1 is not valid"),
     "name": (CONTACT + FLOOR + "coulomb = 0.1\n", "has friction but no name"),
     "tied": (
         CONTACT + "tresca = 1.0\n" + TIE.format("lower_top", "upper_bottom"),

@@ -42,9 +42,7 @@ class FrictionTerms:
             )
         for key, value in (("tresca", self.tresca), ("coulomb", self.coulomb)):
             if value is not None and not (math.isfinite(value) and value >= 0):
-                raise InputError(
-                    f"{key} = {value} is not a valid friction; give a number >= 0, or remove it."
-                )
+                raise InputError(f"{key} = {value} is not valid; give a number >= 0, or remove it.")
 
     @property
     def rubs(self) -> bool:

@@ -277,8 +277,8 @@ def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
     for load in (load for some in loads for load in some):
         if load.constant:
             raise InputError(
-                f"the load on '{load.on}' is constant, but an envelope multiplies it; remove "
-                "constant, or declare the load with the problem, as a permanent load."
+                f"the load on '{load.on}' is constant, but an envelope multiplies it by a factor; "
+                "remove constant, or declare the load with the problem, as a permanent load."
             )
 
 

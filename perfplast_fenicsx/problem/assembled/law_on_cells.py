@@ -165,8 +165,8 @@ def _check_numbers(materials: Mapping[str, Material], size: int) -> None:
         if not np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0:
             raise InputError(
                 f"{what} has an elastic stiffness that is not positive definite "
-                f"({_shown(numbers)}), so some strains store no energy; give young > 0 and poisson "
-                "between -1 and 1/2, or valid elastic constants of its law."
+                f"({_shown(numbers)}), so the energy of some strains is not positive; give young > "
+                "0 and poisson between -1 and 1/2, or valid elastic constants of its law."
             )
 
 
