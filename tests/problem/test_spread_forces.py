@@ -1,5 +1,6 @@
 """Test forces, moments and bearing forces on faces: resultants, and bounds."""
 
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 
@@ -117,6 +118,23 @@ def test_a_pin_in_its_bore(force: tuple[float, float]) -> None:
     tractions, off = linear_tractions(pressure, corners, normals)
     assert np.all(off == 0.0)
     assert np.all(np.einsum("nki,ni->nk", tractions, normals) <= 0.0)
+
+
+@pytest.mark.parametrize(("across", "carried"), [(0.0, True), (0.3, False)])
+def test_facets_of_a_coarse_mesh_carry_no_force_along_the_axis(
+    across: float, carried: bool
+) -> None:
+    """Two opposite sides are straight in the drawing, and oblique by 0.06 in a coarse mesh."""
+    ends = {"left": WIDE["left"], "bore": lambda x: abs(x[1] - 0.5) > 0.5 - 1e-9}
+    mesh = rectangle((6, 2), (3.0, 1.0), {"bar": lambda x: x[0] < 4}, ends, 0.0)
+    x = mesh.mesh.geometry.x
+    x[:, 1] *= 1 + 0.015 * np.cos(2 * np.pi * x[:, 0])
+    x[:, 1] += 0.015 * np.cos(2 * np.pi * x[:, 0]) * (x[:, 1] < 0.1)
+    told = "" if carried else r"\[0.3, 1.0\]"
+    with nullcontext() if carried else pytest.raises(InputError, match=told):
+        problem = Problem(mesh, {"bar": STEEL}, [Support("left")], [Bearing("bore", (across, 1.0))])
+        (found,) = load_resultants(problem)
+        assert found.force == pytest.approx((across, 1.0), rel=1e-9, abs=1e-12)
 
 
 def test_bounds_under_a_pin_are_proven(shared_tmp_path: Path) -> None:
