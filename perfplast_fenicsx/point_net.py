@@ -121,8 +121,8 @@ class Triangulation:
         if (around > 1).any():
             where = place_of(inside[np.argmax(around > 1)])
             raise InputError(
-                f"'{self.name}' has cells that overlap at {where}, so its values there are not"
-                " known; correct its mesh."
+                f"'{self.name}' has cells that overlap at {where}, so its values there are "
+                "ambiguous; correct its mesh."
             )
         used = np.unique(self.simplices)
         x = np.zeros((len(self.values), middles.shape[1]))
@@ -133,7 +133,7 @@ class Triangulation:
             where = place_of(x[used[np.argmax(apart)]])
             raise InputError(
                 f"'{self.name}' has two values at the point {where}, where its field jumps; give "
-                "one value there, and a separate body on each side of the jump."
+                "one value there, or a separate body with its own file on each side of the jump."
             )
 
     def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
@@ -320,8 +320,8 @@ def read_vtu_points(path: Path, name: str) -> PointArray:
         raise InputError(f"'{path.name}' cannot be read ({error}); give a .vtu file.") from error
     except (ElementTree.ParseError, ValueError, LookupError, zlib.error) as error:
         raise InputError(
-            f"'{path.name}' cannot be read as a .vtu file of one piece ({error}); write the file "
-            "again."
+            f"'{path.name}' cannot be read as a .vtu file with a single piece ({error}); write the "
+            "file again."
         ) from error
     if values is None or len(values) != len(points):
         given = ", ".join(known) or "none"

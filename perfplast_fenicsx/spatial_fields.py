@@ -192,7 +192,7 @@ class DepthTable(SpatialField):
             where = place_of(x[np.argmax(outside)])
             raise InputError(
                 f"{place}: the table over depth covers {heights[0]:g} to {heights[-1]:g}, but "
-                f"there is material at {where}; give values for its whole depth."
+                f"there is material at {where}; give values for the whole depth of the body."
             )
         return np.interp(s, heights, values)
 
@@ -304,8 +304,8 @@ def read_vtu(path: Path, name: str) -> PointValues:
     if found.cells.shape[1] == 3:
         if np.ptp(points[found.cells, 2]) > 1e-9 * np.ptp(points):
             raise InputError(
-                f"'{path.name}' has triangles that are not in a plane z = constant; give a mesh in"
-                " the plane, or tetrahedra."
+                f"'{path.name}' has triangles that do not lie in one plane z = constant; give a "
+                "mesh in such a plane, or tetrahedra."
             )
         points = np.ascontiguousarray(points[:, :2])
     return PointValues(Triangulation(path.name, points, found.values, found.cells))

@@ -105,8 +105,8 @@ class Units:
             given, meant = getattr(self, key), getattr(SYSTEMS[self.system], key)
             if given not in ("", meant):
                 raise InputError(
-                    f"{key} = '{given}' contradicts system = '{self.system}', whose {key} is in"
-                    f" {meant}; remove {key}, or choose another system."
+                    f"{key} = '{given}' contradicts system = '{self.system}', in which the unit of "
+                    f"{key} is {meant}; remove {key}, or choose another system."
                 )
 
     @property

@@ -86,7 +86,10 @@ def fill(output: Path, made: Path, case: str) -> None:
         replace_file(output / CASE, (SCHEMA_LINE + case).encode())
         replace_file(output / SCHEMA, f"{schema}\n".encode())
     except OSError as error:
-        raise InputError(f"'{output}' cannot be written: {error.strerror or error}.") from error
+        raise InputError(
+            f"'{output}' cannot be written ({error.strerror or error}); give another "
+            "folder with -o."
+        ) from error
 
 
 def written(output: Path) -> str:
@@ -521,7 +524,11 @@ def _made(source: Path, output: Path, material: str | None, force: bool) -> tupl
             write_msh(model, made / MESH)
             _draw(model, survey, made)
         except OSError as error:
-            raise InputError(f"the mesh cannot be written: {error.strerror or error}.") from error
+            raise InputError(
+                "the mesh cannot be written to a temporary folder "
+                f"({error.strerror or error}); free some space, or set TMPDIR to "
+                "another folder."
+            ) from error
         fill(output, made, case)
     return survey, "<-" not in case
 

@@ -242,8 +242,8 @@ def check_conic(case: Case, problem: Problem, direct: bool) -> None:
     if not direct or are_blocks(problem):
         how = "of rigid blocks" if direct else "along a path"
         raise InputError(
-            f"[solve], conic = '{case.conic}' selects a solver of conic programs, but limit loads "
-            f"{how} need no such program; remove conic."
+            f"[solve], conic = '{case.conic}' selects a solver of conic programs, but a limit load "
+            f"{how} needs no such program; remove conic."
         )
     check_solver(case.conic, problem.comm.size)
 

@@ -63,7 +63,7 @@ class ShakedownControl(OfBody):
         if (self.ranges is None) == (self.corners is None):
             what = "neither ranges nor" if self.ranges is None else "both ranges and"
             raise InputError(
-                f"[loading] has {what} corners; give the varying factors as ranges = {{ "
+                f"[loading] has {what} corners; give the varying factors either as ranges = {{ "
                 "pressure = [0, 1] }, or as corners."
             )
         check_directions(self.domain, self.directions)
@@ -85,8 +85,8 @@ class ShakedownControl(OfBody):
         if given.contacts or given.obstacles:
             raise InputError(
                 "control = 'shakedown' superposes the elastic stresses of the separate loads, so "
-                "bodies may neither separate nor slide; replace contacts that stay closed by "
-                "[[tie]] tables, and obstacles by supports."
+                "bodies may neither separate nor slide; use [[tie]] tables in place of contacts "
+                "that stay closed, and supports in place of obstacles."
             )
         if given.settled or given.moving:
             raise InputError(

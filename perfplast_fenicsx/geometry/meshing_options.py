@@ -168,12 +168,13 @@ class MeshingOptions:
             check_magnitude(name, size or 1.0)
         if self.curvature is not None and not 0 <= self.curvature <= 360:
             raise InputError(
-                f"curvature = {self.curvature:g} is not between 0 and 360; give a number of "
-                "elements around a circle."
+                f"curvature = {self.curvature:g} is not between 0 and 360; give the least number "
+                "of elements around a full circle."
             )
         if not 0 <= self.overlap < 1:
             raise InputError(
-                f"overlap = {self.overlap:g} is not a valid share; give a number >= 0 and < 1."
+                f"overlap = {self.overlap:g} is not a valid fraction of the smaller body; give a "
+                "number >= 0 and < 1."
             )
         if not 0 <= self.close_gaps < math.inf:
             raise InputError(

@@ -60,7 +60,8 @@ def cracks_among(
             raise InputError(
                 f"the curves '{left}' and '{right}' are the names of both sides of an open crack, "
                 "but some of these curves have only one of the names or do not lie inside a body; "
-                "give both names to all curves of the crack and to no others, or give other names."
+                "give both names to all curves of the crack and to no other curves, or rename the "
+                "curves."
             )
         found.append((left, right))
     return found

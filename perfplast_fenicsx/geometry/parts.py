@@ -270,7 +270,9 @@ def _read_script(path: Path) -> Drawing:
         gmsh.model.geo.synchronize()
         gmsh.model.occ.synchronize()
     except Exception as error:  # gmsh raises no more specific exception
-        raise InputError(f"'{path}' cannot be read: {error}") from error
+        raise InputError(
+            f"'{path}' cannot be read: {str(error).rstrip('.')}; correct the script."
+        ) from error
     dim = gmsh.model.getDimension()
     if dim < 2:
         raise InputError(f"'{path}' has no volume and no surface; draw the bodies in it.")
@@ -280,8 +282,8 @@ def _read_script(path: Path) -> Drawing:
         for tag in tags:
             if tag in grouped:
                 raise InputError(
-                    f"{ENTITY[dim]} {tag} of '{path}' is in the physical groups "
-                    f"'{grouped[tag]}' and '{label}'; a body can have only one name."
+                    f"{ENTITY[dim]} {tag} of '{path}' is in the physical groups '{grouped[tag]}' "
+                    f"and '{label}', but a body can have only one name; remove it from one of them."
                 )
             grouped[tag] = label
     alone = [tag for _, tag in gmsh.model.getEntities(dim) if tag not in grouped]

@@ -191,9 +191,9 @@ def find(name: str, system: Name = TABLE) -> Common:
     names = {material.name: material for material in MATERIALS}
     if name.lower() in {soil.name for soil in SOILS}:
         raise InputError(
-            f"'{name}' is ground for law = 'mohr-coulomb', but --material fills in 'von-mises'; "
-            "remove the option, and copy the numbers from `perfplast materials` into the case "
-            "file."
+            f"'{name}' is ground for law = 'mohr-coulomb', but --material fills in law = "
+            "'von-mises'; remove the option, and copy the numbers from `perfplast materials` into "
+            "the case file."
         )
     if name.lower() not in names:
         raise InputError(f"there is no material '{name}' in the table; {nearest(name, names)}")

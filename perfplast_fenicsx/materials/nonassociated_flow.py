@@ -86,20 +86,20 @@ def check_dilatancy(ground: Ground) -> None:
         return
     if not 0 <= psi <= phi:
         raise InputError(
-            f"dilatancy_angle = {psi:g} is not between 0 and friction_angle = {phi:g}; "
-            "remove it to use the friction angle."
+            f"dilatancy_angle = {psi:g} is not between 0 and friction_angle = {phi:g}; give an "
+            "angle in this range, or remove the key to use the friction angle."
         )
     if psi < phi and stand is None:
         raise InputError(
-            f"dilatancy_angle = {psi:g} is less than friction_angle = {phi:g}, so no limit theorem "
-            "holds; remove it, or give nonassociated = 'radenkovic' for bounds on all possible "
-            "collapse loads, or 'davis-a', 'davis-b' or 'davis-c' for an estimate by associated "
-            "ground."
+            f"dilatancy_angle = {psi:g} is less than friction_angle = {phi:g}, so no limit "
+            "theorem holds; remove it, or give nonassociated = 'radenkovic' for bounds on "
+            "all possible collapse loads, or 'davis-a', 'davis-b' or 'davis-c' for an estimate "
+            "with associated ground."
         )
     if psi == 0 and stand == "radenkovic":
         raise InputError(
             "dilatancy_angle = 0 does not permit a lower bound by Radenkovic's theorem, because "
-            "the weaker ground of the pair would have no strength; give a larger angle, or "
+            "the weaker ground of his pair would have no strength; give a larger angle, or "
             "nonassociated = 'davis-a' for an estimate."
         )
 
@@ -179,9 +179,9 @@ def check_flows(materials: Mapping[str, Material]) -> None:
     for name, material in materials.items():
         if _has_pair(material):
             raise InputError(
-                f"the ground of '{name}' has nonassociated = 'radenkovic', which only "
-                "bounds limit loads; give control = 'bounds' or 'strength', or "
-                "nonassociated = 'davis-a' for an estimate."
+                f"the ground of '{name}' has nonassociated = 'radenkovic', for which only bounds "
+                "are known; give control = 'bounds' or 'strength', or nonassociated = 'davis-a' "
+                "for an estimate."
             )
 
 

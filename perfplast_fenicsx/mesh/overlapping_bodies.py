@@ -216,8 +216,8 @@ def check_bodies(tagged_mesh: TaggedMesh, overlaps: bool = False) -> list[str]:
         place = place_of(cut["point"][number])
         if one == other:
             raise InputError(
-                f"the body '{names[one]}' has an internal cut: on the other side of {count} of its "
-                f"outer facets, cells of the same body have other nodes (one facet is at {place}); "
+                f"the body '{names[one]}' has an internal cut: {count} of its outer facets touch "
+                f"cells of the same body, but share no nodes with them (one facet is at {place}); "
                 "merge the nodes (in gmsh: Coherence, or remove duplicate nodes), or name the "
                 "facets of an intended cut."
             )

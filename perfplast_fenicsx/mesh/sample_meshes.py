@@ -316,8 +316,8 @@ def stacked_blocks(
         and all(isinstance(h, Real) and 1e-6 <= h <= 1e6 for h in heights)
     ):
         raise InputError(
-            f"builder 'stacked_blocks' has heights = {heights!r}; give two positive numbers "
-            "between 1e-6 and 1e6, because the blocks are 1 wide."
+            f"builder 'stacked_blocks' has heights = {heights!r}; give two numbers from 1e-6 to "
+            "1e6, because the blocks are 1 wide."
         )
     middle, top = float(heights[0]), float(heights[0]) + float(heights[1])
     return structured_mesh(

@@ -88,8 +88,8 @@ def write_split(path: str | Path, cracks: Sequence[tuple[str, str]] = ()) -> Non
         sides = sorted({bodies[int(volume)][0] for volume in adjacent})
         if not sides:
             raise InputError(
-                f"'{names[0]}' is the name of an entity of the gmsh model that bounds no body; "
-                "remove the name, or name a surface of a body."
+                f"'{names[0]}' names an entity that bounds no body in the gmsh model; remove the "
+                "name, or name a surface of a body."
             )
         for tag in sides:
             body = f"{_name(dim, tag)}_" if len(sides) > 1 else ""
@@ -156,7 +156,10 @@ def _opened(
     """
     kinds = {kind for part in parts if part.dim == 2 for kind, _ in part.elements}
     if len(kinds) != 1 or not kinds <= TRIANGLES.keys():
-        raise InputError("open cracks inside a body need a mesh of triangles of one order.")
+        raise InputError(
+            "open cracks inside a body need a mesh that has only triangles of one "
+            "order; mesh the bodies with such triangles."
+        )
     local = np.array(TRIANGLES[kinds.pop()])
     found = list[_Part]()
     for body in sorted({part.body for part in parts}):

@@ -95,8 +95,8 @@ class TaggedMesh:
         dim = mesh.topology.dim
         if mesh.geometry.dim != dim:
             raise InputError(
-                f"the mesh has cells of dimension {dim} in {mesh.geometry.dim} coordinates; give a "
-                "mesh of triangles with gdim=2, or of tetrahedra."
+                f"the mesh has cells of dimension {dim}, but its points have {mesh.geometry.dim} "
+                "coordinates; give a mesh of triangles with gdim=2, or of tetrahedra."
             )
         for what, tags, wanted in (("cell", cell_tags, dim), ("facet", facet_tags, dim - 1)):
             if tags.dim != wanted:
@@ -110,7 +110,8 @@ class TaggedMesh:
             if len(own) > 1 or first != name:
                 what = f"the tag {own[0]} of '{first}'" if first != name else f"the tags {own}"
                 raise InputError(
-                    f"the volume '{name}' has {what}; give each volume a separate tag."
+                    f"the volume '{name}' has {what}; give each volume exactly one tag, which no "
+                    "other volume has."
                 )
         _check_found(mesh, ("volume", "cell"), cell_tags, one)
         _check_found(mesh, ("surface", "facet"), facet_tags, several)
@@ -282,7 +283,7 @@ class TaggedMesh:
         if missing:
             wrong = np.setdiff1d(self.cell_tags.values, tags)
             found = np.unique(np.concatenate(self.mesh.comm.allgather(wrong))).tolist()
-            told = f" (no volume has the tags {str(found)[1:-1]} of the mesh)" if found else ""
+            told = f" (tags in the mesh without a volume: {str(found)[1:-1]})" if found else ""
             raise InputError(f"{missing} cells belong to no named volume{told}; name every body.")
 
 
@@ -297,7 +298,8 @@ def _numbers(kind: str, names: Mapping[str, Tags]) -> dict[str, tuple[int, ...]]
         tags = np.unique(np.ravel(given))
         if not len(tags) or tags.dtype.kind not in "iu":
             raise InputError(
-                f"the {kind} '{name}' has the tag {given!r}; give an integer as the tag."
+                f"the {kind} '{name}' has the tag {given!r}, which is not an integer; give an "
+                "integer."
             )
         found[name] = tuple(int(tag) for tag in tags)
     return found

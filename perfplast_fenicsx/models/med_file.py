@@ -128,15 +128,15 @@ def _elements(kinds: Any, found: GroupedMesh) -> Longs:
         nodes = flat.reshape(kind.nodes, -1).T - 1
         if nodes.size and not 0 <= nodes.min() <= nodes.max() < len(found.points):
             raise InputError(
-                f"elements {name} refer to nodes that do not exist; the file is damaged."
+                f"elements of type {name} refer to nodes that do not exist; export the mesh again."
             )
         own: Longs = np.zeros(len(nodes), dtype=np.int64)
         if "FAM" in kinds[name]:
             own = np.asarray(kinds[name]["FAM"][()], dtype=np.int64)
         if len(own) != len(nodes):
             raise InputError(
-                f"there are {len(nodes)} elements {name}, but {len(own)} family numbers for them; "
-                "the file is damaged."
+                f"there are {len(nodes)} elements of type {name}, but {len(own)} family numbers "
+                "for them; export the mesh again."
             )
         found.blocks.append(Block(kind, found.count, nodes))
         families.append(own)

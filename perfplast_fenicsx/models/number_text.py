@@ -30,7 +30,7 @@ def text_of(path: Path) -> str:
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}; check the path.") from error
     if b"\0" in raw:
-        raise InputError(f"'{path}' is not text; export the mesh again.")
+        raise InputError(f"'{path}' is not a text file; export the mesh again.")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -59,7 +59,7 @@ def real_numbers(lines: Iterable[str], what: str) -> Floats:
     text = re.sub("[dD]", "e", " ".join(lines))
     found = np.asarray(_numbers(text, np.float64, what), dtype=np.float64)
     if not np.isfinite(found).all():
-        raise InputError(f"{what} have coordinates that are not finite; the file is damaged.")
+        raise InputError(f"{what} have coordinates that are not finite; export the mesh again.")
     return found
 
 
@@ -73,7 +73,7 @@ def _numbers(text: str, kind: type[np.generic], what: str) -> np.ndarray:
             return np.fromstring(text, dtype=kind, sep=" ")
         except (DeprecationWarning, ValueError) as error:
             raise InputError(
-                f"{what} contain text where numbers are expected; the file is damaged."
+                f"{what} contain text where numbers are expected; export the mesh again."
             ) from error
 
 

@@ -120,14 +120,16 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
     every, parent = np.concatenate(cells), np.concatenate(parents)
     once = (np.diff(np.sort(every, axis=1), axis=1) > 0).all(axis=1)
     # other simplices are flat, for example in a hexahedron that is collapsed to a wedge
+    elements = np.unique(parent)
     every, parent = every[once], parent[once]
     full = _with_volume(points, every, dim)
     if not (full.all() and len(every)):
         place = points[every[~full][0]].mean(axis=0) if len(every) else points[0]
+        flat = np.unique(parent[~full]) if len(every) else elements
         raise InputError(
-            f"{len(np.unique(parent[~full]))} elements have no volume, one of them at "
-            f"({', '.join(f'{x:.6g}' for x in place)}); repair the mesh in the program that made "
-            "it."
+            f"the mesh contains degenerate elements (zero area or volume): {len(flat)} in all, one "
+            f"of them at ({', '.join(f'{x:.6g}' for x in place)}); repair the mesh in the program "
+            "that made it."
         )
     remarks = _told(points, solids, left_out, len(every))
     return SolidCells(dim, solids, _oriented(points, every, dim), parent, remarks)

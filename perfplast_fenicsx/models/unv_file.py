@@ -85,13 +85,16 @@ def _mesh(text: str) -> GroupedMesh:
     nodes = [lines for number, lines in datasets if number in NODES]
     if not nodes:
         raise InputError(
-            "there are no nodes (dataset 2411 or 781), so this is not a mesh in the UNV format, "
-            "or its version is too old; export the mesh again."
+            "the file contains no nodes (dataset 2411 or 781), so it is not a mesh in the UNV "
+            "format, or its version is too old; export the mesh again."
         )
     heads = np.concatenate([whole_numbers(lines[::2], "nodes") for lines in nodes])
     places = np.concatenate([real_numbers(lines[1::2], "nodes") for lines in nodes])
     if len(heads) % 4 or len(places) % 3 or len(heads) // 4 != len(places) // 3:
-        raise InputError("some nodes do not have 3 coordinates; the file is cut off or damaged.")
+        raise InputError(
+            "some nodes do not have 3 coordinates, so the file is cut off or "
+            "damaged; export the mesh again."
+        )
     points = NumberIndex(heads[::4], 0, "node")
     found = GroupedMesh(places.reshape(-1, 3), [])
     ids = [NOBODY]
@@ -129,7 +132,7 @@ def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[L
         table = numbers[at : at + (len(numbers) - at) // max(length, 1) * length]
         table = table.reshape(-1, max(length, 1))
         if nodes < 1 or not len(table):
-            raise InputError("elements are cut off or damaged; export the mesh again.")
+            raise InputError("the elements are cut off or damaged; export the mesh again.")
         other = (table[:, 1] != kind) | (table[:, before_nodes - 1] != nodes)
         table = table[: int(np.argmax(other)) if other.any() else len(table)]
         at += table.size

@@ -98,7 +98,7 @@ def _mesh(arrays: Any) -> GroupedMesh:
     kinds, offsets, nodes = arrays["kinds"], arrays["offsets"], arrays["nodes"]
     found = GroupedMesh(arrays["points"], [])
     if not np.isfinite(found.points).all():
-        raise InputError("nodes have coordinates that are not finite; the file is damaged.")
+        raise InputError("nodes have coordinates that are not finite; export the mesh again.")
     places = np.full(len(kinds), -1)
     points = (1, 2)  # point elements, which have no meaning here
     for number in np.unique(kinds):
@@ -110,12 +110,12 @@ def _mesh(arrays: Any) -> GroupedMesh:
             continue
         if not (np.diff(offsets)[mine] == kind.nodes).all():
             raise InputError(
-                f"cells of VTK's type {number} do not have {kind.nodes} nodes each; "
-                "the file is damaged."
+                f"cells of VTK's type {number} do not have {kind.nodes} nodes each; export the "
+                "mesh again."
             )
         table = nodes[offsets[mine][:, None] + np.arange(kind.nodes)]
         if table.size and not 0 <= table.min() <= table.max() < len(found.points):
-            raise InputError("cells refer to points that do not exist; the file is damaged.")
+            raise InputError("cells refer to points that do not exist; export the mesh again.")
         places[mine] = found.count + np.arange(len(mine))
         found.blocks.append(Block(kind, found.count, table))
     for where, groups in (("cell", found.groups), ("point", found.node_groups)):

@@ -198,8 +198,7 @@ def animate(folder: str | Path, output: str | Path | None = None) -> Iterator[st
     formats = (".gif", ".webp")  # supported formats of animations
     if target.suffix.lower() not in formats:
         raise InputError(
-            f"the animation '{target}' ends in '{target.suffix}', which is not a supported format;"
-            f" use {' or '.join(formats)}."
+            f"the format of the animation '{target}' is not supported; use {' or '.join(formats)}."
         )
     levels = reader.levels
     if not levels:
@@ -330,4 +329,6 @@ def _drawing(path: Path) -> Iterator[Path]:
         ) from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"'{path}' cannot be written ({reason}); give another -o.") from error
+        raise InputError(
+            f"'{path}' cannot be written ({reason}); give another path with -o."
+        ) from error

@@ -161,7 +161,9 @@ class ResultReader:
         self.path = Path(path)
         if not self.path.is_dir():
             what = "is not a folder" if self.path.exists() else "does not exist"
-            raise InputError(f"the result folder '{path}' {what}; give the DIR of perfplast run.")
+            raise InputError(
+                f"the result folder '{path}' {what}; give the folder that perfplast run wrote."
+            )
         for name in EARLIER:
             if (self.path / name).exists():
                 raise InputError(
@@ -172,7 +174,7 @@ class ResultReader:
             if not (self.path / name).is_file():
                 raise InputError(
                     f"the folder '{path}' contains no {name}, so it has no results from this "
-                    "version; give the DIR of perfplast run, or run the case again."
+                    "version; give the folder that perfplast run wrote, or run the case again."
                 )
 
     def __repr__(self) -> str:

@@ -121,7 +121,8 @@ class ProblemBuilder:
         """
         if not bodies:
             raise InputError(
-                "a material needs the names of its bodies; give *build.bodies for all bodies."
+                "a material needs the names of its bodies; give these names, or *build.bodies for "
+                "all bodies."
             )
         for name in bodies:
             self.tagged_mesh.cells(name)
@@ -207,6 +208,6 @@ def _argument_of(one: Declared) -> str:
         if isinstance(one, kinds):
             return name
     raise InputError(
-        f"a {type(one).__name__} is not part of a problem; add supports, loads, contacts, "
-        "obstacles, ties, rigid surfaces, bolts, temperatures or initial stresses."
+        f"an object of type {type(one).__name__} cannot be part of a problem; add supports, loads, "
+        "contacts, obstacles, ties, rigid surfaces, bolts, temperatures or initial stresses."
     )

@@ -23,12 +23,17 @@ def write_page(output: str | Path | None, default: Path, make: Callable[[], str]
     """
     target = Path(output) if output else default
     if target.is_dir():
-        raise InputError(f"the report '{target}' is a folder; give -o the name of a file.")
+        raise InputError(
+            f"the report cannot be written to '{target}', which is a folder; give the "
+            "name of a file with -o."
+        )
     page = make()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         replace(target, page.encode())
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"'{target}' cannot be written ({reason}); give another -o.") from error
+        raise InputError(
+            f"'{target}' cannot be written ({reason}); give another path with -o."
+        ) from error
     return target

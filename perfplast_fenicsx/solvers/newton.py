@@ -288,9 +288,8 @@ class WorkNewton(LevelSolver):
         """
         if not self.problem.is_elastic_at_first():
             raise InputError(
-                "with friction, moving supports, constant loads or initial strains, first yield "
-                "is not a multiple of an elastic state; remove everything that does not grow with "
-                "the load factor."
+                "with friction, moving supports, constant loads or initial strains, the state at "
+                "first yield is not a multiple of an elastic state; remove them from the problem."
             )
         return self._yielding(rtol=1e-8, rounds=None)
 

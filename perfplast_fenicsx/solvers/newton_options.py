@@ -76,7 +76,7 @@ class NewtonOptions:
         if rho != "adaptive" and not (isinstance(rho, int | float) and 0 <= rho <= 1):
             raise InputError(
                 f"regularisation = {rho!r} is neither a number in [0, 1] nor "
-                '"adaptive"; 1e-3 is a good value.'
+                '"adaptive"; give for example 1e-3.'
             )
         check_choice("stopping", self.stopping, ("displacement", "stress", "energy"))
         check_choice("active_set", self.active_set, ("adaptive", "exact", "once"))

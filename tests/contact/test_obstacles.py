@@ -62,7 +62,7 @@ def test_distances_and_directions_of_obstacles() -> None:
         (Sphere(ON, (0, 0, 1), 5.0, hollow=True), ["sphere", "centre of the"]),
         (Cylinder(ON, (0, 0, 0), (0, 0, 0), 0.5), ["cylinder", "axis", "zero"]),
         (Cylinder(ON, (0, 0, 0), (0, 1, 0), math.nan), ["cylinder", "radius = nan"]),
-        (Cylinder(ON, (0, 0, 1), (0, 1, 0), 3.0, hollow=True), ["cylinder", "centre of the"]),
+        (Cylinder(ON, (0, 0, 1), (0, 1, 0), 3.0, hollow=True), ["cylinder", "on the axis"]),
         (Plane("upper_side", (0, 0, 0), (0, 0, 1)), ["'upper_side'", "lower_top"]),
     ],
 )

@@ -66,7 +66,7 @@ REFUSED = {
     ),
     "shear stress": (CONTACT + "tresca = -1.0\n", "tresca = -1.0 is not valid"),
     "coefficient": (CONTACT + "coulomb = -0.1\n", "coulomb = -0.1 is not valid"),
-    "name": (CONTACT + FLOOR + "coulomb = 0.1\n", "has friction but no name"),
+    "name": (CONTACT + FLOOR + "coulomb = 0.1\n", "has friction, so it needs a name"),
     "tied": (
         CONTACT + "tresca = 1.0\n" + TIE.format("lower_top", "upper_bottom"),
         "has the same surfaces as contact 1",

@@ -47,7 +47,7 @@ REFUSED = {
     ),
     "a displacement against a contact": (
         BLOCKS + CONTACT + moved("lower_top", "0.1") + moved("upper_bottom", "0.0") + LOADING,
-        "along its normal",
+        "cannot prevent an overlap there",
     ),
     "a negative gap": (BLOCKS + CONTACT + "gap = -1e-3\n" + LOADING, "interference = true"),
     "an overlap that nothing makes grow": (

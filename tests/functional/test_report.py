@@ -108,7 +108,7 @@ def change(folder: Path, **values: Any) -> None:
         (lambda path: (path / "fields/level_0002.vtkhdf").write_text("a"), [], "cannot be read"),
         (lambda path: (path / "model.json").touch(), [], "contains model.json, so its results"),
         (lambda path: None, ["-o", "/dev/null/a.html"], "cannot be written"),
-        (lambda path: None, ["-o", "/"], "is a folder; give -o"),
+        (lambda path: None, ["-o", "/"], "which is a folder; give the name"),
     ],
 )
 def test_what_cannot_be_reported(

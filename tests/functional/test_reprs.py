@@ -238,7 +238,7 @@ def test_domains_of_three_loads_have_no_plot(comm: MPI.Intracomm) -> None:
     domain = LoadDomain(("a", "b", "c"), np.eye(3))
     found = of_shakedown(comm)
     assert isinstance(found, ShakedownLoad)
-    with pytest.raises(InputError, match=r"but 3 vary; to_dataframe\(\)"):
+    with pytest.raises(InputError, match=r"but 3 loads vary; to_dataframe\(\)"):
         dataclasses.replace(found, domain=domain).plot()
 
 

@@ -435,11 +435,11 @@ WRONG_FIELDS = (
     ("contact-0-gap", "wide", "'wide' is not known in a formula"),
     ("support-0-on", "beam_x_lo", "'beam_x_lo' is not a name of the drawing"),
     ("support-0-on", "", "is missing; give a text"),
-    ("support-0-components", "xw", "'xw' does not consist of different letters"),
+    ("support-0-components", "xw", "'xw' must contain only the letters"),
     (
         "support-0-components",
         "normale",
-        "'normale' does not consist of different letters",
+        "'normale' must contain only the letters",
     ),
     ("support-0-components", "", "is missing; give a text"),
     ("support-0-value", "1 mm", "'1 mm' has a unit; give the number alone, in mm"),

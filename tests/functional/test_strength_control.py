@@ -191,7 +191,7 @@ def test_no_strength_is_kept_where_none_is_divided(
     case = write(comm, slope, text)
     assert main(["check", str(case)]) == BAD_INPUT
     told = one_line(comm, capsys)
-    assert "reduced = false keeps the strength of 'soil'" in told
+    assert "reduced = false for the strength of 'soil'" in told
     assert "give control = 'strength'" in told
 
 

@@ -100,10 +100,10 @@ def test_what_is_stopped_goes_on(
 @pytest.mark.parametrize(
     ("vary", "part"),
     {
-        "load.top": "--vary load.top is not KEY=VALUES",
-        "load.top.pressure=1:2": "is not FROM:TO:NUMBER",
-        "load.top.pressure=1:2:1": "is not FROM:TO:NUMBER",
-        "load.top.pressure=": "--vary load.top.pressure= is not KEY=VALUES",
+        "load.top": "--vary load.top does not have",
+        "load.top.pressure=1:2": "FROM:TO:NUMBER with NUMBER",
+        "load.top.pressure=1:2:1": "FROM:TO:NUMBER with NUMBER",
+        "load.top.pressure=": "load.top.pressure= does not have",
         "load.top.pressure=3:3:5": "the value 3.0 occurs twice",
         "load.top.pressure=1,2,1": "the value 1 occurs twice",
         "load.top.pressure=1,,2": "a value between commas is empty",

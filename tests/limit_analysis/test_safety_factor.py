@@ -339,7 +339,7 @@ def test_strengths_that_f_does_not_divide_and_that_limit(read: Read) -> None:
 
     assert_refused(
         lambda: factor_of_safety(asked(2.0, 0.0), 1e-2),
-        ["even with F = 0.01", "the strength of '0' and the strength of '1'", "reduced = false"],
+        ["(F = 0.01)", "the strength of '0' and the strength of '1'", "reduced = false"],
     )
     assert_refused(lambda: factor_of_safety(asked(0.5, 0.1), 1e-2), ["even with F = 100"])
 

@@ -156,7 +156,7 @@ def test_med_names_have_as_many_nodes_as_they_say() -> None:
 BROKEN_TEXT = {
     "nothing": ("", "no nodes"),
     "other words": ("hello\n", "no nodes"),
-    "no text": ("\0\0", "not text"),
+    "no text": ("\0\0", "not a text file"),
     "unv cut off": (unv_text()[:700], "cut off or damaged|no solid elements|no nodes"),
     "unv with a word for a number": (
         unv_text().replace("1.0000000000000000D+00", "x"),

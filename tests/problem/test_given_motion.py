@@ -152,7 +152,7 @@ def test_what_does_not_go_with_motions() -> None:
             [*ROLLERS, Support("upper_bottom")],
             obstacles=[plane(move=(0.0, 1.0))],
         )
-    with pytest.raises(InputError, match="contact surface 'top' along its normal"):
+    with pytest.raises(InputError, match="contact surface 'top', and these nodes"):
         Problem(
             blocks(),
             {"lower": VonMises(YOUNG, 0.3, YIELD), "upper": VonMises(YOUNG, 0.3, YIELD)},

@@ -86,7 +86,7 @@ def without_a_cell(mesh: TaggedMesh) -> TaggedMesh:
     ("mesh", "part"),
     [
         (lambda: square(CellType.quadrilateral), "cells of type quadrilateral,"),
-        (lambda: square(cell_tag=7), "no volume has the tags 7"),
+        (lambda: square(cell_tag=7), "without a volume: 7"),
         (lambda: without_a_cell(square()), "belong to no named volume"),
         (lambda: square(facet_tag=9), "'left' has the tag 1,"),
     ],
@@ -152,7 +152,7 @@ def test_names_for_tags_of_dolfinx() -> None:
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"volumes": {"lower": 3}}, "no volume has the tags 4"),
+        ({"volumes": {"lower": 3}}, "without a volume: 4"),
         ({"volumes": {"lower": 3, "upper": 7}}, "'upper' has the tag 7,"),
         ({"volumes": {"a": 3, "b": 3, "c": 4}}, "'b' has the tag 3 of 'a';"),
         ({"volumes": {"lower": 3.0, "upper": 4}}, "'lower' has the tag 3.0"),
@@ -161,8 +161,8 @@ def test_names_for_tags_of_dolfinx() -> None:
             {"surfaces": {"left": 9}},
             "'left' has the tag 9,",
         ),
-        ({"surfaces": {"left": ()}}, "'left' has the tag ();"),
-        ({"surfaces": {"left": "1"}}, "'left' has the tag '1';"),
+        ({"surfaces": {"left": ()}}, "'left' has the tag (),"),
+        ({"surfaces": {"left": "1"}}, "'left' has the tag '1',"),
         ({"kind": CellType.quadrilateral}, "cells of type quadrilateral,"),
         ({"swap": True}, "belong to entities of dimension 1,"),
     ],

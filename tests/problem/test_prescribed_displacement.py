@@ -143,7 +143,7 @@ def test_a_state_of_other_supports_is_no_solution() -> None:
         ([Support("top", "z"), Support("top", "z", 1e-3)], "another support moves them by 0"),
         (
             [Support("lower_top", "z"), Support("upper_bottom", "z", -1e-3)],
-            "contact cannot move the nodes",
+            "contact cannot prevent an overlap",
         ),
     ],
 )

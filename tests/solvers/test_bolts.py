@@ -264,7 +264,7 @@ def test_bolt_that_yields_is_told() -> None:
         ([BOLT, Bolt("bolt", 1.0, (0, 0, 1), name="b")], ["two bolts", "'b'"]),
         (
             [Bolt("bolt", 1.0, (0, 0, 1), name="b"), Bolt("head", 1.0, (0, 0, 1), name="b")],
-            ["two bolts are called 'b'"],
+            ["'bolt' and 'head' are both called 'b'"],
         ),
     ],
 )

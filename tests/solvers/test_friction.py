@@ -153,7 +153,7 @@ def test_a_rough_obstacle_carries_its_share(comm: MPI.Intracomm) -> None:
         (lambda: Contact("a", "b", coulomb=math.nan), ["coulomb = nan", ">= 0"]),
         (
             lambda: Plane("bottom", (0.0, 0.0), (0.0, 1.0), tresca=1.0),
-            ["'bottom'", "no name", "name = "],
+            ["'bottom'", "needs a name", "name = "],
         ),
     ],
 )

@@ -18,8 +18,8 @@ class _NamedFriction(FrictionTerms):
         super().__post_init__()
         if self.rubs and not self.name:
             raise InputError(
-                f"the obstacle at '{self.on}' has friction but no name, under which results list "
-                "its force; give name = ..., or remove the friction."
+                f"the obstacle at '{self.on}' has friction, so it needs a name under which results "
+                "list its force; give name = ..., or remove the friction."
             )
 
 
@@ -64,7 +64,9 @@ class Plane(_NamedFriction):
         normal = _vector(self, "normal", x.shape[1])
         length = np.linalg.norm(normal)
         if length == 0:
-            raise InputError(f"normal of the plane at '{self.on}' is zero; give its direction.")
+            raise InputError(
+                f"normal of the plane at '{self.on}' is zero; give a vector of nonzero length."
+            )
         normal = normal / length
         return (x - _vector(self, "point", x.shape[1])) @ normal, np.tile(-normal, (len(x), 1))
 
@@ -135,11 +137,16 @@ class Cylinder(_NamedFriction):
     def towards(self, x: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions; see :meth:`Plane.towards`."""
         if x.shape[1] == 2:
-            raise InputError(f"the cylinder at '{self.on}' needs a mesh in 3D; give a sphere.")
+            raise InputError(
+                f"the cylinder at '{self.on}' needs a mesh in 3D; give a sphere, "
+                "which is a disc in 2D."
+            )
         axis = _vector(self, "axis", 3)
         length = np.linalg.norm(axis)
         if length == 0:
-            raise InputError(f"axis of the cylinder at '{self.on}' is zero; give its direction.")
+            raise InputError(
+                f"axis of the cylinder at '{self.on}' is zero; give a vector of nonzero length."
+            )
         r = x - _vector(self, "point", 3)
         return _round(self, r - np.outer(r @ axis, axis) / length**2)
 
@@ -165,14 +172,15 @@ def _round(obstacle: Sphere | Cylinder, r: Floats) -> tuple[Floats, Floats]:
     shape = type(obstacle).__name__.lower()
     if not (obstacle.radius > 0 and np.isfinite(obstacle.radius)):
         raise InputError(
-            f"radius = {obstacle.radius} of the {shape} at '{obstacle.on}' is not a positive"
-            " number; give a length."
+            f"radius = {obstacle.radius} of the {shape} at '{obstacle.on}' is not a positive "
+            "number; give a positive length."
         )
     distance = np.linalg.norm(r, axis=1)
     if (distance <= 1e-12 * obstacle.radius).any():
+        where = "at the centre" if isinstance(obstacle, Sphere) else "on the axis"
         raise InputError(
-            f"a node of '{obstacle.on}' lies at the centre of the {shape}, where its outward "
-            "normal is undefined; name only the part of the surface that may make contact."
+            f"a node of '{obstacle.on}' lies {where} of the {shape}, where the outward normal of "
+            f"the {shape} is undefined; name only the part of the surface that may make contact."
         )
     sign = 1.0 if obstacle.hollow else -1.0
     return sign * (obstacle.radius - distance), sign * r / distance[:, None]

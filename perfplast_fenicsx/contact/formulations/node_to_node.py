@@ -151,9 +151,9 @@ def _to_hosts(
     lost = ~movable & ((follows[0] & held[0]) | (follows[1] & held[1]))
     raise_together(
         comm,
-        f"{place}: the contact surface touches a body with law = 'rigid' at nodes that "
-        "supports or ties hold along the normal; leave these nodes out of the support or "
-        "of the contact surface."
+        f"{place}: the contact surface touches a body with law = 'rigid' at nodes that supports or "
+        "ties hold along the normal; remove these nodes from the support, from the tie or from "
+        "the contact surface."
         if lost.any()
         else None,
     )

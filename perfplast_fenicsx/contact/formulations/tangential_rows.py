@@ -120,7 +120,7 @@ def _check_ties(
     both = sorted(rubs & {name for tie in ties for name in (tie.primary, tie.secondary)})
     if both:
         raise InputError(
-            f"'{both[0]}' has friction and is tied, so it can never slip; remove the "
+            f"the surface '{both[0]}' has friction but is tied, so it can never slip; remove the "
             "friction or the tie."
         )
 
@@ -217,8 +217,7 @@ def _check_guests(
     first = comm.allreduce(int(where.min(initial=count)), MPI.MIN)
     if first < count:
         raise InputError(
-            f"friction of {constraints.sources[first].name}: supports hold nodes of one "
-            "surface in tangential directions in which the other surface is free; give hosts "
-            "= the free surface ('primary' or 'secondary'), or support both surfaces in the "
-            "same way."
+            f"friction of {constraints.sources[first].name}: supports hold nodes of one surface in "
+            "tangential directions in which the other surface is free; set hosts ('primary' or "
+            "'secondary') to the free surface, or support both surfaces in the same way."
         )

@@ -374,8 +374,9 @@ def choose_side(
     if chosen.lost:
         raise InputError(
             f"{place}: supports or ties hold {chosen.lost} nodes of '{chosen.host.name}', and no "
-            "neighbouring node can take over their contact forces; remove held nodes from this "
-            f"surface, or choose '{chosen.guest.name}' with the key hosts."
+            "neighbouring node can take over their contact forces; remove the held nodes from "
+            "this surface, or set hosts ('primary' or 'secondary') to the side of "
+            f"'{chosen.guest.name}'."
         )
     return chosen
 
@@ -540,8 +541,9 @@ class Mortar:
         if comm.allreduce(int(hidden.sum())):
             least = comm.allreduce(float(slack[hidden].max(initial=0)), MPI.MAX)
             raise InputError(
-                f"{self.place}: the straight facets of curved surfaces cannot resolve an "
-                f"overlap below {least:.3g}; give gap = ..., or a mesh of second order."
+                f"{self.place}: the straight facets of curved surfaces cannot resolve an overlap "
+                f"below {least:.3g}; give the initial gap as gap = ..., or give a mesh of second "
+                "order."
             )
 
 

@@ -326,8 +326,8 @@ def check_outside(comm: MPI.Intracomm, place: str, surface: str, nodes: SurfaceN
     """
     if not comm.allreduce(len(nodes)):
         raise InputError(
-            f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of "
-            "bodies that share no nodes (write_split separates such bodies)."
+            f"{place}: '{surface}' has no facet on the outside of a body; name surfaces of bodies "
+            "that share no nodes (write_split separates bodies that share nodes)."
         )
 
 

@@ -89,12 +89,13 @@ def read_conic(table: Table, loading: Control, place: str) -> tuple[str, Table]:
     if loading.limit_tolerance is None:
         raise InputError(
             f"{place}: conic = '{conic}' applies only to limit loads and bounds, which this "
-            "loading does not need; remove conic, or give control = 'bounds'."
+            "loading does not compute; remove conic, or give control = 'bounds'."
         )
     if rest or loading.limit_method == LimitMethod.PATH:
         raise InputError(
             f"{place}: conic = '{conic}' applies to the interior point method, but the case "
-            "selects a loading path; remove conic, or remove all keys for the path."
+            "selects a loading path; remove conic, or remove limit_method = 'path' and all other "
+            "keys of this table."
         )
     return conic, rest
 
@@ -123,17 +124,17 @@ def read_method(
     method, algorithm, rest = choose(table, "method", METHODS, place, default=fitting[0])
     if method not in fitting and loading.in_turn():
         raise InputError(
-            f"{place}: method = '{method}' prescribes the work, but stages prescribe loads; use"
-            f" method = {' or '.join(map(repr, fitting))}."
+            f"{place}: method = '{method}' prescribes the work, but stages prescribe load factors; "
+            f"use method = {' or '.join(map(repr, fitting))}."
         )
     if method not in fitting:
         control = {schema.prescribes: name for name, schema in reversed(CONTROLS.items())}
         other = control[algorithm.solver.prescribes]
         chosen = next(name for name, schema in CONTROLS.items() if isinstance(loading, schema))
         raise InputError(
-            f"{place}: method = '{method}' prescribes the {other}, but [loading] has control ="
-            f" '{chosen}'; use method = {' or '.join(map(repr, fitting))}, or"
-            f" control = '{other}'."
+            f"{place}: method = '{method}' works with control = '{other}', but [loading] has "
+            f"control = '{chosen}'; use method = {' or '.join(map(repr, fitting))}, or control = "
+            f"'{other}'."
         )
     if loading.limit_tolerance is not None:
         rest = limit_options(loading.limit_tolerance, coulomb) | rest

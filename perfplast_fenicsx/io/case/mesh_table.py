@@ -231,9 +231,9 @@ def read_mesh(
     if ("builder" in table) == ("file" in table):
         what = "both a builder and a file" if "builder" in table else "neither a builder nor a file"
         raise InputError(
-            f"{place}: there is {what}; give a builder with its arguments (such as builder = "
-            "'two_blocks'), a mesh file (file = 'assembly.msh'), a [geometry] table instead, or "
-            "ground drawn by [[region]]."
+            f"{place}: the case has {what}; give only one of these: a builder with its arguments "
+            "(such as builder = 'two_blocks'), a mesh file (file = 'assembly.msh'), a [geometry] "
+            "table, or ground drawn by [[region]]."
         )
     if "file" in table:
         return convert(table, MeshFile, place)

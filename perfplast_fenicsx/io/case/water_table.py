@@ -141,7 +141,7 @@ def water_in_cracks(
         if line.water is not None and line.water < max(heights) and line.water not in heights:
             raise InputError(
                 f"the water in the crack '{line.name}' reaches y = {line.water:g}, where the crack "
-                "has no point; add a point at this height to the line, and the mesh will have a "
+                "has no point; add a point at this height to the line, so that the mesh has a "
                 "vertex at the water level."
             )
     cracks = [] if ground is None else ground.cracks()
@@ -221,9 +221,7 @@ class _Given:
         """Raise an error for unknown bodies, and for bodies with several pore pressures."""
         said = self.said
         if not (len(self.table) or said.piezometric or said.ru):
-            raise InputError(
-                "the table defines no water; give table = [[x, y], ...], piezometric or ru."
-            )
+            raise InputError("no water is defined; give table = [[x, y], ...], piezometric or ru.")
         kinds = {"piezometric": [*said.piezometric], "ru": [*said.ru], "dry": said.dry}
         for kind, names in {**kinds, "saturated": [*said.saturated]}.items():
             for name in names:
@@ -277,7 +275,7 @@ class _Given:
             if self.outline.unnamed:
                 raise InputError(
                     f"{self.outline.unnamed}; draw a [[line]] along the surface under water, and "
-                    "give its name as on."
+                    "set on to its name."
                 )
             plan = self.outline.plan
             edges = plan.points[plan.edges[self.outline.sides["surface"]]]
@@ -285,8 +283,8 @@ class _Given:
                 return []
         elif self.said.on is None:
             raise InputError(
-                "on is missing, and the case does not draw the ground; give the surface under "
-                'water as on, or on = "" if no water is above the ground.'
+                "the key on is missing, and the case does not draw the ground; set on to the name "
+                'of the surface under water, or to "" if no water is above the ground.'
             )
         elif not self.said.on:
             return []
@@ -367,7 +365,9 @@ class _Given:
     ) -> PorePressure:
         """Return the pore pressure in a body as a share of the weight of the ground above."""
         if not 0 <= share <= 1:
-            raise InputError(f"ru = {share:g} for '{body}'; give a number from 0 to 1.")
+            raise InputError(
+                f"ru = {share:g} for '{body}' is not between 0 and 1; give a number in this range."
+            )
         x = np.concatenate([line[:, 0] for line, _ in above])
         terms = []
         for line, more in above:
@@ -419,7 +419,7 @@ class _Given:
             lowest = int(np.argmin(y))
             raise InputError(
                 f"{what} lies entirely below the ground, whose lowest point is "
-                f"{place_of((x[lowest], y[lowest]))}; correct it."
+                f"{place_of((x[lowest], y[lowest]))}; correct the line."
             )
         return line
 

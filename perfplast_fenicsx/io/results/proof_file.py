@@ -173,9 +173,10 @@ def _check(folder: ResultFolder, found: Sequence[Proven]) -> None:
             along = float(ray @ one.carried)
             off = float(np.linalg.norm(one.carried - along * ray))
             if off > 1e-9 * abs(along):
+                degrees = ", ".join(f"{angle:g}°" for angle in one.angles)
                 raise InputError(
-                    f"{KNOWN} contains a point that does not lie in the direction {one.angles} "
-                    "(degrees); start again with -o DIR --force."
+                    f"{KNOWN} contains a point that does not lie in the direction {degrees}; start "
+                    "again with -o DIR --force."
                 )
             check_claim(KNOWN, name, "lower", along, halves)
         if one.side is not None:

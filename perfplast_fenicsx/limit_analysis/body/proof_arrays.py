@@ -342,9 +342,7 @@ def half_arrays(
 def _check(problem: Problem) -> None:
     """Refuse problems that the file format cannot describe. Collective."""
     if has_curved_cells(problem.tagged_mesh.mesh):
-        raise InputError(
-            "cells are curved, but strict bounds need straight cells; use first-order cells."
-        )
+        raise InputError("curved cells have no strict bounds; use first-order cells.")
     for obstacle in problem.given.obstacles:
         if not isinstance(obstacle, Plane):
             raise InputError(
@@ -353,7 +351,9 @@ def _check(problem: Problem) -> None:
     for load in problem.given.loads:
         check_bounded(load)
     if not collapses_by_loads(problem):
-        raise InputError("ζ moves supports, or no load grows; a proof needs loads that grow.")
+        raise InputError(
+            "a proof needs a load and no motion that grows with ζ; add a load or remove the motion."
+        )
 
 
 def _stress(proof: StressProof) -> Blocks:

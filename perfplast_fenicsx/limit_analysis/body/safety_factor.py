@@ -510,10 +510,10 @@ def _falls_anyway(kept: Sequence[str]) -> InputError:
     if kept:
         why = f"{' and '.join(kept)} cannot hold the loads at any F; remove reduced = false there"
     else:
-        why = "they tip, or slide where nothing resists; support them there, or change the loads"
+        why = "they tip, or slide without resistance; add supports, or change the loads"
     return InputError(
-        f"the bodies collapse even with F = {1 / FAR:g}, where the strengths that F divides are "
-        f"multiplied by {FAR:g}: {why}."
+        f"the bodies collapse even if the strengths that F divides are multiplied by {FAR:g} (F = "
+        f"{1 / FAR:g}): {why}."
     )
 
 

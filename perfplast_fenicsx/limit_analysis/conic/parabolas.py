@@ -64,8 +64,8 @@ class Parabola:
     def __post_init__(self) -> None:
         if not (0 < self.curvature < np.inf and 0 < self.tension < np.inf):
             raise InputError(
-                f"the parabola with curvature = {self.curvature:.6g} and tension ="
-                f" {self.tension:.6g} does not contain zero stress; give positive numbers."
+                f"the parabola with curvature = {self.curvature:.6g} and tension = "
+                f"{self.tension:.6g} does not permit zero stress; give positive, finite numbers."
             )
 
     @property

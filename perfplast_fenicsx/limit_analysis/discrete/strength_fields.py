@@ -190,10 +190,11 @@ def check_profiles(problem: Problem) -> None:
         return
     if problem.tagged_mesh.axisymmetric:
         name, fields = next(iter(varying_of(problem).items()))
+        verb = "varies" if len(fields) == 1 else "vary"
         raise InputError(
-            f"{' and '.join(fields)} of '{name}' varies in space, but strict bounds in "
-            "axisymmetry need constant values; give a separate body for each layer, or "
-            "control = 'work' with until = 'limit' for an estimate of the limit load."
+            f"{' and '.join(fields)} of '{name}' {verb} in space, but strict bounds in axisymmetry "
+            "need constant values; give a separate body for each layer, or control = 'work' with "
+            "until = 'limit' for an estimate of the limit load."
         )
     message = None
     try:
@@ -206,9 +207,9 @@ def check_profiles(problem: Problem) -> None:
             tagged_mesh = problem.tagged_mesh
             named = (name for name in tagged_mesh.volumes if cell in tagged_mesh.cells(name))
             message = (
-                f"the strength of '{next(named)}' varies so steeply in the cell at {where} that "
-                "no positive linear lower bound of it is known there; refine the mesh there, or "
-                "draw lines where the gradient of the strength changes."
+                f"the strength of '{next(named)}' varies so steeply in the cell at {where} that no "
+                "positive linear lower bound is known there; refine the mesh there, or draw lines "
+                "where the gradient of the strength changes."
             )
     except InputError as error:
         message = str(error)

@@ -92,9 +92,9 @@ class Weakening:
             on = laws.get(material.law)
             if on is None:
                 raise InputError(
-                    f"the tensile strength of '{name}' is below the apex of its cone only after "
-                    f"strengths are divided by {factor:.6g}; give a smaller tensile strength, or "
-                    "remove it for this curve."
+                    f"the tensile strength of '{name}' falls below the apex of its cone when "
+                    f"strengths are divided by {factor:.6g}, and the curve of F cannot continue "
+                    "there; give a smaller tensile strength, or remove it."
                 )
             set_parameters(mesh, {name: material}, on.numbers)
         friction = problem.friction
@@ -113,7 +113,7 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
             raise InputError(
                 f"the material of '{name}' ({type(material).__name__}) has no strength that can be "
                 "divided; for a factor of safety give a material with the method divided_by, such "
-                "as the materials of perfplast_fenicsx.materials."
+                "as those in perfplast_fenicsx.materials."
             )
         found[name] = divided_by(factor if is_divided(material) else 1.0)
     return found
@@ -176,7 +176,7 @@ def check_all_divided(
     """
     if kept := kept_strengths(materials, [*contacts, *obstacles]):
         raise InputError(
-            f"reduced = false keeps {kept[0]} undivided in a factor of safety, which this control "
+            f"reduced = false for {kept[0]} applies only to a factor of safety, which this control "
             "does not compute; give control = 'strength', or remove reduced."
         )
 
@@ -202,7 +202,7 @@ def check_stands(
         raise InputError(
             "all bodies are elastic or rigid, and no contact has friction that F divides, so "
             "there is no strength to reduce; give another law to bodies that may yield, or give "
-            "contacts coulomb or tresca."
+            "contacts friction (coulomb or tresca)."
         )
     falls = [it for it in materials.values() if is_divided(it) and not all_elastic([it])]
     if not falls and not rubs:

@@ -78,9 +78,9 @@ def _check_rings_meet(problem: Problem) -> None:
     rounding = 1e-9  # relative to the size of the bodies
     if largest > rounding * problem.bodies.size:
         raise InputError(
-            f"surfaces in contact have a radial gap of {largest:.3g}, but rings of different radii "
-            "have different areas; mesh the bodies without this gap, which does not change limit "
-            "loads, or give control = 'work' and until = 'limit'."
+            f"surfaces in contact have a radial gap of {largest:.3g}, but strict bounds need "
+            "contact surfaces of equal radius; mesh the bodies without this gap (limit loads do "
+            "not change), or give control = 'work' and until = 'limit'."
         )
 
 

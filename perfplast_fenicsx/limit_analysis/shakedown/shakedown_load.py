@@ -163,8 +163,8 @@ class ShakedownLoad(NotebookResult):
         names, corners = self.domain.names, self.domain.corners
         if len(names) > 2:
             raise InputError(
-                f"plot draws domains of one or two loads, but {len(names)} vary; to_dataframe() "
-                "returns all corners."
+                f"plot draws domains of one or two loads, but {len(names)} loads vary; "
+                "to_dataframe() returns all corners."
             )
         flat = np.column_stack([corners, np.zeros(len(corners))])[:, :2]
         turn = np.arctan2(*(flat - flat.mean(axis=0)).T[::-1])
@@ -294,7 +294,7 @@ def _check_bonds(problem: Problem) -> None:
     if problem.num_pairs or problem.friction.count:
         raise InputError(
             "shakedown superposes the elastic stresses of the separate loads, so bodies may "
-            "neither separate nor slide; replace contacts that stay closed by [[tie]] tables."
+            "neither separate nor slide; use [[tie]] tables in place of contacts that stay closed."
         )
     if problem.motion.moves_supports or problem.motion.driven:
         raise InputError(
@@ -360,7 +360,7 @@ def _search(
         if not varying.ratio(strains, varying.live) > 0:
             raise InputError(
                 "no varying load causes stress in a body that can yield, so nothing limits the "
-                "loads; give a yield stress to a body, or a load that is not zero."
+                "loads; give a yield stress to a loaded body, or give a load that is not zero."
             )
         steps: list[InteriorStep] = []
         iteration: InteriorIteration | None = None

@@ -252,8 +252,8 @@ def _value(tagged_mesh: TaggedMesh, load: SpreadLoad) -> Expr:
     numbers = [value for value in values if not isinstance(value, str)]
     if len(values) != expected or not np.isfinite(np.asarray(numbers, dtype=float)).all():
         raise InputError(
-            f"the {_kind(load)} on '{load.on}' is {load.value}, but it needs {expected} "
-            f"finite number{'s' if expected > 1 else ''}; correct its value."
+            f"the {_kind(load)} on '{load.on}' is {load.value}; give {expected} finite "
+            f"number{'s' if expected > 1 else ''}."
         )
     if isinstance(load, ForceBelow):
         return ufl.as_vector(values) * _below(tagged_mesh, load)

@@ -222,8 +222,8 @@ def _check_apart(bolt: Bolt, other: Bolt) -> None:
         )
     if bolt.called == other.called:
         raise InputError(
-            f"two bolts are called '{bolt.called}', on '{other.on}' and on '{bolt.on}'; give them"
-            " different names."
+            f"the bolts on '{other.on}' and '{bolt.on}' are both called '{bolt.called}'; give them "
+            "different names."
         )
 
 
@@ -250,9 +250,9 @@ def _unit_strain(tagged_mesh: TaggedMesh, spaces: Spaces, bolt: Bolt) -> fem.Fun
     if begin < low - rounding or end > high + rounding:
         low, high = (0.0 if abs(reach) <= rounding else reach for reach in (low, high))
         raise InputError(
-            f"the bolt '{bolt.called}' has its shank from {begin:g} to {end:g} along its axis, but "
-            f"the volume '{bolt.on}' extends from {low:.6g} to {high:.6g}; give a range without "
-            "head and nut."
+            f"the shank of the bolt '{bolt.called}' extends from {begin:g} to {end:g} along its "
+            f"axis, but the volume '{bolt.on}' only from {low:.6g} to {high:.6g}; give a range "
+            "inside the volume, without head and nut."
         )
     displacement, strain = fem.Function(V), fem.Function(S)
     ramp = np.clip((along - begin) / (end - begin), 0.0, 1.0)

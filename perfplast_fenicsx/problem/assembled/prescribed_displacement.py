@@ -154,9 +154,9 @@ def check_moved_surfaces(
         largest = max(farthest, np.abs(move).max())
         if (unseen & (along > ROUNDING * largest)).any():
             message = (
-                f"supports hold nodes of the contact surface '{name}' along its normal, but "
-                "supports or an obstacle move these nodes or the opposite side, so contact cannot "
-                "move the nodes; remove these nodes from the contact surface."
+                "supports prescribe the normal displacements of nodes of the contact surface "
+                f"'{name}', and these nodes or the opposite side move, so contact cannot prevent "
+                "an overlap there; remove these nodes from the contact surface."
             )
     raise_together(tagged_mesh.mesh.comm, message)
 
@@ -178,7 +178,8 @@ def check_moved_ties(V: fem.FunctionSpace, ties: Constraints, prescribed: Floats
     if V.mesh.comm.allreduce(apart, MPI.MAX) > ROUNDING * _farthest(V, prescribed):
         raise InputError(
             "a support moves nodes of a tied surface, so the other surface would have to follow; "
-            "remove these nodes from the support or from the tie, or give the support the value 0."
+            "remove these nodes from the support or from the tie, or set value = 0 for the "
+            "support."
         )
 
 

@@ -89,8 +89,9 @@ def rigid_bodies(
     """
     if tagged_mesh.axisymmetric:
         raise InputError(
-            "a body of revolution has law = 'rigid', which levels do not support; give law = "
-            "'elastic', and make young 1e5 times as large as in the adjacent bodies."
+            "a body of revolution has law = 'rigid', which is not supported where load levels are "
+            "solved; give law = 'elastic', and make young 1e5 times as large as in the adjacent "
+            "bodies."
         )
     count, of_node = _find(V, tagged_mesh, materials)
     rows = []
@@ -131,19 +132,19 @@ def check_touching(
         if moves(pair.primary) and moves(pair.secondary):
             raise InputError(
                 f"the surfaces '{pair.primary}' and '{pair.secondary}' both belong to bodies with "
-                f"law = 'rigid', and levels cannot determine the forces between them; {remedy}."
+                f"law = 'rigid', so load levels cannot determine the forces between them; {remedy}."
             )
     for obstacle in given.obstacles:
         if moves(obstacle.on):
             raise InputError(
-                f"the obstacle on '{obstacle.on}' touches a body with law = 'rigid', which levels "
-                f"do not support; {remedy}."
+                f"the obstacle on '{obstacle.on}' touches a body with law = 'rigid', which is not "
+                f"supported where load levels are solved; {remedy}."
             )
     for support in given.supports:
         if support.guides and moves(support.on):
             raise InputError(
-                f"components = 'normal' of the support on '{support.on}' is not supported in "
-                "levels for bodies with law = 'rigid'; give letters of axes."
+                f"components = 'normal' of the support on '{support.on}' is not supported for "
+                "bodies with law = 'rigid' where load levels are solved; give letters of axes."
             )
 
 
@@ -219,8 +220,9 @@ class _Body:
         message = None
         if comm.allreduce(apart, MPI.MAX) > rounding * most:
             message = (
-                "supports move nodes of a body with law = 'rigid', but not as a rigid motion; give "
-                "values that together form a rigid motion, or remove all but one of these supports."
+                "supports move nodes of a body with law = 'rigid' in a way that is not a rigid "
+                "motion; give values that together form a rigid motion, or remove all but one of "
+                "these supports."
             )
         raise_together(comm, message)
         holder = supported.holder[nodes]

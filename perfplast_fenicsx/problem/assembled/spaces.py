@@ -54,10 +54,7 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
     """
     degrees = (1, 2)
     if degree not in degrees or isinstance(degree, bool):
-        raise InputError(
-            f"degree = {degree!r} is not a degree of these elements; give 1 (linear) or 2 "
-            "(quadratic)."
-        )
+        raise InputError(f"degree = {degree!r} is not supported; give 1 (linear) or 2 (quadratic).")
     gdim, cell = mesh.geometry.dim, mesh.basix_cell()
     metadata = {"quadrature_degree": _accuracy(degree), "quadrature_scheme": "default"}
     dx = ufl.Measure("dx", domain=mesh, metadata=metadata)

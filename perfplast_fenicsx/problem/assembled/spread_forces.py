@@ -182,8 +182,8 @@ def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
     """
     if tagged_mesh.kinematics.whole and tagged_mesh.mesh.geometry.dim == 2:
         raise InputError(
-            f"the force on '{load.on}' acts on a surface of a body of revolution; give a "
-            "traction along the axis with total = true, or a pressure."
+            f"the force on '{load.on}' acts on a body of revolution, which is not supported; give "
+            "a traction along the axis with total = true, or a pressure."
         )
     gdim = tagged_mesh.mesh.geometry.dim
     what = f"of the force on '{load.on}'"

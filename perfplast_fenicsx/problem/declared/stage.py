@@ -51,7 +51,8 @@ class Stage:
         for name, factor in self.factors.items():
             if not math.isfinite(factor):
                 raise InputError(
-                    f"the factor of '{name}' is {factor}, which is not finite; give a number."
+                    f"the factor of '{name}' is {factor}, which is not finite; give a finite "
+                    "number."
                 )
             check_magnitude(f"the factor of '{name}'", factor)
 

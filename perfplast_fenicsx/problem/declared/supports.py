@@ -51,9 +51,9 @@ class Support:
         wanted = AXES[:gdim] if self.components == AXES else self.components
         if not wanted or set(wanted) - set(AXES[:gdim]) or len(set(wanted)) < len(wanted):
             raise InputError(
-                f"components = '{self.components}' of the support on '{self.on}' does not consist "
-                f"of different letters from '{AXES[:gdim]}'; write for instance components = 'x', "
-                "or 'normal' for the normal of a flat surface."
+                f"components = '{self.components}' of the support on '{self.on}' must contain only "
+                f"letters of '{AXES[:gdim]}', each at most once; write for instance components = "
+                "'x', or 'normal' for the normal of a flat surface."
             )
         return sorted(AXES.index(letter) for letter in wanted)
 
@@ -135,14 +135,14 @@ class RigidSurface:
             set(self.held) - set(AXES[:gdim]) or len(set(self.held)) < len(self.held)
         ):
             raise InputError(
-                f"held = '{self.held}' of the rigid surface '{self.on}' does not consist of "
-                f"different letters from '{AXES[:gdim]}'; write for instance held = 'x'."
+                f"held = '{self.held}' of the rigid surface '{self.on}' must contain only letters "
+                f"of '{AXES[:gdim]}', each at most once; write for instance held = 'x'."
             )
         told = Support(self.on, self.held if self.free else self.components)
         if told.guides:
             raise InputError(
-                f"components = 'normal' is for supports, not for the rigid surface '{self.on}';"
-                f" give letters in '{AXES[:gdim]}'."
+                "components = 'normal' applies only to supports, not to the rigid surface "
+                f"'{self.on}'; give letters of '{AXES[:gdim]}'."
             )
         return told.axes(gdim)
 

@@ -125,9 +125,9 @@ def _check_parted(
             others = {called(supports[i]) for i in np.unique(theirs)}
             for other in sorted(others - {called(support)}):
                 message = (
-                    f"the supports '{other}' and '{called(support)}' hold the same nodes "
-                    f"along {AXES[axis]}, but stages could move the supports differently; "
-                    "give both supports one name, or separate their surfaces."
+                    f"the supports '{other}' and '{called(support)}' hold the same nodes along "
+                    f"{AXES[axis]}, but stages could move the supports differently; give both "
+                    "supports the same name, or separate their surfaces."
                 )
     raise_together(problem.comm, message)
 

@@ -263,7 +263,7 @@ function faultsOfCase(value, schema, drawn) {
     if (typeof components !== "string" || components === "normal") return;
     const axes = ["x", "y", "z"].slice(0, drawn.dim);
     if (![...components].every((letter, at) => axes.includes(letter) && components.indexOf(letter) === at)) {
-      add(["support", k, "components"], `'${components}' does not consist of different letters from ${axes.join(", ")}; write for instance "x", or "normal"`);
+      add(["support", k, "components"], `'${components}' must contain only the letters ${axes.join(", ")}, each at most once; write for instance "x", or "normal"`);
     }
   });
   rows("load").forEach((row, k) => loadFaults(row, k, drawn, add, (names) =>

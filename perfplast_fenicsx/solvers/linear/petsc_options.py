@@ -221,8 +221,8 @@ def check_snes_vi(options: Options, kind: str = ACTIVE_SET) -> None:
             raise InputError(f"{told} at least one iteration is needed; give 1 or more.")
         if kind == ACTIVE_SET and not name.startswith("snes_"):
             raise InputError(
-                f"{told} SNES-VI uses the linear solver of all other steps; give '-{LINEAR}{name} "
-                f"{value}' for this solver."
+                f"{told} SNES-VI uses the same linear solver as all other steps; give "
+                f"'-{LINEAR}{name} {value}' for this solver."
             )
 
 

@@ -91,7 +91,7 @@ def make_subdomains(problem: Problem, wanted: int, exactly: bool = False) -> Sub
     if exactly and wanted < least:
         raise InputError(
             f"subdomains = {wanted} is less than {least}, the number of connected parts of bodies "
-            f"on {comm.size} ranks; give {least} or more, use fewer ranks, or remove subdomains."
+            f"on all ranks; give {least} or more, use fewer ranks, or remove subdomains."
         )
     pieces = np.empty(owned, dtype=np.int32)
     begun = 0

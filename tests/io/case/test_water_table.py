@@ -103,7 +103,7 @@ def test_units_have_their_unit_weight_of_water() -> None:
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ({}, "defines no water"),
+        ({}, "no water is defined"),
         ({"table": [[0, 5], [50, 5]]}, "from x = 0 to 50"),
         (
             {"table": [[0, -5], [60, -1]]},
