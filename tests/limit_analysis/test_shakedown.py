@@ -220,7 +220,11 @@ STAYS = Traction("top", (0.0, 0.0, 1.0), name="stays", constant=True)
         ([PULL], {"pull": [1.0, 1.0]}, r"\[1, 1\] is not a valid range for 'pull'"),
         ([PULL], {"pull": [1.0]}, r"\[1\] is not a valid range for 'pull'"),
         ([PULL], {"pul": [0.0, 1.0]}, "'pul' varies, but no load"),
-        ([PULL, STAYS], {"stays": [0, 1], "pull": [0, 1]}, "'stays' varies, but this load is constant"),
+        (
+            [PULL, STAYS],
+            {"stays": [0, 1], "pull": [0, 1]},
+            "'stays' varies, but this load is constant",
+        ),
         ([PULL, Pressure("top", 2.0)], {"pull": [0.0, 1.0]}, "the load 'top' has no range"),
         ([PULL], {str(i): [0.0, 1.0] for i in range(7)}, "there are 7 ranges"),
     ],
