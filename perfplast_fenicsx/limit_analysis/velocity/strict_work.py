@@ -432,36 +432,6 @@ def let_rest(problem: Problem, mechanism: fem.Function) -> None:
     v[:] = moving
 
 
-def keep_apart(problem: Problem, mechanism: fem.Function) -> None:
-    """Separate contact pairs by the penetration of slip along faces that are plane up to rounding.
-
-    Coordinates with twelve digits in a file make facets whose normals differ by 1e-11; these facets
-    count as one face. A body that slips along such a face penetrates some of its facets by the same
-    relative amount, which a checker does not accept. The function separates all pairs by the
-    largest penetration of a facet; the resulting volume changes count as rounding. If bodies would
-    still penetrate each other, the function changes no velocity. Collective.
-
-    Args:
-        problem: The bodies.
-        mechanism: A velocity with up-to-date ghosts; the function changes it.
-    """
-    least = 1e-9  # relative penetration above which rounding of points is not the cause
-    if not UNSEEN < _entered(problem, mechanism) <= least:
-        return
-    before, basis = mechanism.x.array.copy(), problem.basis
-    faces = list(face_jumps(problem, mechanism))
-    most = max((float(face.along.max(initial=0.0)) for face in faces), default=0.0)
-    jumps, moved = basis.T.createVecs()
-    jumps.array[basis.index] = -problem.comm.allreduce(most, MPI.MAX)
-    basis.T.mult(jumps, moved)
-    mechanism.x.array[: moved.getLocalSize()] += moved.array_r
-    mechanism.x.scatter_forward()
-    for vector in (jumps, moved):
-        vector.destroy()
-    if not _entered(problem, mechanism) <= UNSEEN:
-        mechanism.x.array[:] = before
-
-
 def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> MechanismRates:
     """Add a slow motion that dilates everywhere, if cells dilate too little because of rounding.
 
