@@ -23,7 +23,7 @@ from perfplast_fenicsx import (
     stacked_blocks,
     two_blocks,
 )
-from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.limit_analysis import (
     Scope,
     interior_point,
@@ -42,7 +42,6 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
 )
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import (
     let_dilate,
-    let_rest,
 )
 from perfplast_fenicsx.materials import deviator
 from perfplast_fenicsx.problem import Integral
@@ -70,14 +69,6 @@ def work(problem: Problem, v: fem.Function, radius: float) -> float:
     dx = ufl.Measure("dx", problem.tagged_mesh.mesh, metadata={"quadrature_degree": 20})
     dissipation = Integral(problem.comm, radius * ufl.sqrt(ufl.dot(d, d)) * dx)()
     return dissipation / problem.loads.alpha(v.x.petsc_vec)
-
-
-def upper_block(problem: Problem) -> tuple[PairFlags, Floats, float]:
-    """Return the local nodes of the upper block, all heights, and the height of the seam."""
-    of_node, height = problem.bodies.of_node, problem.V.tabulate_dof_coordinates()[:, 2]
-    upper = of_node == problem.comm.allreduce(int(of_node.max()), MPI.MAX)
-    low = problem.comm.allreduce(float(height[upper].min(initial=np.inf)), MPI.MIN)
-    return upper, height, low
 
 
 def compressed(where: str) -> Problem:
@@ -135,53 +126,6 @@ def test_ground_that_dilates_too_little_by_rounding(where: str) -> None:
     assert 1e-12 < most < 1e-9
     assert np.abs(v.x.array.reshape(problem.fixed.shape)[problem.fixed]).max(initial=0.0) < 1e-15
     assert entered_share(problem, v) < 1e-12
-
-
-def test_bodies_that_stay_rest() -> None:
-    """A motion due to rounding becomes zero, and a slow motion remains."""
-    problem = blocks_in_space()
-    v = fem.Function(problem.V)
-    upper, *_ = upper_block(problem)
-    values = v.x.array.reshape(problem.fixed.shape)
-    for slow, rests in ((1e-15, True), (1e-11, False)):
-        values[upper], values[~upper] = slow, (1.0, 0.0, 0.0)
-        let_rest(problem, v)
-        assert (np.abs(values[upper]).max(initial=0.0) < slow / 2) == (rests or not upper.any())
-        assert (values[~upper, 0] > 0.5).all()
-
-
-def test_a_body_whose_rounding_another_gives_way_to_keeps_it() -> None:
-    """At rest, this body would be penetrated by much, compared with the velocities there."""
-    problem = blocks_in_space()
-    upper, height, low = upper_block(problem)
-    v, slow = fem.Function(problem.V), 1e-14
-    values = v.x.array.reshape(problem.fixed.shape)
-    values[upper, 2] = slow
-    depth = np.round(low - height[~upper], 6)  # no rounding error at the seam
-    values[~upper, 2] = slow - depth  # the seam moves with it, the bottom moves down
-    let_rest(problem, v)
-    assert (values[upper, 2] > slow / 2).all()
-
-
-def test_others_give_way_to_a_body_at_rest_that_they_would_enter() -> None:
-    """The rounding errors are as large as the penetration, and velocities there are slow."""
-    problem = blocks_in_space()
-    upper, height, low = upper_block(problem)
-    v, rounding = fem.Function(problem.V), 1e-15
-    values = v.x.array.reshape(problem.fixed.shape)
-    values[upper, 2] = -rounding
-    values[~upper, 2] = rounding + (height[~upper] - low)  # the seam, where the bottom moves down
-    away = 1e-6 * (1 + height)  # all are slow along the seam; the largest velocity is far away
-    values[~upper, 0] = away[~upper]
-    before = entered_share(problem, v)
-    assert before is not None
-    assert before > 1e-10
-    assert entering_between_nodes(problem, v)
-    let_rest(problem, v)
-    assert np.abs(values[upper]).max(initial=0.0) < 1e-6 * rounding  # it rests
-    assert np.allclose(values[~upper, 0], away[~upper], rtol=1e-12, atol=0)
-    assert entered_share(problem, v) == pytest.approx(0, abs=1e-13)
-    assert not entering_between_nodes(problem, v)
 
 
 def on_a_rough_face(rough: float) -> Problem:

@@ -73,7 +73,6 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
 from perfplast_fenicsx.limit_analysis.velocity.strict_work import (
     gap_shares,
     let_dilate,
-    let_rest,
     strict_upper_bound,
 )
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
@@ -318,7 +317,6 @@ def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismR
     elif not are_provable(problem):
         upper = Bound(None, "upper", Scope.MESH, (NO_PROOF,))
     else:
-        let_rest(problem, limit.mechanism)
         rates = mechanism_rates(problem, limit.mechanism)
         rates = let_dilate(problem, limit.mechanism, rates)
         upper = strict_upper_bound(problem, limit.mechanism, question=question, rates=rates)

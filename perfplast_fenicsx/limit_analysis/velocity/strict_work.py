@@ -33,18 +33,12 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, PairFlags
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import has_coefficients
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
 from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, FacetLoads, bound_body
-from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
-    UNSEEN,
-    contact_facets,
-    face_jumps,
-    jump_vectors,
-    rows_of,
-)
+from perfplast_fenicsx.limit_analysis.facets.contact_facets import UNSEEN
 from perfplast_fenicsx.limit_analysis.facets.entering import (
     ENTERS,
     entered_share,
@@ -393,45 +387,6 @@ def _of_rings(
     return np.asarray(dissipation_of_rings(problem, mechanism, SUBDIVISIONS) - power)
 
 
-def let_rest(problem: Problem, mechanism: fem.Function) -> None:
-    """Set body velocities that are rounding errors to zero, unless this adds penetration.
-
-    Collective.
-
-    Because of rounding in the velocities of other bodies, a body at rest may penetrate a body that
-    it touches. The check divides this penetration by the small velocities of both bodies, and the
-    quotient is large. If zero velocities add penetration and no body penetrated another before, the
-    bodies keep their velocities. If there was penetration before, the function moves the other
-    bodies away from the bodies at rest. If penetration remains, the function restores all
-    velocities.
-
-    Args:
-        problem: The bodies.
-        mechanism: Velocity with updated ghosts; changed.
-    """
-    bodies, v = problem.bodies, mechanism.x.array.reshape(problem.fixed.shape)
-    largest = np.zeros(bodies.count)
-    np.maximum.at(largest, bodies.of_node, np.abs(v).max(axis=1, initial=0.0))
-    problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    # Limit relative to the largest velocity: some hundred rounding units, or about a tenth of the
-    # allowed penetration.
-    rounding = 1e-13
-    rests = largest <= rounding * largest.max(initial=0.0)
-    if not rests.any():
-        return
-    entered, moving = _entered(problem, mechanism), v.copy()
-    v[rests[bodies.of_node]] = 0.0
-    # Limit relative to the velocities at a facet: a tenth of the allowed penetration.
-    nothing = 1e-13
-    if _entered(problem, mechanism) <= max(min(entered, UNSEEN), nothing):
-        return
-    if entered > UNSEEN:
-        part(problem, mechanism, ~problem.fixed & ~rests[bodies.of_node][:, None])
-        if _entered(problem, mechanism) <= UNSEEN:
-            return
-    v[:] = moving
-
-
 def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> MechanismRates:
     """Add a slow motion that dilates everywhere, if cells dilate too little because of rounding.
 
@@ -502,54 +457,6 @@ def _stretch(problem: Problem) -> Floats:
     free = ~held | (last - first <= ADMISSIBLE * size)
     motion = np.where(stays | ~free, 0.0, x - np.where(held, first, least))
     return np.asarray(motion.ravel())
-
-
-def part(problem: Problem, mechanism: fem.Function, free: PairFlags) -> None:
-    """Remove penetration at contact surfaces that rounding has caused. Collective.
-
-    Args:
-        problem: The bodies and their contact, on straight cells.
-        mechanism: Velocity with updated ghosts; changed.
-        free: Flags of the velocity components of local nodes that may change, shape (num_nodes,
-            gdim).
-    """
-    constraints, gdim = problem.constraints, free.shape[1]
-    v, owned = mechanism.x.array.reshape(free.shape), problem.V.dofmap.index_map.size_local
-    on_nodes, on_rows = constraints.shares.createVecs()
-    room = np.zeros(len(constraints.host))  # |n|² of components that may change, on both sides
-    for axis in range(gdim):
-        on_nodes.array[:] = free[:owned, axis]
-        constraints.shares.mult(on_nodes, on_rows)
-        room += constraints.normal[:, axis] ** 2 * on_rows.array_r
-    rounds = 4  # at edges, a correction of one pair opens or closes another pair
-    for _ in range(rounds):
-        enters = np.divide(
-            _entering(problem, mechanism), room, out=np.zeros_like(room), where=room > 0
-        )
-        for axis in range(gdim):
-            on_rows.array[:] = enters * constraints.normal[:, axis]
-            constraints.weights.multTranspose(on_rows, on_nodes)
-            v[:owned, axis] -= np.where(free[:owned, axis], on_nodes.array_r, 0.0)
-        mechanism.x.scatter_forward()
-    for vector in (on_nodes, on_rows):
-        vector.destroy()
-
-
-def _entering(problem: Problem, velocity: fem.Function) -> Floats:
-    """Return the penetration of each pair; at midsides, half of the Bernstein coefficient.
-
-    Collective.
-    """
-    constraints = problem.constraints
-    enters = np.einsum("ni,ni->n", jump_vectors(problem, velocity), constraints.normal)
-    facets, host = contact_facets(problem), constraints.host
-    for face in face_jumps(problem, velocity):
-        middle = np.zeros(len(problem.fixed), dtype=bool)
-        middle[facets.edges(face.here)[:, 0]] = True
-        chosen = rows_of(problem, np.append(face.source, face.normal)) & middle[host]
-        enters[chosen] = face.w[host[chosen]] @ face.normal / 2  # 2 w_m − (w_a + w_b)/2
-    found: Floats = np.maximum(enters, 0.0)
-    return found
 
 
 def _entered(problem: Problem, velocity: fem.Function) -> float:
