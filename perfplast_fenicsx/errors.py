@@ -278,4 +278,4 @@ def nearest(word: object, known: Iterable[str]) -> str:
     """Return the remedy for an unknown word: the most similar known word, or all known words."""
     words = list(known)
     close = difflib.get_close_matches(str(word)[:100], words, n=1)
-    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words)}."
+    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(words) or 'none'}."

@@ -170,7 +170,7 @@ def run(
 def _log_interrupt(interrupted: Interrupted, kept: Any, again: str) -> None:
     """Log an interruption, with the command that continues the run or starts it again."""
     words = "solved levels are saved; continue" if kept else "no results are lost; start again"
-    log.warning("%s %s, %s with: %s", INTERRUPTED, interrupted, words, again)
+    log.warning("%s %s: %s with: %s", INTERRUPTED, interrupted, words, again)
 
 
 def _introduce(

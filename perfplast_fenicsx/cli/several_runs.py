@@ -410,7 +410,7 @@ def _written(
         if not save_sweep(rows, keys, title, output / PICTURE):
             log.info("no %s: values of '%s' are not numbers", PICTURE, keys[0])
     except OSError as error:
-        return f"'{output}' cannot be written: {error.strerror}."
+        return f"'{output}' cannot be written ({error.strerror}); give another folder with -o."
     return None
 
 

@@ -219,7 +219,7 @@ def test_footings(ground: TaggedMesh) -> None:
         ([RigidSurface("tp")], [], "'tp'"),
         ([RigidSurface("top", displacement=(0.0, 1.0, 0.0))], [], "displacement of the rigid"),
         ([RigidSurface("top", rotation=(1.0, 1.0))], [], "rotation of the rigid surface 'top'"),
-        ([RigidSurface("top", components="y")], [], "need a prescribed motion"),
+        ([RigidSurface("top", components="y")], [], "only to a prescribed motion"),
         ([RigidSurface("top", rotation=0.1)], [Force("top", (0.0, -1.0))], "motion is prescribed"),
         ([RigidSurface("top")], [Force("top", (0.0, 1.0, 0.0))], "value of the force on 'top'"),
         ([RigidSurface("top")], [Force("top", (0.0, 1.0), (1.0, 0.0))], "moment of the force"),

@@ -248,7 +248,7 @@ def parse(text: str, name: str) -> Table:
         elif isinstance(value, int) and value not in int64:
             raise InputError(
                 f"{name}: {key} = {hex(value)[:20]}... has {value.bit_length()} bits, but at most "
-                "64 are possible; write a smaller integer, or a number with an exponent such as "
+                "64 are supported; write a smaller integer, or a number with an exponent such as "
                 "1e30."
             )
     return table

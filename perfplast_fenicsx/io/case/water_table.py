@@ -275,7 +275,7 @@ class _Given:
             if self.outline.unnamed:
                 raise InputError(
                     f"{self.outline.unnamed}; draw a [[line]] along the surface under water, and "
-                    "set on to its name."
+                    "give on = the name of this line."
                 )
             plan = self.outline.plan
             edges = plan.points[plan.edges[self.outline.sides["surface"]]]
@@ -283,8 +283,8 @@ class _Given:
                 return []
         elif self.said.on is None:
             raise InputError(
-                "the key on is missing, and the case does not draw the ground; set on to the name "
-                'of the surface under water, or to "" if no water is above the ground.'
+                "on is missing, and the case does not draw the ground; give on = the name of the "
+                'surface under water, or on = "" if there is no water above the ground.'
             )
         elif not self.said.on:
             return []

@@ -181,9 +181,9 @@ def rigid_rows(
             continue
         if surface.components != AXES:
             raise InputError(
-                f"the rigid surface '{surface.on}' has components = "
-                f"'{surface.components}', which need a prescribed motion; give a "
-                "displacement or rotation, or remove components."
+                f"components = '{surface.components}' of the rigid surface '{surface.on}' applies "
+                "only to a prescribed motion; give a displacement or rotation, or remove "
+                "components."
             )
         leaders = find_leaders(V, tagged_mesh, surface.on)
         nodes = surface_nodes_of(V, tagged_mesh, surface.on)
