@@ -36,7 +36,7 @@ PLATES = (
     "anyway"
 )
 
-ROUND = "an obstacle is curved, but bounds of rigid blocks support only plane obstacles"
+ROUND = "an obstacle is curved, and bounds of rigid blocks support only plane obstacles"
 
 
 @dataclass(frozen=True, eq=False)
