@@ -216,13 +216,15 @@ def meshing_options(chosen: argparse.Namespace) -> MeshingOptions:
     """
     return MeshingOptions(
         size=chosen.size,
-        sizes=_pairs("--size-of", chosen.size_of, "a body with a size; write for example bolt=2.5"),
+        sizes=_pairs(
+            "--size-of", chosen.size_of, "a body with a size; write, for example, bolt=2.5"
+        ),
         curvature=chosen.curvature,
         without=chosen.without,
         order=chosen.order,
         meshed="apart" if chosen.apart else "together",
         shared="apart" if chosen.apart else "glued",
-        symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write for example x=0"),
+        symmetry=_pairs("--symmetry", chosen.symmetry, "a plane; write, for example, x=0"),
         overlap=chosen.overlap,
         close_gaps=chosen.close_gaps,
         patience=chosen.patience,

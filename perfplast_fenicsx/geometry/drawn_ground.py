@@ -378,7 +378,7 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
                 whose = f"another part of '{name}'" if name == other else f"'{other}'"
                 more = "" if name == other else f", or add this corner to {whose}"
                 raise InputError(
-                    f"'{name}' has the corner {place_of(points[p])}, which is {apart[p, s]:.3g}"
+                    f"'{name}' has a corner at {place_of(points[p])}, which is {apart[p, s]:.3g}"
                     f" away from {whose} at {place_of(nearest[p, s])}; give both points the"
                     f" same coordinates{more}."
                 )

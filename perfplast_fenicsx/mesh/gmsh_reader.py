@@ -443,7 +443,7 @@ def _surface_tags(
 
 
 def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
-    """Return facets and tags without repetition; in old files, each group repeats its facets."""
+    """Return facets and tags without repetition; old files list a facet once for each group."""
     rows = np.column_stack([np.sort(facets, axis=1), values])
     first = np.sort(np.unique(rows, axis=0, return_index=True)[1])
     return facets[first], values[first]

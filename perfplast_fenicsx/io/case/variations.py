@@ -39,7 +39,7 @@ def read_variation(text: str) -> Variation:
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
         raise InputError(
-            f"--vary {text} does not have the form KEY=VALUES; write for example "
+            f"--vary {text} does not have the form KEY=VALUES; write, for example, "
             "material.block.yield_stress=200:300:5 or load.live.pressure=1.0,1.5,2.0."
         )
     parts = values.split(":")
@@ -52,7 +52,7 @@ def read_variation(text: str) -> Variation:
     if len(parts) != 3 or not (math.isfinite(first) and math.isfinite(last) and number >= 2):
         raise InputError(
             f"--vary {text}: '{values}' does not have the form FROM:TO:NUMBER with NUMBER >= 2; "
-            "write for example 200:300:5."
+            "write, for example, 200:300:5."
         )
     step = (last - first) / (number - 1)
     inner = (first + i * step for i in range(1, number - 1))

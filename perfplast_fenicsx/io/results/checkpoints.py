@@ -87,7 +87,7 @@ def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
 
 
 def first_difference(now: Table, then: Table) -> str | None:
-    """Return in words the first difference between a case and an earlier case; None if equal.
+    """Describe the first difference between a case and an earlier case; None if they are equal.
 
     Additional load levels at the end do not count as a difference.
     """

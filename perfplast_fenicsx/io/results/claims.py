@@ -44,7 +44,8 @@ def proven_by(path: Path) -> dict[str, Checked]:
     """
     if path.is_symlink():
         raise InputError(
-            f"'{path}' is a link, which may lead to another folder; run the case again."
+            f"'{path}' is a symbolic link, which may lead to another folder; remove it and run the"
+            " case again."
         )
     try:
         return check(path)

@@ -68,7 +68,7 @@ class FactorRoots:
 
     @property
     def rtol(self) -> float:
-        """Return the relative distance of each bound to the best bound of its kind on its mesh."""
+        """Return the largest relative distance of a bound from the best bound on its mesh."""
         finer = 0.1  # ratio of the tolerance of μ to the tolerance of F
         return finer * self.tolerance
 

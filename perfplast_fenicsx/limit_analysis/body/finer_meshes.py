@@ -5,7 +5,7 @@ A mesh should be fine across slip bands, which the velocity shows, and across th
 bending parts, which the stress shows. Along the bands and parts it may be coarse.
 
 For plane meshes, the module defines the length of edges by the change of the solution along them.
-In slip layers, the velocity changes only across the layers. If principal stresses rotate about a
+Along slip lines, the velocity changes only across the line. If principal stresses rotate about a
 point, they change only with the angle around the point. Cells may be long in the direction in which
 the solution does not change. Of two edges of equal length, the edge with the larger change is
 longer in this metric.
@@ -226,7 +226,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
         [(found.stress[..., 0] - found.stress[..., 1]) / np.sqrt(2), found.stress[..., 3]], axis=2
     )
     of_stress = np.einsum("cni,cnj->cij", deviator, slopes)
-    more = 3.0  # weight of the stress, which must count also in fans with slip layers
+    more = 3.0  # weight of the stress, which must count also in fans with slip lines
     comm, apart = tagged_mesh.mesh.comm, np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     sizes = apart.max(axis=1)
     of_mechanism = _stretches(comm, of_velocity * sizes[:, None, None], u)

@@ -233,7 +233,9 @@ def body_cones(problem: Problem) -> BodyCones:
 
 @once_a_problem
 def whole_cones(problem: Problem) -> BodyCones:
-    """Return cones of all stress components, also the out-of-plane component. Not collective.
+    """Return the bodies' cones with all stress components, including the out-of-plane one.
+
+    Not collective.
 
     Raises:
         InputError: If the method does not support a body's yield set.

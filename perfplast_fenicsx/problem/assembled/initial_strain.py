@@ -252,7 +252,7 @@ def _unit_strain(tagged_mesh: TaggedMesh, spaces: Spaces, bolt: Bolt) -> fem.Fun
         raise InputError(
             f"the shank of the bolt '{bolt.called}' extends from {begin:g} to {end:g} along its "
             f"axis, but the volume '{bolt.on}' only from {low:.6g} to {high:.6g}; give a range "
-            "inside the volume, without head and nut."
+            "inside the volume that excludes the head and the nut."
         )
     displacement, strain = fem.Function(V), fem.Function(S)
     ramp = np.clip((along - begin) / (end - begin), 0.0, 1.0)

@@ -135,8 +135,8 @@ def create_stiffness(problem: Problem) -> PETSc.Mat:
 def _closed(T: PETSc.Mat) -> PETSc.Mat:
     """Return the transitive closure of T: which nodes follow which others in any number of steps.
 
-    For a single unknown, one step suffices. But another component of the same node may follow
-    further nodes, as on a rigid surface in contact. Collective. The function destroys ``T``.
+    A node follows another node in one step. But other components of the node that is followed may
+    follow further nodes, as on a rigid surface in contact. Collective. The function destroys ``T``.
     """
     closed = T.copy()
     while True:
