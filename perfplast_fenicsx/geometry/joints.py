@@ -40,7 +40,9 @@ def cut_along_each_other(
         _, images = gmsh.model.occ.fragment(solids, [])
     except Exception as error:  # gmsh raises no more specific exception
         raise InputError(
-            f"gmsh cannot divide the bodies at their common faces: {error}."
+            f"gmsh cannot divide the bodies at their common faces ({str(error).rstrip(' .')}); "
+            f"{'give a smaller close_gaps, or ' if close_gaps else ''}repair the geometry where "
+            "bodies touch or overlap."
         ) from error
     gmsh.model.occ.synchronize()
     owner: dict[int, int] = {}

@@ -198,7 +198,7 @@ def test_an_octahedron(signed: tuple[bool, ...]) -> None:
 @pytest.mark.parametrize(("around", "parts"), [((False, False), 1), ((True, False), 2)])
 def test_numbers_of_either_sign(around: tuple[bool, bool], parts: int, cube: Problem) -> None:
     """A quarter or half of the ellipse, and what is refused."""
-    with pytest.raises(InputError, match="one entry for each of 3"):
+    with pytest.raises(InputError, match="one entry for each of the 3"):
         envelope(cube, [[ACROSS], [ALONG], [ALONG]], around=around)
     with pytest.raises(InputError, match="envelope needs two or three"):
         envelope(cube, [[ACROSS]])
