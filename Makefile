@@ -50,7 +50,7 @@ verify-exact:
 verify-random:
 	PERFPLAST_EVERY_CASE=1 PERFPLAST_FUZZ=20 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_strictness.py
 	PERFPLAST_FUZZ=25 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_random_ground.py
-	PERFPLAST_FUZZ=42 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_random_statements.py
+	PERFPLAST_EVERY_CASE=1 PERFPLAST_FUZZ=42 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_random_statements.py
 	PERFPLAST_EVERY_CASE=1 PERFPLAST_FUZZ=2 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/combinations
 	PERFPLAST_FUZZ=10 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/functional/test_fuzz.py
 	PERFPLAST_FUZZ=50 $(RUN) python3 -m pytest -q $(BOTH_CORES) tests/contact/test_clipping.py

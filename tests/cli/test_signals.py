@@ -255,6 +255,7 @@ def test_a_full_disk(whole: tuple[Path, Path], tmp_path: Path) -> None:
     same_path(out / "results", whole[1])
 
 
+@pytest.mark.long(but=["arguments0"])
 @pytest.mark.parametrize("arguments", [["materials"], ["run", "case.toml", "-o", "results"]])
 def test_nobody_reads_to_the_end(
     whole: tuple[Path, Path], tmp_path: Path, arguments: list[str]

@@ -32,6 +32,7 @@ STRENGTH = 'loading.control = "strength"'
 LEFT = "direction = [-2.0, 0.0]"
 
 
+@pytest.mark.long
 def test_at_the_critical_coefficient_the_factor_of_safety_is_one(
     comm: MPI.Intracomm, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

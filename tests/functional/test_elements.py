@@ -190,7 +190,7 @@ def test_other_degrees_are_refused(degree: int) -> None:
         Problem(tagged_mesh, {}, degree=degree)
 
 
-@pytest.mark.long(but=["2"])
+@pytest.mark.long
 @pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.serial), 2])
 def test_a_plane_case_from_the_command_line(
     shared_tmp_path: Path, comm: MPI.Intracomm, order: int

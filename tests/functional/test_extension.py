@@ -84,6 +84,7 @@ def bar() -> str:
     return "\n".join([*lines, "g foot 0 1 2 3", "g head 8 9 10 11", ""])
 
 
+@pytest.mark.long
 def test_a_mesh_format_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None:
     """The limit load of the bar in tension is its yield stress."""
     install(tmp_path, "own_law", FORMAT, GROUP, "law = own_law")

@@ -83,6 +83,7 @@ def test_a_figure_that_is_none_is_refused(
         figures.cache_clear()
 
 
+@pytest.mark.long
 def test_ranks_refuse_a_figure_together(tmp_path: Path) -> None:
     """Only rank 0 looks into the folder, and the other rank does not wait for ever."""
     install(tmp_path, "own_figure", OWN, registry.GROUP, "steps = own_figure:CURVE")

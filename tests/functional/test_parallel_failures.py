@@ -218,7 +218,7 @@ def test_waits():
     assert "the run is ended: test_here.py::test_waits takes more than 2 s" in shown
 
 
-@pytest.mark.long(but=["2"])
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_nothing_runs_in_python_any_more(tmp_path: Path, ranks: int) -> None:
     """A library does not release the interpreter, like PETSc in a collective call."""

@@ -40,6 +40,7 @@ SEEDS = [
 ]
 
 
+@pytest.mark.long(but=["0", "1", "2", "3", "4"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_whatever_a_case_says(shared_tmp_path: Path, seed: int) -> None:
     try:

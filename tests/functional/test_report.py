@@ -319,6 +319,7 @@ def test_a_mechanism_has_the_colours_of_its_flow(tmp_path: Path, browser: Any) -
     page.changed(before)
 
 
+@pytest.mark.long
 @alone
 def test_the_bodies_from_four_sides(results: Path, browser: Any) -> None:
     """The four pictures differ, follow the settings, and turn the large picture."""

@@ -211,6 +211,7 @@ def test_a_search_for_the_limit_load_goes_on(
         comm.barrier()
 
 
+@pytest.mark.long
 def test_a_cycle_goes_on(
     comm: MPI.Intracomm,
     shared_tmp_path: Path,
@@ -249,6 +250,7 @@ def test_a_cycle_goes_on(
         np.testing.assert_allclose(last[name], expected[name], atol=1e-10 * size)
 
 
+@pytest.mark.long
 def test_a_search_without_a_path_begins_anew(
     comm: MPI.Intracomm, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

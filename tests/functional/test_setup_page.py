@@ -290,6 +290,7 @@ def test_the_page_says_what_mesh_warns_of(faulty: tuple[Path, str], browser: Any
     assert not any("alone holds" in line for line in page(LEFT))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_each_number_to_fill_in_is_missing(
     prop: Path, browser: Any, capsys: pytest.CaptureFixture[str]
@@ -664,6 +665,7 @@ def test_entries_are_marked_on_the_bodies(prop: Path, browser: Any) -> None:
     assert [line["message"] for line in browser.get_log("browser")] == []
 
 
+@pytest.mark.long
 def test_a_bore_is_told_from_a_shaft(faulty: tuple[Path, str], browser: Any) -> None:
     """The page says what a cylinder is; arrows of a pressure go from the axis to the wall."""
     page = SetupPage(browser, faulty[0])
@@ -1095,6 +1097,7 @@ def test_a_screen_reader_and_dark_colours_are_served(prop: Path, browser: Any) -
     assert page.part("done").text.startswith("Added: force on the whole face")
 
 
+@pytest.mark.long
 def test_what_was_clicked_is_not_called_chosen_after_its_entry(prop: Path, browser: Any) -> None:
     page = SetupPage(browser, prop / "setup.html")
     page.press("beam_x_low")
@@ -1130,6 +1133,7 @@ def test_a_click_chooses_a_line_of_a_plane_drawing(section: Path, browser: Any) 
     assert arrows[0::3, 1, 0] == pytest.approx(3, abs=1e-3)
 
 
+@pytest.mark.long
 def test_combinations_are_asked_for(prop: Path, browser: Any) -> None:
     page = SetupPage(browser, prop / "setup.html")
     page.drop(re.sub(r"\[\[combination\]\](.|\n)*?\n\n", "", rich(prop)))
@@ -1192,6 +1196,7 @@ def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
     assert page.case == before
 
 
+@pytest.mark.long
 def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
     """The page announces the loads, takes empty components as 0, and adds loads at the click."""
     page = SetupPage(browser, prop / "setup.html")
@@ -1236,6 +1241,7 @@ def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
     assert page("document.activeElement !== document.body")
 
 
+@pytest.mark.long
 def test_one_material_is_given_to_all_bodies(prop: Path, browser: Any) -> None:
     page = SetupPage(browser, prop / "setup.html")
     page.add("material", body="", material="s235")

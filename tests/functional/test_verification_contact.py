@@ -193,6 +193,7 @@ def test_divided_sphere_near_its_collapse(read: Read) -> None:
         assert max(step.active_set_iterations for step in level.iterations) <= 40
 
 
+@pytest.mark.long
 def test_a_ball_on_a_plane_needs_few_active_sets(read: Read) -> None:
     """One node touches at first, many finally: active sets shrink ring by ring, without cycles."""
     tagged_mesh = read(write_hertz_sphere, contact_size=0.015)
@@ -345,6 +346,7 @@ def test_shell_in_a_hollow_sphere(read: Read) -> None:
     assert recovery.resultants == pytest.approx(np.full((1, 3), force), rel=2e-3)
 
 
+@pytest.mark.long
 def test_ball_in_a_hollow_sphere_that_is_larger(read: Read) -> None:
     """The ball touches at one point, and only this point holds it along z."""
     problem = Problem(

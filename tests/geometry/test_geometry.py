@@ -94,6 +94,7 @@ Physical Curve("a_2_y_low") = {1};
 """
 
 
+@pytest.mark.long
 def test_groups_with_names(shared_tmp_path: Path) -> None:
     source, mesh = shared_tmp_path / "faces.geo", shared_tmp_path / "faces.msh"
     if MPI.COMM_WORLD.rank == 0:
@@ -115,6 +116,7 @@ Physical Surface("b") = {1};
 """
 
 
+@pytest.mark.long
 def test_bodies_apart(shared_tmp_path: Path) -> None:
     step = write(shared_tmp_path / "apart.step", lambda: pin_in_plate(beside=0.05))
     found = survey_of(step, shared_tmp_path / "apart.msh", MeshingOptions(size=10.0))
@@ -191,6 +193,7 @@ def test_no_geometry(shared_tmp_path: Path, name: str, content: str | None, says
     assert not mesh.exists()
 
 
+@pytest.mark.long
 def test_bodies_that_touch_along_an_edge(shared_tmp_path: Path) -> None:
     def two() -> None:
         gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
@@ -300,6 +303,7 @@ def test_names() -> None:
     assert names[5] == "nut"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not FOREIGN.exists(), reason="OpenCASCADE's data are not installed")
 def test_a_file_of_others_without_solids(shared_tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the faces enclose no volume"):
@@ -343,6 +347,7 @@ def test_faces_of_bodies_that_touch_are_sewn_to_several_solids(shared_tmp_path: 
     assert not any("enclose no solid" in remark for remark in found.remarks)
 
 
+@pytest.mark.long
 def test_faces_of_no_solid_are_told(shared_tmp_path: Path) -> None:
     def beside() -> None:
         gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
@@ -354,6 +359,7 @@ def test_faces_of_no_solid_are_told(shared_tmp_path: Path) -> None:
     assert any("faces with 25 % of the total area" in it for it in found.remarks)
 
 
+@pytest.mark.long
 def test_small_gaps_are_closed(shared_tmp_path: Path) -> None:
     """A plate lies over another plate, and a pin is too thin for its hole in the lower plate."""
 
@@ -409,6 +415,7 @@ def test_bodies_that_are_left_out(shared_tmp_path: Path) -> None:
         survey_of(step, mesh, MeshingOptions(without=sorted(bodies)))
 
 
+@pytest.mark.long
 def test_areas_are_right_to_one_percent(shared_tmp_path: Path) -> None:
     """With ten elements around the shaft, its ends would be 6.5 % too small."""
     step = write(shared_tmp_path / "shaft.step", lambda: gmsh.model.occ.addCylinder(*SHAFT))

@@ -224,6 +224,7 @@ def test_constant_loads_that_are_too_much(shared_tmp_path: Path, live: tuple[flo
     assert np.isinf(mesh.lower)
 
 
+@pytest.mark.long
 def test_a_growing_load_where_nothing_moves(shared_tmp_path: Path, read: Read) -> None:
     """A cut cannot carry its weight; a growing pressure acts on ground that does not move then."""
     ground = read(write_vertical_cut, size=0.2, width=1.5, depth=0.5)

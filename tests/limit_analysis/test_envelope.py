@@ -241,6 +241,7 @@ SHOVE = Force("strip", (1.0, 0.0), point=(2.0, 1.0))
 TURN = Force("strip", (), 0.2, point=(2.0, 1.0))
 
 
+@pytest.mark.long
 def test_forces_on_a_rigid_footing() -> None:
     found = envelope(footing(PUSH), [[PUSH], [SHOVE]], directions=5, until=0.01)
     is_around(found, green, 90.0)

@@ -83,6 +83,7 @@ def test_strengths_beyond_what_rounding_resolves_are_said() -> None:
     assert "'layer0', 1e+15 times as strong as the weakest body; give it law = \"elastic\"" in words
 
 
+@pytest.mark.long
 def test_a_weak_body_that_bears_nothing_spoils_no_bound() -> None:
     """Beside a column of strength 1, the other may have 1e-3 or less; both once counted as 1e-3."""
     found = [both(limit_bounds(columns([weak, 1.0]))) for weak in (1e-2, 1e-3, 1e-4)]

@@ -167,6 +167,7 @@ def wet_slope(read: Read, *more: Load) -> Problem:
     return Problem(mesh, {"soil": ground}, supports, [weight, *more], degree=2)
 
 
+@pytest.mark.long
 def test_kinks_in_cells_leave_bounds_strict(read: Read, shared_tmp_path: Path) -> None:
     """The lower bound uses a function above, the upper bound one below. Earlier it was refused."""
     problem = wet_slope(read, PorePressure("soil", KINKED))

@@ -372,6 +372,7 @@ def test_factor_of_safety_of_stones(shared_tmp_path: Path) -> None:
         assert f"Strengths are divided by F = {factor:.9g}" in " ".join(half.words)
 
 
+@pytest.mark.long
 def test_factor_of_safety_of_an_arch_and_of_joints_that_dilate_less() -> None:
     """A pushed arch fails by hinges or slip; without dilatancy there is only an upper bound."""
     arch = factor_of_safety(staying(oppenheim(), 0.2), 1e-2)

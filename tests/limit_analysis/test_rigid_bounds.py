@@ -83,6 +83,7 @@ def test_half_of_it(shared_tmp_path: Path) -> None:
     assert bounds.lower.value <= PRANDTL / 2 <= bounds.upper.value
 
 
+@pytest.mark.long
 def test_loads_that_turn_and_push(shared_tmp_path: Path) -> None:
     """A moment or a horizontal load, in either direction, reduces the load on a footing."""
     plain = limit_bounds(footing(at((0.0, -1.0))), 1e-3)

@@ -277,6 +277,7 @@ def test_ground_dilates_by_enough_between_the_coefficients() -> None:
     assert power == pytest.approx(found.upper.value, rel=2e-2)
 
 
+@pytest.mark.long
 def test_a_sphere_by_polygons(read: Read) -> None:
     """The bounds hold for the polygonal body, whose corners lie on both spheres."""
     mesh = read(write_thick_tube, outer=2.0, size=0.15).turned()
@@ -288,6 +289,7 @@ def test_a_sphere_by_polygons(read: Read) -> None:
     assert found.lower.value == pytest.approx(exact, rel=1e-2)
 
 
+@pytest.mark.long
 def test_constant_pressure_beside_a_growing_one() -> None:
     alone, beside = limit_bounds(column()), limit_bounds(column(0.5))
     assert beside.strict
@@ -298,6 +300,7 @@ def test_constant_pressure_beside_a_growing_one() -> None:
     assert beside.lower.value < beside.upper.value < alone.upper.value + 0.5
 
 
+@pytest.mark.long
 def test_friction_bears_more_the_more_there_is() -> None:
     found = [limit_bounds(disc(2, tresca=c)) if c else limit_bounds(disc(2)) for c in (0.0, 0.5)]
     assert all(it.strict for it in found)

@@ -115,6 +115,7 @@ def test_a_block_that_slides_in_space() -> None:
     assert exact * (1 - 1e-9) <= upper < exact * (1 + 1e-3)
 
 
+@pytest.mark.long
 def test_a_rough_floor() -> None:
     """A plane with friction has the same bounds as a platen that is a body."""
     mesh = rectangle(
@@ -171,6 +172,7 @@ def test_drucker_up_and_down_a_slope(slope: float) -> None:
     assert bounds.upper.value == pytest.approx(exact, rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_path_knows_adhesion_beside_friction() -> None:
     """Statics, μN + cA, by the iteration for Coulomb friction."""
     path = limit_load(pushed(2, coulomb=0.3, tresca=1.0), 1e-5)

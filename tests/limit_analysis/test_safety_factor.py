@@ -354,6 +354,7 @@ def test_wide_tolerances(read: Read, tolerance: float) -> None:
     assert found.lower < found.upper < (1 + 3 * tolerance) * found.lower
 
 
+@pytest.mark.long
 def test_joints_are_reduced_as_bodies_are() -> None:
     """F q sin cos = c + μ q cos² on the cut of a column under a constant pressure q."""
     mu, c, q = 0.4, 1.0, 2.0

@@ -109,6 +109,7 @@ def test_a_bar_pulled_and_pushed(comm: MPI.Intracomm) -> None:
     assert alone.first_yield == pytest.approx(Y, rel=1e-8)
 
 
+@pytest.mark.long
 def test_frictional_ground(comm: MPI.Intracomm) -> None:
     """Two corners of uniaxial stress limit the load, each at its yield stress."""
     law = DruckerPrager(2e5, 0.3, cohesion=1.0, friction_angle=20.0, match="compression")
@@ -174,6 +175,7 @@ def test_heat_in_ground(angle: float, comm: MPI.Intracomm) -> None:
     assert found.failure == (Failure.BOTH if angle else Failure.ALTERNATING)
 
 
+@pytest.mark.long
 def test_a_diagram(comm: MPI.Intracomm) -> None:
     """Two independent tractions on one face together carry Y."""
     one = Traction("top", (0.0, 0.0, 1.0), name="one")

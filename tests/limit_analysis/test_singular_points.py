@@ -101,6 +101,7 @@ def test_fans_where_a_load_ends_are_long(read: Read) -> None:
     assert np.count_nonzero(np.concatenate(angles) < 7.5) >= 12
 
 
+@pytest.mark.long
 def test_fans_are_narrower_the_nearer_bounds_are(read: Read) -> None:
     """Cells span 7.5°, then half of this angle for gaps below 0.4 %, and again below 0.1 %."""
     ground = read(write_strip_footing, width=3.0, depth=2.0, grading=1.0, size=1.0)

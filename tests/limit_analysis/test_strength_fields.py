@@ -308,6 +308,7 @@ def test_a_random_field_of_a_file(shared_tmp_path: Path) -> None:
     assert 2 * float(values_of.min()) <= low <= high
 
 
+@pytest.mark.long
 def test_a_formula_that_is_constant_is_a_number() -> None:
     bounds = [
         limit_bounds(square("mohr-coulomb", strength, 1.0), 1e-6)

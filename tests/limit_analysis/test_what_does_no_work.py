@@ -61,6 +61,7 @@ def test_limit_load_and_bounds_are_those_without(what: str) -> None:
     assert found.upper == pytest.approx(expected.upper, rel=1e-6)
 
 
+@pytest.mark.long(but=["a press fit"])
 @pytest.mark.parametrize("what", ["a settlement", "a press fit", "a temperature"])
 def test_strict_bounds_are_those_without(what: str) -> None:
     expected, found = limit_bounds(blocks(), 1e-3), limit_bounds(blocks(**STAYS[what]), 1e-3)

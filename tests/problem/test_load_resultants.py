@@ -149,6 +149,7 @@ def test_statics(name: str) -> None:
     assert_static(problem, limit_forces(problem, interior_point(problem)))
 
 
+@pytest.mark.long
 def test_statics_on_the_mesh_that_bounds_divide() -> None:
     problem = cantilevers([Traction("top", (0.0, 0.0, -1.0))])
     found = limit_bounds(problem, 1e-2)
@@ -163,7 +164,8 @@ def test_statics_on_the_mesh_that_bounds_divide() -> None:
     assert of_body.zeta == pytest.approx(found.lower.value, rel=DIGITS)
 
 
-@pytest.mark.mpi2("a force and a moment")
+@pytest.mark.long(but=["weight", "rollers", "plane strain"])
+@pytest.mark.mpi2("weight")
 @pytest.mark.parametrize("name", ["a force and a moment", "weight", "rollers", "plane strain"])
 def test_statics_of_a_lower_bound(name: str) -> None:
     """The stress that proves the bound is in equilibrium with the loads and each support."""

@@ -96,6 +96,7 @@ def test_up_to_the_limit_and_beyond(mesh: TaggedMesh) -> None:
     assert re.search("above the limit load", reason), reason
 
 
+@pytest.mark.long
 def test_a_pin_that_is_pressed_rolls_and_rubs(mesh: TaggedMesh) -> None:
     """Linearisations of friction cycle; the condensed program does not."""
     level = Newton(held(mesh, PRESSED, coulomb=0.2)).solve(50.0)
