@@ -73,7 +73,8 @@ def check_resolution(rtol: float, solver: WorkNewton) -> None:
     """Refuse a tolerance that is too small to distinguish sliding bodies from bodies at rest.
 
     Args:
-        rtol: Relative difference of both loads at which the search ends.
+        rtol: Relative difference between the refused and the carried load at which the search
+            ends.
         solver: Solver of the path.
 
     Raises:
@@ -146,7 +147,8 @@ class _Path:
 
     Attributes:
         solver: Solver of levels with prescribed work.
-        rtol: Relative difference of both loads at which the search ends.
+        rtol: Relative difference between the refused and the carried load at which the search
+            ends.
         search: Results so far, for a restart.
         monitor: Called after each iteration.
         on_level: Called after each level that carries its load.

@@ -160,13 +160,14 @@ def adaptive_bounds(
 ) -> AdaptiveBounds:
     """Return bounds on the limit load on successively refined meshes. Collective.
 
-    The refinement also ends if the next mesh does not fit into memory.
+    The refinement ends as ``adaptation`` requires, or if the next mesh does not fit into memory.
 
     Args:
         problem: The bodies and their loads, on the first mesh.
         adaptation: Stopping criterion of the refinement; by default ``Adaptation()``.
-        rtol: Relative distance of each bound to the best bound of its kind on its mesh. If a
-            twentieth of the gap so far is larger, the function uses this value, up to 2 %.
+        rtol: Largest relative distance of each bound from the best bound of its kind on its mesh.
+            If a twentieth of the gap so far is larger, the function uses this larger value, up to
+            2 %.
         monitor: Called on every rank after each mesh.
         steps: Called on every rank after each step of the interior point method.
         design: Load factor of the design load, for ``until = "decided"``.
@@ -268,7 +269,7 @@ def nearness(rtol: float, gap: float | None) -> float:
         rtol: Relative tolerance of the bounds.
         gap: Relative gap between the bounds so far; None if a bound is missing.
     """
-    share, most = 0.05, 0.02  # fraction of the gap; a finer mesh at best halves the gap
+    share, most = 0.05, 0.02  # fraction of the gap, as a finer mesh at best halves the gap
     return max(rtol, min(share * gap, most)) if gap is not None else rtol
 
 
@@ -285,7 +286,7 @@ def least_load(
 
     Args:
         problem: The bodies and their loads.
-        rtol: Relative distance of each bound to the best bound of its kind on its mesh.
+        rtol: Largest relative distance of each bound from the best bound of its kind on its mesh.
         adaptation: Adaptation of the mesh for the least load factor; None to use the mesh of the
             problem.
         steps: Called on every rank after each step of the interior point method.
@@ -309,7 +310,9 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
     Collective.
 
     The function seeks a lower bound for the reversed live loads on the mesh of the problem. If
-    there is no lower bound of at least 0, the bodies may collapse.
+    there is no lower bound of at least 0, the bodies may collapse. The result is False if the
+    question does not arise: without permanent or live loads, for live loads that cannot be
+    reversed, and if ``body`` contains no strict bound of a load factor.
 
     Args:
         problem: The bodies and their loads.

@@ -43,7 +43,7 @@ WITHOUT_FRICTION = (
 
 
 def are_blocks(problem: Problem) -> bool:
-    """Return whether no body can yield and some bodies are in contact. Collective."""
+    """Return whether no body can yield and there are contacts or obstacles. Collective."""
     touch = problem.given.contacts or problem.given.obstacles
     cones = body_cones(problem).cones
     return bool(touch) and not any(it.yields for it in cones)
@@ -64,7 +64,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
 
     Args:
         problem: The bodies and their loads; :func:`are_blocks` must be true for them.
-        rtol: Relative distance of each bound to the best bound of its kind.
+        rtol: Largest relative distance of each bound from the best bound of its kind.
 
     Raises:
         InputError: If :func:`check_blocks` refuses the joints, if no joint forces balance the
@@ -138,7 +138,7 @@ def _told(
 
 
 def _bound(kind: str, outcome: Outcome, value: float) -> Bound:
-    """Return the bound that a linear program gives."""
+    """Return the bound that a linear program gives; a bound without a value has a reason."""
     if outcome is Outcome.FOUND:
         return Bound(value, kind, Scope.BODY)
     why = ANY_FACTOR if outcome is Outcome.UNBOUNDED else WITHOUT_FRICTION

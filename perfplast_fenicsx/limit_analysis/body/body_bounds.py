@@ -147,7 +147,7 @@ class LeastLoad:
 
     @property
     def none_below(self) -> float | None:
-        """Return the load factor below which the bodies provably carry no load; None if unknown."""
+        """Return a proven lower bound on the least load factor; None if there is no such bound."""
         bound = self.high.limits[1]
         return -bound.value if bound.strict and bound.value is not None else None
 
@@ -177,7 +177,7 @@ class BodyBounds(NotebookResult):
         problem: Problem on whose mesh the mechanism is given. In 3D its cells are split from their
             centres.
         lower: Lower bound on the load factor.
-        upper: Upper bound.
+        upper: Upper bound on the load factor.
         mechanism: Velocity v of the upper bound, with L(v) = 1; zero if there is no mechanism.
         by_flux: In axisymmetry, the velocity v = ru (:mod:`ring_flux`), to which the upper bound
             belongs.
@@ -480,7 +480,7 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
             )
         elif apart > wide:
             # Relative cost of bounds with half the element size, by dimension. There are 4 or 8
-            # times as many cells, and the cost of the factors grows faster than the number of
+            # times as many cells, and the cost of a factorisation grows faster than the number of
             # cells.
             longer = {2: (4, 8), 3: (15, 50)}
             # Relative cost of bounds on several meshes. The last mesh has twice as many cells as

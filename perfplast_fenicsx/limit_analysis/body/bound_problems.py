@@ -45,9 +45,9 @@ class FlowProblem:
     """The problem for which a mechanism is sought.
 
     Attributes:
-        problem: The problem. In 3D its cells are split from their centres; in axisymmetry its
-            unknown is v = ru (:mod:`ring_flux`); for dilating bodies the flow rule is imposed at
-            the vertices.
+        problem: The problem. With quadratic elements on straight cells, 3D cells are split from
+            their centres, the unknown in axisymmetry is v = ru (:mod:`ring_flux`), and the flow
+            rule of dilating bodies is imposed at the vertices.
         split: The mesh of split cells; None without a split.
     """
 
@@ -173,7 +173,7 @@ def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:
 
 
 def of_parts(values: Floats, split: AlfeldSplit) -> Floats:
-    """Return values by cell, shape (num_cells, d + 1, ...), as values of the split mesh's cells."""
+    """Return values of each cell's parts, (num_cells, d + 1, ...), by cell of the split mesh."""
     chosen: Floats = values[split.parents, _places(split)]
     return chosen
 
@@ -210,8 +210,9 @@ def with_divided_interfaces(problem: Problem) -> Problem:
     between the new and the old bodies.
 
     Args:
-        problem: The problem. It is returned unchanged in 3D, on curved cells, and if surfaces
-            neither lie on each other nor are polygons of one curve.
+        problem: The problem. It is returned unchanged without contacts and ties, in 3D, on curved
+            cells, if its loads are not the declared loads, and if surfaces neither lie on each
+            other nor are polygons of one curve.
 
     Raises:
         InputError: If a cell is so thin that moving its facet to the polygon would fold the cell.
@@ -236,7 +237,8 @@ def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMe
     ends = one.reshape(-1, 2), other.reshape(-1, 2)
     away = farthest(one, ends[1]), farthest(other, ends[0])
     moved = 0.0 if None in away else max(it for it in away if it is not None)
-    # Distance by which rounding moves vertices off straight surfaces, relative to their length.
+    # The limit is the distance by which rounding moves vertices off a straight surface, relative
+    # to the size of the surface.
     size = max((float(it.max() - it.min()) for it in ends if len(it)), default=0.0)
     bent = moved > 1e-8 * size
     finer = divided(tagged_mesh, primary, ends[1], one if bent else None)
@@ -276,7 +278,8 @@ def with_glued_ties(problem: Problem) -> Problem:
     cells that share a facet.
 
     Args:
-        problem: The bodies. They are returned unchanged if ties do not match or cells are curved.
+        problem: The problem. It is returned unchanged without ties, if the facets of a tie do not
+            match, on curved cells, and if its loads are not the declared loads.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     if not given.ties or not problem.as_declared or has_curved_cells(tagged_mesh.mesh):

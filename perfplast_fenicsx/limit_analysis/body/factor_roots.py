@@ -29,7 +29,7 @@ None if it was not found, and ∞ if μ seems to be unbounded.
 """
 
 STEP = 1.3
-"""Ratio of consecutive F if a bound of μ is unknown, or if fewer than two values are known."""
+"""Ratio of consecutive F while μ is unknown. A secant changes F at most by its third power."""
 
 
 @dataclass
@@ -73,7 +73,7 @@ class FactorRoots:
         return finer * self.tolerance
 
     def of_mesh(self) -> float:
-        """Return an estimate of the root F of the mesh's own μ, and set the slope of μ there."""
+        """Return an estimate of the root F of the mesh's own μ, and store the steepness of μ."""
         known: dict[float, float] = {}
         factor, strong, near = 1.0, 0.0, 1.05
         for _ in range(MOST_SEARCHES):
@@ -135,10 +135,11 @@ class FactorRoots:
         known_elsewhere: float | None = None,
         other_side: float | None = None,
     ) -> float | None:
-        """Return the factor F at which a bound of μ is 1, on the safe side of the root. Collective.
+        """Return a proven factor F close to the root of one kind of bound of μ. Collective.
 
-        The function returns None if no strict bound was found. Values that are not strict also
-        guide the search, but the function never returns their factors.
+        The factor lies on the safe side of the root, at which the bound is 1. The function returns
+        None if no strict bound proves a factor. Bounds that are not strict also guide the search,
+        but the function never returns their factors.
 
         Args:
             kind: "lower" or "upper".
@@ -292,7 +293,10 @@ def _known(found: dict[float, BodyBounds], kind: str) -> tuple[dict[float, float
 
 
 def _steepness(known: dict[float, float], guess: float) -> float:
-    """Return |d ln μ/d ln F| between the two values next to μ = 1; the guess without two values."""
+    """Return |d ln μ/d ln F| between the two values nearest to μ = 1, at least 1.
+
+    The function returns the guess if fewer than two values are known.
+    """
     pair = sorted(known, key=lambda factor: abs(known[factor]))[:2]
     if len(pair) < 2:
         return guess
@@ -301,7 +305,7 @@ def _steepness(known: dict[float, float], guess: float) -> float:
 
 
 def _next(known: dict[float, float], aim: float, guess: float) -> float:
-    """Return the F at which ln μ has the target value, by a secant through the nearest values."""
+    """Return an estimate of the F at which ln μ equals ``aim``, by a secant of the known ln μ."""
     nearest = min(known, key=lambda factor: abs(known[factor] - aim))
     change = (known[nearest] - aim) / _steepness(known, guess)
     most = 3 * math.log(STEP)

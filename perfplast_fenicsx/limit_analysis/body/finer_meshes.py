@@ -2,10 +2,10 @@
 
 For 3D meshes, the module computes the directions in which velocity and stress change in each cell.
 A mesh should be fine across slip bands, which the velocity shows, and across the thickness of
-bending parts, which the stress shows. Along the bands and parts it may be coarse.
+bending parts, which the stress shows. Along the bands and parts, the mesh may be coarse.
 
 For plane meshes, the module defines the length of edges by the change of the solution along them.
-Along slip lines, the velocity changes only across the line. If principal stresses rotate about a
+At slip lines, the velocity changes only across the lines. If principal stresses rotate about a
 point, they change only with the angle around the point. Cells may be long in the direction in which
 the solution does not change. Of two edges of equal length, the edge with the larger change is
 longer in this metric.
@@ -42,7 +42,7 @@ from perfplast_fenicsx.spatial_fields import PointValues
 
 
 def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
-    """Return flags of the cells with the largest contributions, up to a given part of the sum.
+    """Return flags of the cells whose large contributions make up a given part of the sum.
 
     Collective.
 
@@ -70,9 +70,9 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
 
     Collective.
 
-    The dissipation is that of the multipliers. In 2D the marked cells have the given part of the
-    sum of gap and dissipation. Each of the two is divided by its total, and the dissipation has
-    half weight.
+    The dissipation is the dissipation of the lower bound's multipliers. In 2D the marked cells have
+    the given part of the sum of gap and dissipation. In this sum, each of the two is divided by its
+    total, and the dissipation has half weight.
 
     Args:
         problem: The bodies with their loads.
@@ -106,7 +106,7 @@ def to_refine(problem: Problem, found: BodyBounds, part: float) -> npt.NDArray[n
 
 
 def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
-    """Return contributions relative to their sum, without negative contributions. Collective."""
+    """Return contributions divided by their sum; negative contributions count as 0. Collective."""
     shares = np.maximum(shares, 0.0)
     whole = comm.allreduce(float(shares.sum()))
     return shares / whole if whole > 0 else shares
@@ -118,8 +118,8 @@ def directions_of_change(found: BodyBounds) -> Floats:
     Collective.
 
     The function takes gradients of fields that are linear in each cell. The values of the fields at
-    the corners are the velocity, and the mean stress of the surrounding cells. Without a stress
-    only the velocity counts.
+    the corners are the velocity, and the deviator averaged over the surrounding cells. Without a
+    stress, the function returns only the gradient of the velocity.
 
     Args:
         found: Bounds with a mechanism; its velocity is zero if no mechanism was found.
@@ -234,7 +234,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
 
 
 def _stretches(comm: MPI.Intracomm, changes: Floats, values: Floats) -> Floats:
-    """Return GᵀG of gradients G, scaled to eigenvalues 1 and at least 1/64.
+    """Return GᵀG of gradients G, scaled to a largest eigenvalue of 1, the smallest at least 1/64.
 
     Collective.
 
@@ -325,7 +325,7 @@ def _wanted(now: int, gap: float | None, adaptation: Adaptation) -> tuple[float,
 
     Args:
         now: Number of cells of this mesh.
-        gap: Gap of the best bounds so far.
+        gap: Relative gap of the best bounds so far; None if one of them is missing.
         adaptation: The adaptation, with its limits.
     """
     growth, steady = 2.0, 1.5
@@ -350,12 +350,12 @@ def refined(
     Args:
         problem: The bodies with their loads.
         marked: Marks of the owned cells.
-        found: Bounds on the mesh. In 2D, cells become long where mechanism or stress changes in one
-            direction only. In 3D, bisection cuts the edges along which velocity and stress change.
-            Cells at singular edges with the largest loss of the lower bound become fans instead of
-            being refined, because faces in more directions reduce this loss.
+        found: Bounds on the mesh, if known. In 2D, cells become long where mechanism or stress
+            changes in one direction only. In 3D, bisection cuts the edges along which velocity and
+            stress change. Cells at singular edges with the largest loss of the lower bound become
+            fans instead of being refined, because faces in more directions reduce this loss.
         cells: Largest number of cells of the mesh. In 2D, fans of long cells are created at once if
-            they add less than a fourth of this number, and otherwise gradually with each mesh.
+            they add at most a fourth of this number, and otherwise gradually with each mesh.
     """
     given, tagged_mesh = problem.given, problem.tagged_mesh
     in_space = problem.bodies.gdim == 3
@@ -402,7 +402,9 @@ def _with_long_fans(
     metric: Floats | None,
     gap: float | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], npt.NDArray[np.bool_], Floats | None]:
-    """Return a plane mesh with fans of long cells, with marks, rigid cells and metric. Collective.
+    """Return a plane mesh with fans of long cells, its marks, its rigid cells and its metric.
+
+    Collective.
 
     Cells that become parts of fans lose their mark, because refinement would shorten them.
     """
@@ -428,14 +430,16 @@ def _with_fans(
     dissipation: Floats,
     changes: Floats | None,
 ) -> tuple[TaggedMesh, npt.NDArray[np.bool_], Floats | None]:
-    """Return a 3D mesh with fans at the marked cells that need them. Collective.
+    """Return a 3D mesh with fans around singular edges that cause most of the dissipation.
+
+    Collective. Without such edges, the function returns the given mesh.
 
     Returns:
         The mesh, the remaining marks of its owned cells, and their directions of change.
     """
     comm, given, tagged_mesh = problem.comm, problem.given, problem.tagged_mesh
-    most = 0.5  # share of the multipliers' dissipation, which often lies in few cells
-    nearly = 0.5  # part of this share that must be at such edges; otherwise cell size matters too
+    most = 0.5  # share of the multipliers' dissipation; the cells with this share are often few
+    nearly = 0.5  # part of this share that must lie at singular edges to make fans worthwhile
     valence = 12  # wanted number of cells around each edge
     few = largest_shares(comm, dissipation, most)
     edges = singular_edges(tagged_mesh, given, valence) & few[:, None]

@@ -193,7 +193,7 @@ class Halves:
 
 
 def pays(below: Problem, above: Problem) -> bool:
-    """Return whether both bounds in parallel are faster and fit into memory. Collective.
+    """Return whether computing both bounds in parallel is faster and fits into memory. Collective.
 
     The limits were measured with benchmarks/halves_at_once.py.
     """
@@ -221,7 +221,7 @@ def halves_at_once(below: Problem, above: Problem, rtol: float, monitor: Steps) 
     Args:
         below: The bodies of the lower bound.
         above: The bodies of the upper bound, on the same mesh.
-        rtol: Relative distance of each bound to the best bound of its kind on this mesh.
+        rtol: Largest relative distance of each bound from the best bound of its kind on this mesh.
         monitor: Called on both ranks after each step of either rank.
 
     Returns:

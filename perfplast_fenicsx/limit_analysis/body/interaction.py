@@ -98,11 +98,11 @@ class Envelope(NotebookResult):
     last: BodyBounds
 
     def inner(self, *angles: float) -> float:
-        """Return the carried distance along a ray (degrees); −inf if it is unknown."""
+        """Return the distance along a ray (degrees) up to which loads are carried, or −inf."""
         return float(inner_along(self.carried, rays_at(np.array([angles])))[0])
 
     def outer(self, *angles: float) -> float:
-        """Return the distance along a ray (degrees) where no load is carried; inf if unknown."""
+        """Return the distance along a ray (degrees) beyond which loads are not carried, or inf."""
         return float(outer_along(self.sides, rays_at(np.array([angles])))[0])
 
     def in_words(self) -> str:
@@ -123,7 +123,7 @@ class Envelope(NotebookResult):
         )
 
     def rows(self) -> list[Row]:
-        """Return the distances of both polytopes along each ray.
+        """Return a table row for each ray, with the distances at which it leaves both polytopes.
 
         Rays are a degree apart for two numbers, and 5 degrees for three.
         """
@@ -202,13 +202,14 @@ def envelope(
         directions: Largest number of directions in which limit loads are bounded.
         until: Relative distance of the polytopes at which the search ends.
         around: Whether numbers may be negative; one value for each number, or one value for all.
-        rtol: Relative distance of each bound to the best bound of its kind on its mesh.
+        rtol: Largest relative distance of each bound from the best bound of its kind on its mesh.
         adaptation: Adaptation of the mesh in each direction; None for the mesh of the problem.
         progress: Monitors and earlier results; None without both.
 
     Raises:
-        InputError: If a load is constant, if the number of factors is not two or three, or if
-            :func:`limit_bounds.limit_bounds` refuses the problem.
+        InputError: If a load is constant, if ``loads`` is not for two or three numbers, if
+            ``directions`` is less than 1, if ``around`` has a different length from ``loads``, or
+            if :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     _check(loads, directions)
     signed = (around,) * len(loads) if isinstance(around, bool) else tuple(around)

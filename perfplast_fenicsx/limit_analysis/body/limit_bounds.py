@@ -103,7 +103,7 @@ def limit_bounds(
 
     Args:
         problem: The bodies and their loads; use quadratic elements, because linear elements lock.
-        rtol: Relative distance of each bound to the best of its kind on this mesh.
+        rtol: Largest relative distance of each bound from the best of its kind on this mesh.
         monitor: Called on every rank after each step.
 
     Raises:
@@ -126,7 +126,7 @@ def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
 
     Args:
         problem: The bodies and their loads.
-        rtol: Relative distance of each bound to the best of its kind on this mesh.
+        rtol: Largest relative distance of each bound from the best of its kind on this mesh.
 
     Raises:
         InputError: As :func:`limit_bounds`, except for loads that no stress can carry, and for lack
@@ -239,7 +239,7 @@ def mechanism_bound(
 
     Args:
         problem: See :func:`admitted`.
-        rtol: Relative distance to the best upper bound on its mesh.
+        rtol: Largest relative distance from the best upper bound on its mesh.
         monitor: Called on every rank after each step.
 
     Returns:
@@ -292,7 +292,7 @@ def _split(problem: Problem, split: AlfeldSplit | None) -> Problem:
 
 
 def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
-    """Return bounds of the body from the mechanism of a limit load of its mesh. Collective.
+    """Return an upper bound of the body from the mechanism of its mesh's limit load. Collective.
 
     Args:
         problem: The bodies and their loads.
@@ -302,7 +302,10 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
 
 
 def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismRates | None]:
-    """Return the bounds, and the rates of the mechanism if there is a mechanism. Collective."""
+    """Return an upper bound without a lower bound, and the rates of its mechanism. Collective.
+
+    The rates are None if there is no mechanism, or if it cannot prove a bound.
+    """
     rates = None
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
     advice: tuple[str, ...] = ()
@@ -350,7 +353,7 @@ def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None
 
     Args:
         problem: See :func:`limit_bounds.limit_bounds`.
-        rtol: Relative distance to the best upper bound on its mesh.
+        rtol: Largest relative distance from the best upper bound on its mesh.
         steps: Called after each step.
 
     Raises:
@@ -371,7 +374,7 @@ def lower_bound(
         problem: See :func:`limit_bounds.limit_bounds`.
         beside: Bounds for the same loads, with nearly the same strengths. The result takes their
             mechanism and their question.
-        rtol: Relative distance to the best lower bound on its mesh.
+        rtol: Largest relative distance from the best lower bound on its mesh.
         steps: Called after each step.
 
     Raises:

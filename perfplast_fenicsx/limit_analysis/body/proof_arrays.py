@@ -46,7 +46,7 @@ from perfplast_fenicsx.proof.verdict import Checked
 def cones_on_file(problem: Problem, of_cells: Ordering, side: Side) -> dict[str, Block]:
     """Return the cones of the bodies, each cell's cone, and its strength if strengths vary.
 
-    Collective. If the friction angle varies, each cell has its own cone.
+    Collective. If the friction angle varies, cells with different angles have different cones.
 
     Args:
         problem: The bodies.
@@ -174,7 +174,7 @@ def loads_on_file(
 
 
 def _kinds(problem: Problem, body: BoundBody, question: Question) -> dict[str, FacetLoads]:
-    """Return the loads of each kind that the file format supports."""
+    """Return the loads by the prefix that their arrays have in the file."""
     if question is Question.STANDS:
         return {"": body.dead, "any_": body.live}
     if any(load.constant for load in problem.given.loads):

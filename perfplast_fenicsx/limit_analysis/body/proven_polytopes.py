@@ -7,7 +7,7 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def rays_at(angles: Floats) -> Floats:
-    """Return unit vectors of directions.
+    """Return the unit vectors of directions that are given by angles.
 
     Args:
         angles: Degrees. For two numbers shape (n, 1), counted from the first axis to the second.
@@ -65,7 +65,7 @@ def to_begin_with(signed: tuple[bool, ...]) -> Floats:
 
 
 def outer_along(sides: Floats, rays: Floats) -> Floats:
-    """Return the distances at which rays leave half-spaces; inf for rays that do not leave them.
+    """Return the distances at which rays leave the common part of half-spaces; inf if they do not.
 
     Args:
         sides: Half-spaces n·x ≤ r with rows (n, r), shape (m, d + 1).

@@ -64,13 +64,15 @@ class FactorOfSafety(NotebookResult):
     """Bounds on a factor of safety, with their proofs.
 
     Attributes:
-        lower: With strengths divided by this factor, the bodies carry the loads; None if not found.
-        upper: With strengths divided by this factor, the bodies do not carry the loads; None if not
-            found.
+        lower: With strengths divided by this factor, the bodies carry the loads; None if no such
+            factor was found.
+        upper: With strengths divided by this factor, the bodies do not carry the loads; None if no
+            such factor was found.
         stands: Result with the lower bound at the lower factor, whose stress is the proof.
         falls: Result with the upper bound at the upper factor, whose mechanism is the proof.
-        last: The last computed upper bound, at any factor.
-        bodies: The problem with the given strengths, on the mesh of the upper factor.
+        last: Result with the last computed upper bound, at any factor. For rigid blocks, the
+            result at the upper factor, if there is one.
+        bodies: The problem with the given strengths, on the last mesh.
         curve: Factors F, each with the strict lower and upper bound on the multiple of the loads
             that the bodies carry; None for a missing bound.
         searches: Number of computed bounds on all meshes; lower and upper bounds count separately.
@@ -78,7 +80,7 @@ class FactorOfSafety(NotebookResult):
             (:func:`body_bounds.taken_as`).
         estimate: Whether Davis' associated ground replaces the declared ground; the values are then
             not bounds.
-        path: The curve of F over the work, on the mesh of the upper factor; None if not requested.
+        path: The curve of F over the work, on the last mesh; None if it was not requested.
         kept: Strengths that F does not divide, in words.
         missed: A sentence on why a factor is missing, or why both factors are further apart than
             requested; empty otherwise.

@@ -229,7 +229,7 @@ Flags = npt.NDArray[np.bool_]
 def wide_corners(
     tagged_mesh: TaggedMesh, given: Given, gap: float | None = None
 ) -> tuple[Flags, Flags]:
-    """Return flags of corners at singular points that are too wide, and of all such corners.
+    """Return flags of too wide corners at singular points, and of all corners at singular points.
 
     Collective.
 
@@ -309,7 +309,7 @@ def with_sheared_edges_divided(problem: Problem) -> Problem:
     """
     if problem.bodies.gdim == 2 or has_curved_cells(problem.tagged_mesh.mesh):
         return problem
-    most = 3  # rounds of bisection, which make up to eight cells of one cell
+    most = 3  # rounds of bisection, which divide a cell into up to eight cells
     for _ in range(most):
         body = bound_body(problem)
         if body.prevents is not None or not problem.as_declared:
@@ -427,7 +427,8 @@ def with_divided_bare_cells(problem: Problem) -> Problem:
 
     Args:
         problem: The bodies with their loads. The function returns the problem unchanged without
-            such cells, if tractions on facets are not known, or if cells are curved.
+            such cells, in 3D, in axisymmetry, on curved cells, and if tractions on facets are not
+            known.
     """
     tagged_mesh, cones = problem.tagged_mesh, body_cones(problem)
     if problem.bodies.gdim == 3 or tagged_mesh.axisymmetric or not cones.loose:

@@ -46,7 +46,9 @@ surfaces."""
 def facing_vertices(
     one: Floats, other: Floats, normals: Floats, turned: bool = False
 ) -> tuple[Longs, Floats]:
-    """Return each vertex's match on the opposite facet, and their largest distance along the facet.
+    """Return matching vertices of opposite facets, and the largest distance of a match per facet.
+
+    Distances are measured along the facet, without the distance along its normal.
 
     Args:
         one: Vertices of facets, shape (n, d, d).
@@ -72,7 +74,7 @@ def facing_vertices(
 
 
 def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArray[np.bool_]:
-    """Return flags of facets that coincide with the opposite facet to rounding, shape (n,).
+    """Return flags of facets that coincide with the opposite facet up to rounding, shape (n,).
 
     Args:
         one: Vertices of facets, shape (n, d, d).
@@ -80,8 +82,8 @@ def fit(one: Floats, off: Floats, normals: Floats, others: Floats) -> npt.NDArra
         normals: Unit normals of the facets, shape (n, d).
         others: Unit normals of the opposite facets, shape (n, d).
     """
-    # Limit for the distance between vertices, relative to the facet, and for the difference of
-    # normals.
+    # Limit for the distance between vertices, relative to the size of the facet, and for the sum
+    # of both unit normals, which are opposite.
     rounding = 1e-8
     size = np.ptp(one, axis=1).max(axis=1)
     askew = np.linalg.norm(normals + others, axis=1)
@@ -377,7 +379,7 @@ class InterfaceFacets:
         self.axes[on], self.held[on] = turned_axes(normal, self.held[on], aligned)
 
     def _rub(self, host: Longs, interface: Interface, *others: Longs) -> bool:
-        """Set the adhesion of facets; return whether they have adhesion or associated slip."""
+        """Set the adhesion of facets; return whether they have adhesion or associated friction."""
         adhesion = interface.strength.adhesion
         rubs = adhesion > 0 or interface.dilation > 0
         if rubs:

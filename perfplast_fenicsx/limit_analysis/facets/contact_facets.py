@@ -223,7 +223,7 @@ def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
 
 
 def least_speed(problem: Problem, velocity: fem.Function) -> float:
-    """Return the lower limit of the speeds that divide jumps. Collective.
+    """Return the lower limit of the speeds by which jumps are divided. Collective.
 
     Without this limit, rounding errors of the largest velocity would count as penetration of slow
     bodies.
@@ -249,9 +249,9 @@ def _speeds_of_pairs(problem: Problem, velocity: fem.Function) -> Floats:
 
 @once_a_problem
 def flat_faces(problem: Problem) -> Floats | None:
-    """Return the distinct rows (contact number, normal) of all pairs; None if too many. Collective.
+    """Return the distinct rows (contact number, normal) of all pairs. Collective.
 
-    Surfaces with too many different normals are not flat.
+    The function returns None if there are too many rows, because the surfaces are then curved.
     """
     constraints = problem.constraints
     mine = _distinct(np.column_stack([constraints.surface, constraints.normal]))
@@ -321,7 +321,7 @@ class MatchedFacets:
     speeds: Floats
 
     def edges(self) -> list[tuple[int, int]]:
-        """Return the two vertex positions at the ends of each midside's edge, in order."""
+        """Return the columns of the vertices at both ends of each midside's edge, by midside."""
         d = self.normals.shape[1]
         return list(combinations(range(d), 2)) if self.first.shape[1] > d else []
 
@@ -500,7 +500,7 @@ def facing_nodes(problem: Problem, matched: list[MatchedFacets]) -> FacingNodes:
 
 
 def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
-    """Return a row for each node of each facet."""
+    """Return a row for each pair of opposite nodes of each pair of facets."""
     n, count = facets.first.shape
     rows = np.zeros(
         (n, count),
@@ -518,7 +518,7 @@ def _records(facets: MatchedFacets, contact: int, gdim: int) -> Record:
     rows["normal"] = facets.normals[:, None]
     for node, edge in enumerate(facets.edges(), start=gdim):
         rows["ends"][:, node] = pairs[:, list(edge)]
-    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # equal on both sides
+    swapped = rows["nodes"][..., 0] > rows["nodes"][..., 1]  # the same for all facets
     for name, axis in (("nodes", -1), ("ends", -1), ("held", -2)):
         rows[name][swapped] = np.flip(rows[name][swapped], axis=axis)
     rows["normal"][swapped] *= -1.0

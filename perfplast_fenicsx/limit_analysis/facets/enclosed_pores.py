@@ -1,10 +1,10 @@
 """Enclose pore pressures between functions that are linear in each cell.
 
-Suppose that a stress is in equilibrium and its effective stress σ + uδ is within yield. Then the
-bodies also carry the loads with any smaller pressure, because compression never brings ground
-closer to yield. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller
-pressure does at most this work. Therefore a lower bound uses linear pressures above the given
-pressures, and an upper bound uses linear pressures below them. Both bounds are strict.
+Suppose that a stress is in equilibrium, and that its effective stress σ + uδ satisfies the yield
+condition. Then the bodies also carry the loads with any smaller pressure, because compression never
+brings ground closer to yielding. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0,
+and a smaller pressure does at most this work. Therefore a lower bound uses linear pressures above
+the given pressures, and an upper bound uses linear pressures below them. Both bounds are strict.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
-"""Laws for which a stress within yield remains within yield if a compressive pressure is added."""
+"""Laws for which an admissible stress stays admissible if a compressive pressure is added."""
 
 
 def with_enclosed_pores(problem: Problem, side: str) -> Problem:
@@ -74,7 +74,7 @@ def on_kinks(
 
     Args:
         tagged_mesh: Mesh of straight cells.
-        loads: Loads of any kind, of which the function uses only pore pressures.
+        loads: Loads of any kind; the function uses only the pore pressures among them.
         strengths: Names of volumes, each with a strength field.
     """
     mesh = tagged_mesh.mesh

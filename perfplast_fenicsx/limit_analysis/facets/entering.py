@@ -227,7 +227,10 @@ def _rows(
 
 
 def _contact(problem: Problem, rows: npt.NDArray[np.void]) -> Constraints:
-    """Return constraints on jumps, for midsides on their Bernstein coefficients. Collective."""
+    """Return constraints on jumps at vertices and on Bernstein coefficients at midsides.
+
+    Collective.
+    """
     first = problem.V.dofmap.index_map.local_range[0]
     middle = rows["nodes"][:, 1, 0] >= 0
     factors = np.where(middle[:, None], [2.0, -0.5, -0.5], [1.0, 0.0, 0.0])
@@ -276,7 +279,10 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Return constraints that tie the free components of each group to a held or first node."""
+    """Return constraints that tie the free components of each group to one of its nodes.
+
+    This is the first node that supports hold in the component, or else the first node.
+    """
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []
@@ -342,7 +348,8 @@ def entered_share(
             penetration.
 
     Returns:
-        The ratio; None if surfaces are curved, because their normals are averaged.
+        The ratio; None for curved surfaces with friction, with obstacles, or with facets that do
+        not match.
     """
     if not problem.num_pairs:
         return 0.0
@@ -386,8 +393,9 @@ def without_entering(problem: Problem) -> Problem | None:
 
     Returns:
         A problem that shares everything except contact with the given problem. The result is the
-        given problem itself if its elements are linear and contact is flat. None if nodes do not
-        match, or if :func:`with_facet_contact` does not support the curved faces.
+        given problem itself without contact, and with linear elements on flat surfaces. It is None
+        if nodes do not match, if surfaces are tied, or if :func:`with_facet_contact` does not
+        support the curved surfaces.
     """
     if problem.constraints.in_mean or problem.given.ties:
         return None

@@ -127,7 +127,8 @@ Flags = npt.NDArray[np.bool_]
 def bare_vertices(problem: Problem, at: BoundBody, loose: Flags) -> Flags:
     """Return flags of vertices without stress in this rank's cells. Collective.
 
-    The result has the shape (num_cells, d + 1). The docstring of the module gives the reason.
+    The result has the shape (num_cells, d + 1). The docstring of the module explains why these
+    vertices have no stress.
 
     Args:
         problem: The bodies.

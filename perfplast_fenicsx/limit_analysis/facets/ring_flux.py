@@ -29,7 +29,8 @@ from perfplast_fenicsx.problem.problem import Problem
 def by_flux(problem: Problem) -> Problem:
     """Return the problem with v as the unknown, and with supports that do not move. Collective.
 
-    The bodies, the loads and the contact do not change.
+    The bodies and the loads do not change. In contacts, the gap of the mesh replaces a declared
+    gap.
 
     Args:
         problem: Axisymmetric problem with quadratic elements on straight cells.

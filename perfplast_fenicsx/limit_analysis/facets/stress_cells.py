@@ -20,8 +20,8 @@ Let the components of S, except S_θ, be quadratic in a cell with the Bernstein 
 vertices and S_ab at edges. Their derivatives are linear, with the value 2 Σ_b ∇φ_b S_ab at the
 vertex a (S_aa = S_a). The second equation therefore holds everywhere if it holds at the vertices,
 and σ_θ is linear. With a linear σ_θ, S_θ = rσ_θ is quadratic with the coefficients r_a σ_θa and
-(r_a σ_θb + r_b σ_θa)/2. Bernstein polynomials are not negative. Therefore S is within yield,
-‖dev S‖ ≤ γr, if its coefficients satisfy this condition with the coefficients of r: r_a and
+(r_a σ_θb + r_b σ_θa)/2. Bernstein polynomials are not negative. Therefore S satisfies the yield
+condition ‖dev S‖ ≤ γr if its coefficients satisfy it with the coefficients of r: r_a and
 (r_a + r_b)/2. The traction S·n on a facet is continuous if its three coefficients are continuous.
 On the axis, where a coefficient of r is zero, the coefficient of S is zero too.
 
@@ -32,9 +32,8 @@ vertices, and three velocities on each facet. The formulas use only NumPy.
 :func:`with_points_at_vertices` evaluates laws at the vertices of cells, for strict bounds of bodies
 that dilate. The strain rates of a quadratic velocity are linear in a straight cell, and the
 admissible strain rates of a yield set form a convex cone. Strain rates that are admissible at the
-vertices are therefore admissible everywhere. A body that dilates, tr ε ≥ α‖dev ε‖, dissipates
-(γ/α) tr ε,
-and the mean over the vertices integrates this linear function exactly.
+vertices are therefore admissible everywhere. A body that dilates, with tr ε ≥ α‖dev ε‖, dissipates
+(γ/α) tr ε, and the mean over the vertices integrates this linear function exactly.
 
 In axisymmetry, r²ε is quadratic. The points are then at vertices and edges, one for each Bernstein
 coefficient of r²ε (:mod:`~perfplast_fenicsx.limit_analysis.discrete.point_strains`).
@@ -116,7 +115,7 @@ def facets_of(simplex: tuple[int, ...]) -> list[tuple[int, ...]]:
 
 @lru_cache
 def tensors(gdim: int) -> Floats:
-    """Return the unit tensor and orthonormal deviators; for plane strain, in-plane tensors.
+    """Return the unit tensor and orthonormal deviators; in-plane tensors for gdim = 2.
 
     Returns:
         Shape (1 + m, gdim, gdim), m = 2 or 5.

@@ -222,8 +222,8 @@ def extrapolated_limit(points: Points) -> float | None:
     """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through the last three points.
 
     Returns:
-        The limit; None if there are fewer than three points, or if the curve hardly flattens (p
-        would be below 0.05).
+        The limit; None if there are fewer than three points, if ζ grew only at the last of them, or
+        if the curve hardly flattens (p would be below 0.05).
     """
     if len(points) < 3:
         return None
@@ -312,7 +312,7 @@ class Search:
 
     @property
     def lower(self) -> float:
-        """Return the largest ζ of all levels."""
+        """Return the largest ζ of all levels; 0 without levels."""
         return max((zeta for _, zeta in self.points), default=0.0)
 
     @property
@@ -374,7 +374,7 @@ class Judge:
         if self._ahead is None:
             return None
         # Smallest and largest factor by which α increases in a leap along a known mechanism. If
-        # ζ_lim − ζ decreases as α^(−1/2), an n times smaller gap needs n² times the work.
+        # ζ_lim − ζ decreases as α^(−1/2), a division of this gap by n needs n² times the work.
         stride, leap = 10.0, 100.0
         # largest number of Newton steps at a level after which a leap may exceed the stride
         easy = 10
@@ -450,7 +450,10 @@ class Judge:
         return found.mechanism
 
     def _estimate(self, again: bool = False) -> float | None:
-        """Return the mean of the bounds; without an upper bound, the extrapolated limit."""
+        """Store and return the mean of the bounds; without an upper bound, the extrapolated limit.
+
+        With ``again``, the estimate replaces the last stored estimate.
+        """
         search = self._search
         estimate = extrapolated_limit(search.points[-3:])
         if search.upper is not None:

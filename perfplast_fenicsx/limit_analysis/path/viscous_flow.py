@@ -108,7 +108,10 @@ class FactorisedFlow:
         self._ksp.setFromOptions()
 
     def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether the factors fit into memory and take less time than CG. Collective."""
+        """Return whether the factors fit into memory and take less time than CG. Collective.
+
+        For small problems and for other solvers than MUMPS, the result is True.
+        """
         pc = self._ksp.getPC()
         if not self.large or pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
             return True
@@ -340,7 +343,7 @@ class ViscousFlow:
         return [(at, found[at]) for at in (of_law[of_law < owned] for of_law in of_laws)]
 
     def _inadmissible_at(self, units: list[tuple[Ints, Floats]]) -> Floats:
-        """Return the inadmissible parts at this rank's points, by law. Collective."""
+        """Return the inadmissible parts at this rank's points, in the given units. Collective."""
         parts: list[Floats] = []
         for (_, stress, expression), (at, unit) in zip(self._resisted, units, strict=True):
             expression.interpolate(stress)
@@ -349,7 +352,7 @@ class ViscousFlow:
         return np.concatenate(parts)
 
     def dead_work(self) -> float:
-        """Return L₀(v). Collective."""
+        """Return the work L₀(v) of the permanent loads on the velocity. Collective."""
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
     def _solve(self, force: PETSc.Vec, y: PETSc.Vec, left: float = 1e-2) -> None:
@@ -374,7 +377,7 @@ class ViscousFlow:
         v.scatter_forward()
 
     def _inadmissible(self) -> float:
-        """Return the inadmissible part relative to ‖ε(v)‖. Collective."""
+        """Return the norm of the inadmissible part, divided by the norm of ε(v). Collective."""
         return float(np.sqrt(self._lost() / (self._square() or 1.0)))
 
     def hold(self, held: PairFlags) -> bool:

@@ -84,7 +84,7 @@ class MechanismRates:
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None if all tilts are zero.
         principal: Sets of principal stresses, with their points.
-        others: Sets of other kinds, with their points.
+        others: Yield sets of further kinds, with their points.
         profile: Factor of γ and of bounds of principal stresses where strengths vary in space,
             shape (count,); None if no strength varies.
         above: Linear functions that are nowhere below the profile, at the vertices of the cells
@@ -193,7 +193,7 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _SetsOfCells:
-    """Yield sets of another kind, one set for each cell, stored at the first point of the cell.
+    """Yield sets of :attr:`MechanismRates.others`, one for each cell, at the cell's first point.
 
     Attributes:
         sets: The sets, in the order of the cells.
@@ -206,14 +206,14 @@ class _SetsOfCells:
     count: int
 
     def at_points(self, values: Floats) -> Floats:
-        """Return the values of cells at their first points, and zero at other points."""
+        """Return values of the cells as values of all points: at first points, zero elsewhere."""
         found: Floats = np.zeros((self.count, values.shape[1]))
         found[self.sets.at] = values
         return found
 
 
 def _others_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsOfCells]:
-    """Yield the sets of other kinds for the cells that this rank owns."""
+    """Yield each item of ``rates.others`` for the cells that this rank owns."""
     of_points = np.full(rates.count, -1)
     first = points_of_cells(problem)[:, 0]
     of_points[first] = np.arange(len(first))
@@ -292,7 +292,7 @@ def dissipation_of_cells(
 def _of_others(
     problem: Problem, rates: MechanismRates, one: _SetsOfCells, subdivisions: int
 ) -> Floats:
-    """Return upper bounds on the dissipation of cells with sets of another kind."""
+    """Return upper bounds on the dissipation of the cells with the yield sets ``one``."""
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[one.cells]
     volumes = rates.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
 
@@ -545,7 +545,7 @@ def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = 
 
 
 def _that_rub(problem: Problem, facets: ContactFacets) -> PairFlags:
-    """Return flags of the facets on surfaces with friction."""
+    """Return flags of the facets on surfaces with friction or adhesion."""
     names = {
         name
         for contact in problem.given.contacts

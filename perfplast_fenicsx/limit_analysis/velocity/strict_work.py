@@ -393,7 +393,7 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
     Under pressures of 1e5 times the strength, the work on a missing dilatancy of only 1e-11 exceeds
     the dissipation of the bodies. The work on the added motion is small. The motion is x − a along
     the axes in which supports allow it, with a at the supports. The function adds the motion only
-    if it is admissible. Collective.
+    if it is admissible and adds no penetration. Collective.
 
     Args:
         problem: The bodies.
