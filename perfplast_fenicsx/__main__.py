@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. Collective, except for help, the version and the doctor.
+    """Run the command line. Collective, except for help, the version, ``doctor`` and ``mcp``.
 
     Args:
         argv: Arguments; by default the arguments of the process.

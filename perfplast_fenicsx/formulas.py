@@ -163,7 +163,7 @@ def check(formula: str, place: str) -> None:
 
 
 def _fault(node: ast.AST, called: bool) -> str | None:
-    """Return in words why a node of the syntax tree is not allowed; None if it is allowed."""
+    """Return why a node of the syntax tree is not allowed, in words; None if it is allowed."""
     if isinstance(node, ast.Name):
         if called and node.id not in FUNCTIONS:
             return f"calls '{node.id}'"
@@ -255,7 +255,8 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
 
     Returns:
         Values at the vertices, both of shape (n, k). None if the formula has parts other than sums,
-        products, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons.
+        products of linear parts, ``abs``, ``minimum``, ``maximum``, and ``where`` with comparisons,
+        or if a value is not finite.
 
     Raises:
         InputError: If the formula has parts that are not allowed.

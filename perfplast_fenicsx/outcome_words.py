@@ -1,10 +1,10 @@
 """Write outcomes in words: factors of safety, estimates of meshes, brackets of paths, forces.
 
 The limit load of a mesh is an estimate for the body, not a bound. A mesh has a static side: the
-load of a stress that is in equilibrium and within yield at certain points. Its kinematic side is
-the power of a mechanism. The two sides bound the limit load of the finite element model from below
-and above, but bound the limit load of the body on neither side. So the program prints only the
-distance of the sides, and the estimate with few digits.
+load of a stress that is in equilibrium and satisfies the yield condition at certain points. Its
+kinematic side is the power of a mechanism. The two sides bound the limit load of the finite element
+model from below and above, but bound the limit load of the body on neither side. So the program
+prints only the distance between the sides, and the estimate with few digits.
 
 A loading path loses equilibrium between two of its levels. If no limit theorem holds, as with
 Coulomb's friction, only two levels bound this load. The highest solved level bounds it from
@@ -102,7 +102,7 @@ class MeshEstimate:
 
     @property
     def apart(self) -> float | None:
-        """Distance of the two sides, relative to the static side.
+        """Return the distance between the two sides, relative to the static side.
 
         None if a side is missing, or if the static side is 0.
         """
@@ -112,10 +112,10 @@ class MeshEstimate:
 
     @property
     def shown(self) -> str:
-        """The estimate with a few digits; "none" if there is no estimate."""
+        """Return the estimate with a few digits; "none" if there is no estimate."""
         if self.estimate is None:
             return "none"
-        # Relative distance of the sides above which an estimate has one digit less.
+        # Relative distance between the sides above which an estimate has one digit less.
         widest = 0.01
         wide = self.apart is not None and self.apart > widest
         # Number of significant digits of an estimate; meshes are hardly ever fine enough for more.

@@ -168,7 +168,7 @@ class Triangulation:
         """Return the values at places, interpolated linearly between the points.
 
         Raises:
-            InputError: If a place lies in no simplex.
+            InputError: If a place lies in no simplex, or has another number of coordinates.
         """
         if x.shape[1] != self.corners.shape[2]:
             raise InputError(

@@ -89,7 +89,7 @@ class NotebookResult(ABC):
 
     @property
     def dimensions(self) -> int:
-        """Number of dimensions of the axes for the plot."""
+        """Return the number of dimensions of the axes for the plot."""
         return 2
 
     def to_dataframe(self) -> "DataFrame":

@@ -55,7 +55,7 @@ class System:
 
     @property
     def density(self) -> str:
-        """Unit of densities, such as t/mm³; it is force · s² / length⁴."""
+        """Return the unit of densities, such as t/mm³; it is force · s² / length⁴."""
         mass = MASSES.get((self.force, self.length))
         return f"{mass}/{self.length}³" if mass else f"{self.force} s²/{self.length}⁴"
 
@@ -121,7 +121,7 @@ class Units:
 
     @property
     def known(self) -> System | None:
-        """The system with the name ``name``; None without a name."""
+        """Return the system with the name ``name``; None if there is no such name."""
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:

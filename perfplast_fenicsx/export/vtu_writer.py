@@ -33,7 +33,7 @@ def vtu_of(path: Path) -> bytes:
     """Return the content of a ``.vtu`` file with the mesh and the fields of a VTKHDF file.
 
     Args:
-        path: A VTKHDF file of :class:`vtkhdf.FieldWriter`; its mesh file is in the same folder.
+        path: A VTKHDF file of a run; its mesh file, if any, is in the same folder or in ``fields``.
 
     Returns:
         The content of the file, with numbers of unchanged type in base64, tensors with nine

@@ -156,7 +156,7 @@ class DrawnGround:
         return found
 
     def script(self) -> str:
-        """Return the ground as a gmsh script that contains only geometry."""
+        """Return a gmsh script that draws the ground and names its bodies and surfaces."""
         outline = self.outline()
         inside = {
             line.name: points_of(line.points, f"the line '{line.name}'")
@@ -298,10 +298,11 @@ def _bottom(last: Stratum, top: Floats) -> Floats:
 
 
 def _check_strata(strata: Sequence[Stratum]) -> None:
-    """Raise an error for strata that are not ordered from the surface downwards.
+    """Raise an error for strata that are not valid or do not fit on each other.
 
     Raises:
-        InputError: If strata cross or do not match; the message has two strata and a place.
+        InputError: If a stratum other than the last has a bottom, if points are not ordered from
+            left to right, or if strata cross, are empty or have different ends.
     """
     if not strata:
         return
@@ -385,11 +386,11 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
 
 
 def _check_apart(shapes: Sequence[Shape]) -> None:
-    """Raise an error for bodies that overlap or leave gaps between them.
+    """Raise an error for bodies that overlap, leave gaps between them or consist only of openings.
 
     Raises:
-        InputError: If bodies overlap or leave gaps; the message has their names, a place and the
-            area.
+        InputError: If bodies overlap or leave gaps, or if openings cover a body; the message has
+            the names and the area.
     """
     parts, owner = segments_of(shapes)
     plan = arrange(np.concatenate(parts), owner)
@@ -426,7 +427,7 @@ def _check_apart(shapes: Sequence[Shape]) -> None:
 
 
 def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
-    """Raise an error for lines that are outside the ground, or only partly on its boundary.
+    """Raise an error for lines outside the ground, lines with unlike parts, and wrong cracks.
 
     Raises:
         InputError: If there is such a line; the message has its name and a place.
@@ -464,7 +465,7 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
 
 
 def _check_crack(name: str, outline: Outline, edges: Longs) -> None:
-    """Raise an error for a crack on the boundary of the ground, or from one region into another.
+    """Raise an error for a crack on the boundary of the ground or at a boundary between regions.
 
     Raises:
         InputError: If the crack is not valid; the message has its name and a place.

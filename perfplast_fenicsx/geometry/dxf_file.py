@@ -175,7 +175,7 @@ def _joined(parts: Sequence[Floats], little: float, what: str) -> list[tuple[Flo
 
 
 def _next(chain: Floats, others: list[Floats], little: float) -> Floats | None:
-    """Remove from ``others`` a line that continues ``chain``, and return it; None without one."""
+    """Remove from ``others`` a line that continues ``chain``, and return it; None if none does."""
     if np.linalg.norm(chain[0] - chain[-1]) <= little:
         return None
     for number, other in enumerate(others):

@@ -230,7 +230,7 @@ def _of_body(
 
 
 def _is_same(drawn: Floats, read: Floats, in_place: bool) -> bool:
-    """Return whether two point sets are equal after a change of units and a rigid motion."""
+    """Return whether point sets are equal up to units and, unless ``in_place``, a rigid motion."""
     # Allowed deviation of corners, relative to the body's size, because STEP files have fewer
     # digits.
     close = 1e-5
@@ -301,7 +301,7 @@ def hex_of(colour: Colour) -> str:
 
 
 def set_aside(parts: Sequence[Part], labels: Mapping[int, str]) -> list[Mark]:
-    """Copy all faces with a label or with a colour other than their body's; return the marks.
+    """Copy all faces with a label or with a colour other than their body's; return their marks.
 
     The colour of a body is the colour of most of its area. A body has no colour if one of its faces
     has no colour.

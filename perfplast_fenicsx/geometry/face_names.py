@@ -146,7 +146,7 @@ def _side_of(dim: int, tag: int, around: Floats) -> str:
 
 
 CLOSE = 1e-4
-"""Distance up to which a face contains a point, relative to the size of the bodies."""
+"""Distance up to which a face counts as lying at a given place, relative to the bodies' size."""
 
 
 def face_names(
@@ -314,7 +314,7 @@ class _Choice:
 
 
 def _where(wanted: NamedFace) -> str:
-    """Return in words the place at which ``wanted`` selects faces."""
+    """Return the place at which ``wanted`` selects faces, in words."""
     if wanted.plane is not None:
         ((axis, at),) = wanted.plane.items()
         return f"in the plane {axis} = {at:g}"
@@ -327,7 +327,7 @@ def _where(wanted: NamedFace) -> str:
 
 
 def _in_words(wanted: NamedFace) -> str:
-    """Return in words how ``wanted`` selects faces."""
+    """Return a description of how ``wanted`` selects faces."""
     if wanted.faces is not None:
         return f"of {', '.join(wanted.faces)}"
     for what in ("number", "colour", "label"):

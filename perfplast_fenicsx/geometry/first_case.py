@@ -19,7 +19,7 @@ AFFORDABLE = {2: 60_000, 3: 30_000}
 take some minutes on one core."""
 
 IN_CONTACT = 2 / 3
-"""Factor on both numbers of cells for bodies in contact, whose factorisations take longer."""
+"""Factor on ``ADAPTED`` and ``AFFORDABLE`` for bodies in contact, which take longer."""
 
 
 BOUNDS = """\
@@ -185,7 +185,7 @@ def first_case(
     material: Common | None = None,
     glued: Glued = Glued.SHARED,
 ) -> str:
-    """Return a case file with bodies and joints; materials, supports and loads are left open.
+    """Return a case file with bodies and joints, and with supports and loads to fill in.
 
     Args:
         survey: Survey of bodies, joints and faces.

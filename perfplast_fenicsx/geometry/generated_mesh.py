@@ -112,7 +112,7 @@ class Sizes:
 def _of_bodies(
     dim: int, parts: Sequence[Part], sizes: dict[str, float], elsewhere: float
 ) -> dict[tuple[int, int], float]:
-    """Return the edge length in each entity of bodies; empty if no body has its own size."""
+    """Return the edge length in each entity of the bodies; {} if no body has its own size."""
     if not sizes:
         return {}
     return {(dim, tag): sizes.get(part.name, elsewhere) for part in parts for tag in part.tags}
@@ -212,7 +212,7 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
     """Mesh with an algorithm, and return the quality of the worst element of each body."""
     if any(
         elements(dim, part).size for part in parts
-    ):  # meshes that a script has read must not be cleared
+    ):  # surface meshes that a script has read must not be cleared
         gmsh.model.mesh.clear()
     for name, number in zip(("Algorithm", "Algorithm3D"), algorithm, strict=True):
         gmsh.option.setNumber(f"Mesh.{name}", number)
@@ -258,7 +258,7 @@ def _fault(dim: int, parts: Sequence[Part], error: str) -> str:
 
 
 EXACT = 0.01
-"""Largest relative error of the area of a face without a remark."""
+"""Largest relative error of a face's area that causes no remark."""
 
 
 def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:

@@ -197,7 +197,7 @@ def faces_of_bodies(dim: int, parts: Sequence[Part]) -> dict[int, int]:
 
 
 def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[int, int]:
-    """Return the faces at which no other body touches, each with the index of its body."""
+    """Return the faces at which bodies touch no other body, each with the index of its body."""
     touching = {face for seam in seams for side in seam.faces for face in side}
     own = shared(dim, owners(parts))
     return {

@@ -54,7 +54,7 @@ def begin(stage: Stage) -> None:
 
 
 def last_of(output: str) -> str:
-    """Return the last stage in the output of a program, with the name of the body if known."""
+    """Return a description of the last stage in the output of the meshing program."""
     stage, doing = Stage("beginning"), "beginning"
     for line in output.splitlines():
         if line.startswith(BEGINS):

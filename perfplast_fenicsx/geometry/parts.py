@@ -162,7 +162,7 @@ def _healed(gap: float) -> list[int]:
 
 
 def _solids(least: int) -> list[int]:
-    """Return the solids in gmsh's model if there are at least ``least`` and each has a volume."""
+    """Return gmsh's solids, or [] if there are fewer than ``least`` or one has no volume."""
     solids = [tag for _, tag in gmsh.model.getEntities(3)]
     whole = len(solids) >= least and all(gmsh.model.occ.getMass(3, tag) > 0 for tag in solids)
     return solids if whole else []
@@ -264,7 +264,7 @@ def _leaf(label: str) -> str:
 
 
 def _read_script(path: Path) -> Drawing:
-    """Read a gmsh script; if it has physical groups, they are the bodies."""
+    """Read a gmsh script; its physical groups, and entities in no group, are the bodies."""
     try:
         gmsh.merge(str(path))
         gmsh.model.geo.synchronize()
@@ -313,7 +313,7 @@ def _read_script(path: Path) -> Drawing:
 
 
 def _physical_groups(dim: int) -> dict[str, tuple[int, ...]]:
-    """Return the entities of each physical group by its name, or by its number without a name."""
+    """Return the entities of each physical group by its name; by its number if it has no name."""
     found: dict[str, tuple[int, ...]] = {}
     for _, group in gmsh.model.getPhysicalGroups(dim):
         name = gmsh.model.getPhysicalName(dim, group) or str(group)

@@ -53,7 +53,8 @@ def cut(cells: Longs, facets: Ints, middles: Longs, order: Longs, inner: int) ->
 
     Args:
         cells: Vertices of each simplex, shape (n, dim + 1).
-        facets: Tags of the facets of each simplex, shape (n, dim + 1).
+        facets: Tags of the facets of each simplex, shape (n, dim + 1); column k has the facet
+            opposite vertex k.
         middles: Index of the new vertex on each edge of each simplex, −1 for unmarked edges, shape
             (n, num_edges).
         order: Order of the edges, shape (n, num_edges); the edge with the largest number is cut
@@ -89,8 +90,8 @@ class _Pieces:
 
     Attributes:
         cells: See :class:`Parts`, also for ``facets`` and ``parents``.
-        middle: Index of the new vertex between two vertices, −1 without one, shape (n, dim + 1, dim
-            + 1).
+        middle: Index of the new vertex between two vertices, −1 if their edge is not to be cut,
+            shape (n, dim + 1, dim + 1).
         rank: Order of the edges, same shape as ``middle``; the edge with the largest number is cut
             first.
     """

@@ -61,7 +61,7 @@ class Bodies:
         x: Floats,
         rows: Floats,
     ) -> Floats:
-        """Return the functionals ``rows``·u(x) for unit rigid motions of all bodies.
+        """Return the values of ``rows``·u(x) for the unit rigid motions of all bodies.
 
         Args:
             body: The body of each displacement, shape (n,).
@@ -132,8 +132,8 @@ def body_names(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, bodies: Bodies) ->
         bodies: The bodies of the mesh.
 
     Returns:
-        Names such as "'pin'". The centre is added if several bodies have the same name, as in
-        "'bolts' about (0.5, 2.5)". If volumes with several names form one body, its name
+        Names such as "'pin'". The centre of the body is added if several bodies have the same name,
+        as in "'bolts' about (0.5, 2.5)". If volumes with several names form one body, its name
         contains all of them.
     """
     topology, tags = tagged_mesh.mesh.topology, tagged_mesh.cell_tags

@@ -65,15 +65,16 @@ def bend_crossings(tagged_mesh: TaggedMesh, stays: npt.NDArray[np.bool_] | None 
     alike = np.abs(cells * table[:, 5] - table[:, 4] ** 2) < 0.5
     # divided by 2, because each edge belongs to two triangles
     bend = np.linalg.norm(table[:, :2], axis=1) / 2
-    # if the sum of the four unit vectors along the edges is no longer, the lines are straight
+    # the lines are straight if the sum of the four unit vectors along the edges is at most this
+    # long
     rounding = 1e-13
     clear = 1e-3  # if this sum is longer, the lines are clearly bent
     nearly = (cells == 4) & alike & (table[:, 6] == 0) & (rounding < bend) & (bend < clear)
     # displacement of a vertex, relative to the harmonic mean of the lengths of its edges
     shifted = 0.05
     nearly &= True if stays is None else ~stays
-    # Limit of the displacement, divided by the sum of inverse heights of the cells. This sum is at
-    # least the inverse of the least height, so cells do not fold.
+    # The displacement is at most this value divided by the sum of the cells' inverse heights. This
+    # sum is at least the inverse of the least height, so cells do not fold.
     within = 0.3
     far = np.minimum(
         shifted * 8 / np.maximum(table[:, 2], 1e-300), within / np.maximum(table[:, 7], 1e-300)

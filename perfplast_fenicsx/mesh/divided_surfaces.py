@@ -67,8 +67,8 @@ def chord_points(ends: Floats, bulging: Floats, points: Floats) -> tuple[Longs, 
 
     Args:
         ends: Ends of the chords, shape (n, 2, 2).
-        bulging: The :func:`bulges` of the chords, shape (n, 2); 0 finds only points exactly on the
-            chords.
+        bulging: The :func:`bulges` of the chords, shape (n, 2); 0 finds only points that lie on the
+            chords up to rounding.
         points: Points, shape (m, 2).
 
     Returns:
@@ -110,7 +110,7 @@ def farthest(every: Floats, points: Floats) -> float | None:
 
     Returns:
         The distance, 0 if all points lie on chords; None if a point is neither on a chord nor next
-        to a chord.
+        to a chord, or if there are no chords or no points.
     """
     if not len(every) or not len(points):
         return None
@@ -266,7 +266,7 @@ def _snapped(places: Floats, points: Floats) -> Floats:
 
 
 def _facets(tagged_mesh: TaggedMesh, outer: OuterFacets, surface: str) -> tuple[Floats, Longs]:
-    """Return the ends of a surface's owned facets, shape (n, 2, 2), and indices in ``outer``."""
+    """Return the ends of a surface's owned facets, shape (n, 2, 2), and their ``outer`` indices."""
     topology = tagged_mesh.mesh.topology
     owned = outer.facets < topology.index_map(1).size_local
     chosen = np.flatnonzero(owned & np.isin(outer.facets, tagged_mesh.facets(surface)))

@@ -31,7 +31,7 @@ class Sides:
 
 
 def sides_of_facets(mesh: Mesh) -> Sides:
-    """Return the numbers of cells on the sides of facets; the sign is arbitrary. Collective."""
+    """Return the number and the sides of the cells at facets; signs are arbitrary. Collective."""
     topology, tdim = mesh.topology, mesh.topology.dim
     for pair in ((tdim - 1, tdim), (tdim, tdim - 1), (tdim - 1, 0)):
         topology.create_connectivity(*pair)

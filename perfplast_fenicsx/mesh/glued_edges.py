@@ -140,7 +140,7 @@ class GluedEdges:
         return mean
 
     def _largest(self, values: Floats) -> Floats:
-        """Return, for each local edge, the larger of the values that owners on both sides have."""
+        """Return, for each local edge, the larger of its owners' values on both sides."""
         vector = la.vector(self._map, 1, dtype=np.float64)
         vector.array[: self._owned] = values
         vector.array[self._twins] = self._meeting.largest(values[self._twins])

@@ -1,8 +1,8 @@
 """Read a .msh file with gmsh and write its content to an .npz file, as a separate program.
 
 A damaged file may make gmsh crash, run without end or allocate memory without limit. Only this
-process ends then, not the ranks. The program imports nothing from this package, because this
-would start MPI.
+process ends then, not the ranks. The program imports nothing from this package, because such an
+import would start MPI.
 
     python3 -P gmsh_dump.py FILE.msh TARGET.npz
 """

@@ -127,7 +127,7 @@ def read_content(path: Path) -> Content:
 
 
 def windows_path(path: Path) -> str:
-    """Return a remedy for a file name that does not exist."""
+    """Return a remedy for a file that does not exist at ``path``."""
     name = str(path)
     if not name.isprintable():  # Python reads a tab and a line break in "C:\temp\new.msh"
         return (
@@ -203,7 +203,7 @@ class GmshMesh:
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
-    """Open a silent gmsh session with an empty model; restore a session that is already open.
+    """Open a silent gmsh session with an empty model; afterwards restore a session that was open.
 
     Raises:
         InputError: If gmsh's Python module is not installed.
@@ -240,8 +240,8 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
 
     Raises:
         InputError: If the file is missing or is not a .msh file, if it has no simplices of this
-            dimension or no physical group of bodies, or if it has other elements, repeated names,
-            or a body in two groups.
+            dimension or no physical group of bodies, if it has other elements, repeated names, or a
+            body in two groups, or if nodes, cells or facets are not valid.
     """
     content = read_content(Path(path))
     gdim = _dimension(content, path, gdim)
@@ -303,7 +303,7 @@ def read_msh(path: str | Path, gdim: int | None = None) -> GmshMesh:
 
 
 def _check_cells(path: str | Path, points: Floats, cells: Longs, gdim: int) -> None:
-    """Raise an error for nodes without finite coordinates, and for cells without volume."""
+    """Raise an error for coordinates that are not finite or too large, and for flat cells."""
     wrong = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))  # true also for NaN
     if wrong.size:
         raise InputError(
@@ -400,7 +400,7 @@ def _values(blocks: Sequence[Block], tags: Sequence[int]) -> Ints:
 
 
 def _body_of(block: Block, content: Content, path: str | Path) -> int:
-    """Return the physical group of a block of cells; 0 without a group.
+    """Return the physical group of a block of cells; 0 if the block is in no group.
 
     Raises:
         InputError: If the cells are in several groups.
@@ -452,7 +452,7 @@ def _once(facets: Longs, values: Ints) -> tuple[Longs, Ints]:
 def _left_out(
     content: Content, path: str | Path, gdim: int, surfaces: set[str], cell_values: Ints
 ) -> Iterator[str]:
-    """Yield a remark for each dimension whose physical groups name nothing in the mesh."""
+    """Yield a remark for each dimension with physical groups that name nothing in the mesh."""
     for dim in range(gdim + 1):
         names = {name or str(tag): tag for of, tag, name in content.groups if of == dim}
         if dim == gdim:

@@ -42,7 +42,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
         least: Largest depth that counts as no overlap, shape (n,).
 
     Returns:
-        Depths (length), shape (n,); 0 for disjoint simplices.
+        Depths (length), shape (n,); 0 for depths up to ``least``.
     """
     depth = np.full(len(one), np.inf)
     left = np.arange(len(one))
@@ -64,7 +64,7 @@ def overlap_depths(one: Floats, other: Floats, least: Floats) -> Floats:
 
 
 def _axes(gdim: int) -> Iterator[AxisOf]:
-    """Yield functions that return axes of pairs of simplices, and the largest possible lengths."""
+    """Yield functions that return an axis for each pair of simplices, and a bound on its length."""
     for which in (0, 1):
         for place in range(gdim + 1):
             yield partial(_face_normal, which, place)
@@ -281,10 +281,10 @@ def _area_vectors(corner: Floats) -> Floats:
 def _sagittas(
     comm: MPI.Intracomm, vertices: IndexMap, ends: npt.NDArray, area: Floats, length: Floats
 ) -> Floats:
-    """Return, for each vertex, a bound on the distance of its facets from a curved surface.
+    """Return, for each vertex, an estimate of its facets' distance from a curved surface.
 
-    Collective. The distance is zero if all facets at the vertex lie in one plane; otherwise it is
-    about the largest distance of a single facet.
+    Collective. The estimate is zero if all facets at the vertex lie in one plane; otherwise it is
+    about the largest estimate of a single facet.
     """
     sums = la.vector(vertices, area.shape[1], dtype=np.float64)
     mean = sums.array.reshape(-1, area.shape[1])

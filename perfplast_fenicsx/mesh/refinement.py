@@ -40,7 +40,7 @@ def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
 
     A factor is 1/2 plus the change of the fields along the edge, relative to the largest possible
     change for gradients of this size, averaged over the cells at the edge. Cells therefore become
-    up to about three times longer than wide.
+    up to about three times as long as wide.
 
     Args:
         mesh: Mesh of tetrahedra with straight sides.

@@ -22,7 +22,7 @@ COEFFICIENTS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 @lru_cache
 def means() -> Floats:
-    """Return the means of products of Bernstein and barycentric polynomials, shape (6, 3)."""
+    """Return the means of B_i λ_j over a triangle, with barycentric coordinates λ, shape (6, 3)."""
     found: Floats = np.concatenate([1 + 2 * np.eye(3), 2 - np.eye(3)]) / 30
     return found
 
@@ -103,7 +103,7 @@ def ring_rates(x: Floats, v: Floats) -> Floats:
 
 
 def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
-    """Return upper bounds on ∫ B_i/r over triangles; 0 for coefficients on the axis, which are 0.
+    """Return upper bounds on ∫ B_i/r over triangles; 0 for i on the axis, where rates vanish.
 
     Args:
         radii: Radii at the vertices of the triangles, shape (n, 3).
@@ -132,7 +132,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
 
 
 def equal_parts(count: int) -> list[Floats]:
-    """Return barycentric coordinates of equal parts of a triangle, with exact 0 on its edges."""
+    """Return the vertices of ``count``² equal parts of a triangle, by barycentric coordinates."""
     parts = []
     for i, j in product(range(count), repeat=2):
         low = np.array([[i, j], [i + 1, j], [i, j + 1]])

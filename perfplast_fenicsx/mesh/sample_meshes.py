@@ -263,7 +263,7 @@ def punch(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
 
 def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
-    """Return an L-shaped plate in plane strain: (0,10)²×(0,1) without (0,5)²×(0,1). Collective.
+    """Return an L-shaped plate, (0,10)²×(0,1) without (0,5)²×(0,1). Collective.
 
     Volume ``plate``; surfaces ``x0``, ``y0``, ``z0``, ``z1`` and ``top`` (y = 10).
 

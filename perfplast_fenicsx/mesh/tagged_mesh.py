@@ -366,7 +366,7 @@ def _tag(kind: str, name: str, tags: Mapping[str, Tags], others: Mapping[str, Ta
 
 
 def _hint(name: str, tags: Mapping[str, Tags]) -> str:
-    """Return a remedy for names that a new version of the mesh splits or joins, otherwise ""."""
+    """Return a remedy if the unknown ``name`` means faces that have other names, otherwise ""."""
     if several := re.fullmatch(r"(.+)_face_(\d+)_*", name):
         for kind in ("plane", "cylinder"):
             whole = f"{several[1]}_{kind}_{several[2]}"

@@ -33,7 +33,7 @@ class WholeMesh(TaggedMesh):
 
 
 def whole_mesh(shared: TaggedMesh) -> WholeMesh:
-    """Return a copy on each rank; the vertices in each cell keep their order. Collective.
+    """Return a copy of the mesh on each rank; vertices keep their order in each cell. Collective.
 
     Args:
         shared: Distributed mesh of straight cells, without ghost cells.

@@ -145,7 +145,7 @@ def _elements(
     names: dict[str, str],
     found: GroupedMesh,
 ) -> None:
-    """Add the elements of a card, in one block with all midside nodes and one block without."""
+    """Add a block of a card's elements with all midside nodes, and a block of the others."""
     quadratic = [len(row) > most + 2 and all(row[3 : most + 3]) for row in rows]
     for whole in (True, False):
         mine = [row for row, full in zip(rows, quadratic, strict=True) if full == whole]

@@ -33,11 +33,11 @@ class Keyword:
     number: int
 
     def option(self, name: str, default: str = "") -> str:
-        """Return the value of an option in upper case, like all known values."""
+        """Return the value of an option, or ``default`` if it is not given, in upper case."""
         return self.options.get(name, default).upper()
 
     def rows(self) -> list[list[str]]:
-        """Return the cells of each data line, without blanks and without empty cells at the end."""
+        """Return the cells of each data line, without outer blanks and empty cells at the end."""
         found = []
         for line in self.lines:
             cells = [cell.strip() for cell in line.split(",")]

@@ -55,7 +55,7 @@ class Assembly:
         blocks: Blocks of elements.
         count: Total number of elements.
         sets: Indices of the members of each set, by kind and name. Names are in upper case; a set
-            of a part has the name ``INSTANCE.SET``.
+            of a part also has the name ``INSTANCE.SET``.
         left_out: Number of elements of unsupported types, by type.
         numbers: Indices by number, for each instance and kind of set.
         instances: Names and parts of the instances; ("", "") for a file without instances.

@@ -376,7 +376,7 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Return tractions that replace nodal forces, on sets that are surfaces and on the rest."""
+        """Return tractions that replace nodal forces, on sets that form surfaces and elsewhere."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():

@@ -201,7 +201,7 @@ def _qualities(points: Floats, cells: Longs, dim: int) -> Floats:
 
 
 def _normals(points: Floats, facets: Longs, dim: int) -> Floats:
-    """Return normals of facets, with areas as lengths, all on the side of the first normal."""
+    """Return normals of facets, whose lengths are areas, all on the side of the first normal."""
     p = points[facets]
     if dim == 2:
         along = p[:, 1] - p[:, 0]

@@ -75,7 +75,7 @@ class OuterFacets:
         return keys
 
     def find(self, corners: Longs) -> Longs:
-        """Return the numbers of facets with given corners in any order, shape (n,); -1 if none."""
+        """Return the numbers of the facets with these corners, shape (n,); -1 if unknown."""
         keys = self._keys(np.sort(corners, axis=1))
         at = np.minimum(np.searchsorted(self._found, keys), max(len(self._found) - 1, 0))
         there = self._found[at] == keys if len(self._found) else np.zeros(len(keys), dtype=bool)
@@ -111,7 +111,7 @@ class ElementFacets:
         self._corner = corners
 
     def of_faces(self, elements: Longs, face: str) -> Longs:
-        """Return facets on a face (S1, P1, ...) of elements; without a face, all outer facets."""
+        """Return facets on a face (S1, P1, ...) of elements; all their outer facets if it is ""."""
         found = [NONE]
         number = int(face[1:]) - 1 if face[1:].isdigit() and face[:1] in "SPF" else None
         for block in self._blocks(self._dim):
@@ -147,7 +147,7 @@ class ElementFacets:
         return self._outer.among(nodes, len(self._points))
 
     def covered(self, nodes: Longs, facets: Longs) -> bool:
-        """Return whether there are facets, and they contain all outer corners among the nodes."""
+        """Return whether ``facets`` is not empty and contains all outer corners in ``nodes``."""
         on = np.zeros(len(self._corner), dtype=bool)
         on[self._outer.corners[facets]] = True
         corners = nodes[self._corner[nodes]]

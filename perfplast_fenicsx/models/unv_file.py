@@ -119,7 +119,7 @@ def _datasets(text: str) -> list[tuple[str, list[str]]]:
 
 
 def _elements(numbers: Longs, points: NumberIndex, found: GroupedMesh) -> list[Longs]:
-    """Add the elements, which are sorted by kind, to ``found``, and return their numbers."""
+    """Add a block for each run of elements of one kind to ``found``; return all their numbers."""
     ids, at = [], 0
     # count of numbers before the nodes of an element; the last such number is the number of nodes
     before_nodes = 6

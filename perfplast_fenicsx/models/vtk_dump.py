@@ -1,7 +1,8 @@
 """Read a mesh file with VTK and write its content to an .npz file, as a separate program.
 
 A damaged file may make VTK crash or allocate memory without limit. In this case only this process
-ends, not the ranks. The program imports nothing from this package, because this might start MPI.
+ends, not the ranks. The program imports nothing from this package, because such an import might
+start MPI.
 
     python3 -P vtk_dump.py FILE.vtu TARGET.npz
 """

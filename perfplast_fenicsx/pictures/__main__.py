@@ -13,7 +13,7 @@ from perfplast_fenicsx.pictures.result_figures import animate, case, parts, plot
 
 
 def main(argv: Sequence[str]) -> int:
-    """Draw the pictures, and print the path of each picture on its own line."""
+    """Draw pictures, print the path of each on its own line, and return the exit status."""
     command, source, *output = argv
     commands: dict[str, Callable[..., Iterator[str]]] = {
         "plot": plot,

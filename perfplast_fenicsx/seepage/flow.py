@@ -355,7 +355,7 @@ class Network:
         return numbers[(numbers >= 0).all(axis=1)]
 
     def surface_above(self, mesh: TaggedMesh, surface: str) -> Floats:
-        """Return the height of a surface vertically above each point; infinite if it is not there.
+        """Return the height of a surface vertically above each point; infinite if none is above it.
 
         Args:
             mesh: A plane mesh.

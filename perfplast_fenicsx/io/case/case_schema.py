@@ -192,7 +192,7 @@ def _choice(
     Args:
         key: The key.
         choices: The dataclasses by value of the key.
-        default: Default value of the key; None without a default.
+        default: Default value of the key; None if the key has no default.
         required: Whether the key is required when it has no default.
     """
     names: Schema = {"enum": list(choices)} | ({"default": default} if default else {})

@@ -104,7 +104,7 @@ def _key(kind: str, field: str) -> str:
 
 
 def _with(key: str) -> str:
-    """Return in words the kinds of loads that have a field."""
+    """Return the kinds of loads that have a field, in words."""
     kinds = [kind for kind, cls in LOADS.items() if key in typing.get_type_hints(cls)]
     return " or ".join(kinds)
 

@@ -196,10 +196,10 @@ def _content(path: Path) -> bytes:
 
 
 COMMA = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
-"""A line that ends with a number with a decimal comma."""
+"""Pattern of a line that ends with a number with a decimal comma."""
 
 WINDOWS = re.compile(r'=\s*"([^"]*\\[^"]*)"')
-"""A string in double quotes that contains a backslash, as in a Windows path."""
+"""Pattern of a string in double quotes that contains a backslash, as in a Windows path."""
 
 
 def _remedy(text: str, reason: str) -> str:

@@ -39,7 +39,7 @@ class SupportTable:
         """Return the support that the table defines.
 
         Raises:
-            InputError: If ``constant`` is false, but the loading moves nothing.
+            InputError: If ``constant`` is false, but the loading does not move this surface.
         """
         constant = _stays(self.constant, driven, f"the support on '{self.on}'")
         return Support(self.on, self.components, self.value, constant, self.name)
@@ -80,7 +80,7 @@ class RigidSurfaceTable:
         """Return the rigid surface that the table defines.
 
         Raises:
-            InputError: If ``constant`` is false, but the loading moves nothing.
+            InputError: If ``constant`` is false, but the loading does not move this surface.
         """
         constant = _stays(self.constant, driven, f"the rigid surface '{self.on}'")
         turn: Turn = () if self.rotation is None else self.rotation
@@ -112,7 +112,7 @@ def _stays(constant: bool | None, driven: bool, what: str) -> bool:
     """Return whether the prescribed motion of an object is the same at any load factor.
 
     Raises:
-        InputError: If ``constant`` is false, but the loading moves nothing.
+        InputError: If ``constant`` is false, but the loading does not move this surface.
     """
     if not driven and constant is False:
         raise InputError(

@@ -137,7 +137,7 @@ def _inside(place: Any, part: str, key: str) -> Any:
 
 
 def _index(entries: Sequence[Any], part: str, key: str) -> int:
-    """Return the index of the entry that has a name or number."""
+    """Return the index of the entry whose name or number is ``part``."""
     # keys that identify an entry in an array of tables
     named_by = ("name", "on", "primary")
     names = [

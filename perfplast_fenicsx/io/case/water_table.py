@@ -248,7 +248,7 @@ class _Given:
         return unit_weight_of_water(self.said.unit_weight, self.units, self.gravity)
 
     def line(self, body: str) -> Floats | None:
-        """Return the line that determines the pore pressure in a body; None without one."""
+        """Return the line that determines the pore pressure in a body; None if no line does."""
         if body in self.others:
             return self.others[body]
         if body in self.said.dry or body in self.said.ru or not len(self.table):

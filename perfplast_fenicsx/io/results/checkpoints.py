@@ -87,7 +87,7 @@ def with_contents(table: Table, materials: Mapping[str, object]) -> Table:
 
 
 def first_difference(now: Table, then: Table) -> str | None:
-    """Describe the first difference between a case and an earlier case; None if they are equal.
+    """Return a description of the first difference from an earlier case; None if there is none.
 
     Additional load levels at the end do not count as a difference.
     """
@@ -317,7 +317,7 @@ class Saved:
 
     @property
     def reached(self) -> Reached | None:
-        """Return the point that a loading with automatic steps has reached; None before a level."""
+        """Return the point that automatic load steps have reached; None before the first level."""
         if self.level is None:
             return None
         rest = self.search.rest if self.search else None

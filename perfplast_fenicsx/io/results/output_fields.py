@@ -81,7 +81,7 @@ class FrictionFields:
         array[: len(values), axis] = values
 
     def _at_vertices(self, of_places: Floats) -> Floats:
-        """Return values at friction points, distributed to nodes and to vertices. Collective."""
+        """Return sums at owned vertices of values that friction points distribute. Collective."""
         on_rows, on_nodes = self._shares.createVecLeft(), self._shares.createVecRight()
         on_rows.array[self._problem.friction.pair] = of_places
         self._shares.multTranspose(on_rows, on_nodes)

@@ -41,8 +41,8 @@ def write_proof(
     Args:
         folder: Result folder, which provides the ranks and the message for system errors.
         path: The file; its folder exists.
-        lower: Proof of the lower bound; None without one.
-        upper: Proof of the upper bound; its mesh of the bodies may be different. None without one.
+        lower: Proof of the lower bound, or None.
+        upper: Proof of the upper bound, or None. Its mesh of the bodies may be different.
 
     Raises:
         InputError: If cells or obstacles are curved, if the file format does not support a kind of

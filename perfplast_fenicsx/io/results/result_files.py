@@ -133,7 +133,7 @@ FIGURES = (
 
 @cache
 def figures() -> tuple[Figure, ...]:
-    """Return :data:`FIGURES` and the figures of installed packages, by name of the entry point.
+    """Return :data:`FIGURES`, then the figures of installed packages, sorted by entry points.
 
     Raises:
         InputError: If an entry point cannot be loaded, does not refer to a :class:`Figure`, or has

@@ -166,7 +166,7 @@ class ResultFolder:
         """Create the folder and remove older results from it. Collective.
 
         Raises:
-            InputError: If this is not possible.
+            InputError: On every rank, if the folder cannot be written.
         """
 
         def create() -> None:
