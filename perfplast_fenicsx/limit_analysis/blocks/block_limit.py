@@ -90,7 +90,7 @@ def block_limit(
         comm: The ranks.
         blocks: The blocks.
         question: The loads that the bounded factor multiplies.
-        rtol: Relative distance of each bound to the best bound of its kind.
+        rtol: Permitted relative distance of each bound from the best bound of its kind.
     """
     solved = on_rank0(comm, lambda: _solve(blocks, question, rtol))
     rows = comm.scatter(None if solved is None else solved.by_rank(comm.size), root=0)
@@ -196,7 +196,7 @@ class _Jumps:
         vertices: Matrix that maps motions to the jumps along the axes at all vertices, shape (n · d
             · d, blocks · modes).
         middles: Matrix that maps motions to the jumps at the points of adhesive tractions.
-        kept: Index of one vertex from each set of coinciding vertices.
+        kept: Index of one vertex from each set of coinciding vertices with the same normal.
     """
 
     axes: Floats

@@ -202,7 +202,7 @@ def best_of_joints(
         inner: Linear program for the forces.
         outer: Linear program for the motions, at the same points and with at least as much
             friction.
-        rtol: Relative distance of each result from its optimum with circular cones.
+        rtol: Permitted relative distance of each result from its optimum with circular cones.
 
     Returns:
         The forces, the motion, and the number of linear programs that were solved.

@@ -26,7 +26,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
 )
 
 TRIANGLE: Longs = np.array([0, 5, 1, 4, 3, 2])
-"""Indices in Mandel vectors of the upper triangle, column by column."""
+"""Indices of the upper triangle's entries in a Mandel vector, column by column."""
 
 
 def by_clarabel(
@@ -42,11 +42,14 @@ def by_clarabel(
     Args:
         iteration: The iteration at its start; the function replaces its iterate and velocity by the
             solution.
-        rtol: Largest relative difference of static and kinematic load.
+        rtol: Largest relative difference between the static and the kinematic load.
         steps: List to which the function appends Clarabel's iterations.
         monitor: Called after each iteration.
         share: Fraction of ``rtol`` to which the solution is computed.
         least: Not used, because Clarabel itself detects unbounded loads.
+
+    Returns:
+        The outcome, and the reason for it.
 
     Raises:
         InputError: If there are several ranks, if Clarabel is not installed, or if a block's cones
@@ -136,7 +139,7 @@ def _settings(clarabel: Any, rtol: float) -> Any:
 
 
 def _order(kind: ConeKind, shape: tuple[int, ...]) -> Longs:
-    """Return the indices that sort the rows of a block in Clarabel's order."""
+    """Return the indices that put the rows of a block into Clarabel's order."""
     rows = np.arange(shape[0] * shape[1]).reshape(shape)
     return (rows[:, TRIANGLE] if kind is ConeKind.SEMIDEFINITE else rows).ravel()
 
@@ -156,7 +159,7 @@ def _cones(clarabel: Any, kind: ConeKind, shape: tuple[int, ...]) -> list[Any]:
 def _put(
     iteration: InteriorIteration, data: ConeProgram, orders: list[Longs], solution: Any, rtol: float
 ) -> tuple[Verdict, str]:
-    """Store a solution in the iteration, and return the verdict."""
+    """Store a solution in the iteration if there is one; return the verdict and its reason."""
     status, program = str(solution.status), iteration.program
     if status in ("DualInfeasible", "AlmostDualInfeasible"):
         reason = "Clarabel has found stresses within yield that balance any multiple of the loads"

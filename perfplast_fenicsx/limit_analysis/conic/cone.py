@@ -135,7 +135,7 @@ class Moduli:
         return replace(self, whole=(at, roots))
 
     def first(self, count: int) -> "Moduli":
-        """Return the moduli of the first points; these include all points with full moduli."""
+        """Return the moduli of the first ``count`` points, which include all full moduli."""
         along = None if self.along is None else self.along[:count]
         return Moduli(self.bulk[:count], self.a[:count], self.normal[:count], along, self.whole)
 
@@ -163,8 +163,7 @@ class Moduli:
     def roots(self) -> Floats:
         """Return factors R of the moduli RRᵀ, shape (count, 1 + m, 1 + m).
 
-        Returns:
-            The modulus is κ(1, −b)(1, −b)ᵀ plus a I − N Nᵀ on the deviator, or the full modulus.
+        RRᵀ is κ(1, −b)(1, −b)ᵀ plus a I − N Nᵀ on the deviator, or the full modulus of the point.
         """
         length2 = np.einsum("ni,ni->n", self.normal, self.normal)
         left = np.sqrt(np.maximum(1 - length2 / self.a, 0.0))
@@ -236,7 +235,7 @@ class MatrixBlock(Protocol):
         ...
 
     def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
-        """Return the members from static and dual vectors in the order of :meth:`rows`."""
+        """Return the members, given as static and dual vectors in the order of :meth:`rows`."""
         ...
 
 
@@ -343,7 +342,7 @@ class PointSets(Protocol):
 
     @property
     def caps(self) -> Floats:
-        """Return the largest mean stress (stress) in each set, ∞ if unbounded, shape (num,)."""
+        """Return the tensile strength (stress) of each set, ∞ if it has none, shape (num,)."""
         ...
 
     def those(self, chosen: npt.NDArray[np.bool_] | Longs) -> Self:
@@ -393,7 +392,8 @@ class LawSet(Protocol):
 
         Args:
             at: Indices of the points.
-            tensors: Tensors whose factors are p and the components of s, shape (1 + m, 3, 3).
+            tensors: Tensors whose coefficients in a stress are p and the components of s, shape
+                (1 + m, 3, 3).
             flat: As for :meth:`around`; the out-of-plane stress is then p.
         """
         ...
@@ -436,7 +436,7 @@ class Products:
         return Products(self.blocks, [-part for part in self.parts])
 
     def raised(self, by: float) -> "Products":
-        """Return the products with a number added to their eigenvalues."""
+        """Return the products with ``by`` added to their eigenvalues."""
         both = zip(self.blocks, self.parts, strict=True)
         return Products(self.blocks, [block.raised(part, by) for block, part in both])
 

@@ -26,11 +26,11 @@ yield in the strong bodies, treating them as elastic does not change the result.
 exceeds yield there, the next search also treats the weakest of the strong bodies as plastic
 (:meth:`ConicProgram.stronger`).
 
-The flow also shows which part of the loads drives it. Mean stresses and the stresses of bodies that
-do not yield are unbounded. The program subtracts the loads that these stresses balance. If A⁺σ are
-the forces of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any velocity that preserves
-volumes and the shape of elastic bodies. The stress σ' is in equilibrium with λL' if and only if σ'
-+ λσ₀ is in equilibrium with λL.
+The flow also shows which part of the loads drives it. Mean stresses (where α = 0) and the stresses
+of bodies that do not yield are unbounded. The program subtracts the loads that these stresses
+balance. If A⁺σ are the forces of stresses σ, then L' = L − A⁺σ₀ does the same work as L on any
+velocity that preserves volumes and the shape of elastic bodies. The stress σ' is in equilibrium
+with λL' if and only if σ' + λσ₀ is in equilibrium with λL.
 """
 
 from collections.abc import Sequence
@@ -158,7 +158,7 @@ class ConicProgram:
         strengths: Sizes of the strengths of plastic points, about 1 in the bodies that carry the
             loads, and 0 at points that are not plastic, shape (count,).
         dilates: Whether any plastic point of any rank dilates.
-        strongest: Largest γ (stress) of the plastic points.
+        strongest: Upper limit of ``sizes`` (stress) at plastic points, ∞ without a limit.
         springs: Stiffness of contact that suits the stiffness of the bodies, shape (num_pairs,).
         degree: Sum of the degrees of the blocks of all ranks.
         stress_unit: Unit of σ.
@@ -210,12 +210,12 @@ class ConicProgram:
         self.measure(cones / weaknesses if cones else 1.0)  # weak bodies dominate the mean
 
     def measure(self, unit: float, strongest: float = np.inf) -> None:
-        """Set the unit of stress, and the points that can yield. Collective.
+        """Set the unit of stress and the points that can yield, and scale the loads. Collective.
 
         Args:
             unit: Unit of stress.
-            strongest: Largest yield radius (stress) of points that can yield; stronger points are
-                elastic.
+            strongest: Upper limit of ``sizes`` (stress) at points that can yield; stronger points
+                are elastic.
         """
         self.strongest = strongest
         self.plastic = np.isfinite(self.sizes) & (self.sizes <= strongest)
@@ -268,23 +268,23 @@ class ConicProgram:
         return (*self._of_points, Pairs(self.springs))
 
     def multiply(self, unit: float) -> None:
-        """Multiply the loads by ``unit``, and thereby divide the unknown load factor by it."""
+        """Multiply L by ``unit``, and thereby divide the unknown load factor by ``unit``."""
         self.load_unit *= unit
         self.load.scale(unit)
         if self.carried is not None:
             self.carried = (unit * self.carried[0], unit * self.carried[1])
 
     def stronger(self) -> float | None:
-        """Return the smallest yield radius (stress) above ``strongest``; None without a larger one.
+        """Return the smallest entry of ``sizes`` above ``strongest``; None if there is no such one.
 
-        Collective.
+        Collective; the entry may be on any rank. Elastic bodies do not count.
         """
         mine = float(self.sizes[self.sizes > self.strongest].min(initial=np.inf))
         least = float(self.comm.allreduce(mine, MPI.MIN))
         return least if np.isfinite(least) else None
 
     def range(self, values: Floats) -> tuple[float, float]:
-        """Return the smallest and the largest value over all ranks. Collective."""
+        """Return the smallest value, and the largest value or 0, over all ranks. Collective."""
         least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 
@@ -345,7 +345,7 @@ class ConicProgram:
         return found
 
     def moduli(self, uniform: float) -> Moduli:
-        """Return moduli with the same κ and a at all points, and N = 0."""
+        """Return moduli with κ = a = ``uniform`` at all points, and N = 0."""
         shape = self.strains.count, self.strains.size
         bulk, a = np.full(shape[0], uniform), np.full(shape[0], uniform)
         return Moduli(bulk, a, np.zeros(shape, order="F"))
@@ -386,8 +386,8 @@ class ConicProgram:
         """Return the dissipation of a velocity, in the program's units. Collective.
 
         The dissipation is Σ w γ(‖dev ε(v)‖ − t·dev ε(v)), and Σ w (γ/α) tr ε(v) where bodies
-        dilate. The sum is over all points with a finite yield radius. The velocity must be
-        admissible.
+        dilate; yield sets of other kinds add their support functions. The sum is over all points
+        with a finite yield radius. The velocity must be admissible.
         """
         power = powers(self.strains, *self.strains.of(velocity))
         return self.total(float(self.weights @ power)) / self.stress_unit
@@ -416,5 +416,5 @@ class ConicProgram:
         return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
 
     def total(self, value: float) -> float:
-        """Return the sum over all ranks. Collective."""
+        """Return the sum of ``value`` over all ranks. Collective."""
         return float(self.comm.allreduce(value))

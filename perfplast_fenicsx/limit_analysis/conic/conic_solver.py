@@ -32,7 +32,7 @@ class ConicSolver(Protocol):
 
         Args:
             iteration: The iteration at its start, with the program.
-            rtol: Largest relative difference of static and kinematic load.
+            rtol: Largest relative difference between the static and the kinematic load.
             steps: List to which the steps are appended.
             monitor: Called on every rank after each step.
             share: Fraction of ``rtol`` to which the solution is computed.
@@ -48,7 +48,7 @@ USUAL = "interior-point"
 """Name of the default solver."""
 
 SOLVERS: dict[str, ConicSolver] = {USUAL: iterate, "clarabel": by_clarabel}
-"""Solvers by the name of ``conic`` in case files."""
+"""Solvers by the value of the key ``conic`` in case files."""
 
 CONIC = (
     "The solver for limit loads and bounds: the program's own interior point method, or Clarabel, a"

@@ -75,7 +75,7 @@ class Strains(Protocol):
         ...
 
     def deviators(self, deviator: Floats) -> Floats:
-        """Return s without a volumetric part, which s has only if its components are redundant."""
+        """Return s without its volumetric part, which is zero unless s has redundant components."""
         ...
 
     def destroy(self) -> None:
@@ -84,7 +84,7 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """K from :class:`~cone.Moduli` at points and from a spring c [v]² at each contact pair."""
+    """The stiffness K: :class:`~cone.Moduli` at points, and springs c [v]² at contact pairs."""
 
     @property
     def factorisations(self) -> int:
@@ -101,11 +101,11 @@ class Stiffness(Protocol):
         ...
 
     def jump_diagonal(self) -> Floats:
-        """Return the diagonal entries of the jumps of this rank's pairs. Collective."""
+        """Return K's diagonal entries at the jumps of this rank's contact pairs. Collective."""
         ...
 
     def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal entries of jumps, shape (num_pairs,) on each rank. Collective."""
+        """Add ``springs`` c, shape (num_pairs,), to K's diagonal entries at jumps. Collective."""
         ...
 
     def factorise(self) -> None:
@@ -189,14 +189,14 @@ class SprungMatrix:
         return str(self._used.getPC().getFactorSolverType())
 
     def jump_diagonal(self) -> Floats:
-        """Return the diagonal entries of the jumps of this rank's pairs. Collective."""
+        """Return K's diagonal entries at the jumps of this rank's contact pairs. Collective."""
         diagonal = self._matrix.getDiagonal()
         values: Floats = diagonal.array_r[self._jumps].copy()
         diagonal.destroy()
         return values
 
     def add_at_jumps(self, springs: Floats) -> None:
-        """Add c to the diagonal entries of jumps, shape (num_pairs,) on each rank. Collective."""
+        """Add ``springs`` c, shape (num_pairs,), to K's diagonal entries at jumps. Collective."""
         diagonal = self._matrix.getDiagonal()
         diagonal.array[self._jumps] += springs
         self._matrix.setDiagonal(diagonal)
@@ -205,7 +205,7 @@ class SprungMatrix:
     def check_once(self) -> None:
         """Check on the first call that the factors of the matrix fit into memory.
 
-        Collective.
+        The first call also prepares the supernodal factors. Collective.
 
         Raises:
             TooLarge: If they do not fit; the message gives the needed and the available memory.

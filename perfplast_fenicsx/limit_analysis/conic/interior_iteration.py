@@ -79,7 +79,7 @@ class Unknowns:
         )
 
     def bearing(self, borne: Borne, blocks: Sequence[Block]) -> "Unknowns":
-        """Return the unknowns with another stress and other forces, and with their members."""
+        """Return the unknowns with the stress and forces ``borne``, and their static members."""
         both = zip(blocks, self.members, strict=True)
         members = (replace(it, static=block.static(borne, it.own)) for block, it in both)
         return replace(self, borne=borne, members=tuple(members))
@@ -184,7 +184,7 @@ class NewtonDirections:
         return Products(self._blocks, [scaled.products(members) for scaled, members in both])
 
     def products_after(self, t: float, change: Unknowns) -> Products:
-        """Return the products of the unknowns plus t times a change."""
+        """Return the products at the unknowns plus t times ``change``."""
         return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
@@ -225,6 +225,8 @@ class NewtonDirections:
 
     def balanced(self, now: Unknowns) -> Unknowns:
         """Return the unknowns with a correction that removes the unbalanced forces. Collective.
+
+        Contact forces that are tensile after the correction are set to zero.
 
         Args:
             now: The unknowns. The vector ``balance`` of the workspace contains their unbalanced
@@ -305,7 +307,7 @@ class InteriorIteration:
         return float(self.balance().norm(largest) / loads)
 
     def row_units(self) -> Floats | float:
-        """Return the unit in which unbalanced forces are measured, for each row of this rank."""
+        """Return the unit of unbalanced forces in each row of this rank, or one unit for all."""
         return 1.0
 
     def unbalanced_work(self) -> float:
@@ -349,7 +351,7 @@ class InteriorIteration:
         """Return the inadmissible part of ε(v), relative to ‖ε(v)‖. Collective.
 
         The inadmissible part is the volume change in plastic bodies and the strain rate in elastic
-        bodies.
+        bodies. In bodies that dilate, it is the amount by which tr ε(v) is too small.
 
         Bodies that only permanent loads hold together may separate rigidly. With permanent loads,
         ‖ε(v)‖ therefore counts as at least :data:`AT_REST`.

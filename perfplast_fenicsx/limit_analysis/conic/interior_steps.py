@@ -65,8 +65,7 @@ class InteriorStep:
         gap: Kinematic load minus static load for an admissible velocity, relative to the power of
             all loads.
         unbalanced: Largest unbalanced force, relative to the largest load.
-        inadmissible: Volume change of v in plastic bodies and strain rate in elastic bodies,
-            relative to ‖ε(v)‖.
+        inadmissible: Inadmissible part of ε(v) (:meth:`ConicProgram.rates`), relative to ‖ε(v)‖.
         length: Length of the step, at most 1.
         seconds: Wall time since the start of the search.
     """
@@ -111,7 +110,7 @@ def iterate(
 
     Args:
         iteration: The iteration at its start.
-        rtol: Largest relative difference of static and kinematic load.
+        rtol: Largest relative difference between the static and the kinematic load.
         steps: List to which the steps are appended.
         monitor: Called on every rank after each step.
         share: Fraction of ``rtol`` to which the solution is computed.
@@ -211,7 +210,7 @@ the constant loads then limit the load factor."""
 
 
 def choose_units(program: ConicProgram, start: Start) -> bool:
-    """Choose units in which the limit load is about the number of points and pairs. Collective.
+    """Choose units in which the limit load is about the program's ``degree``. Collective.
 
     Afterwards, the stiffness contains the factors of the flow's K.
 
@@ -293,7 +292,7 @@ def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
 def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     """Set the unit of stress to the mean strength of the points at which the flow dissipates.
 
-    Collective.
+    The unit remains if all strengths are similar, or if it is near this mean. Collective.
 
     Returns:
         Whether the units have changed.

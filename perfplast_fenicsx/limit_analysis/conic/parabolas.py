@@ -155,10 +155,10 @@ class ParabolaPoints(SecondOrderMembers):
     """Points with two cones each; see :class:`cone.Block`. Members have shape (2 num, 3)."""
 
     def __init__(self, at: Longs, of: Parabola, strengths: Floats, weights: Floats) -> None:
-        """Store the points.
+        """Store the points; compute h, G and the members at the centre of the set.
 
         Args:
-            at: The points.
+            at: Indices of the points.
             of: The set of the points, in the unit of the program.
             strengths: Sizes of the strengths in this unit, shape (num,).
             weights: Weights w, shape (num,).
@@ -225,7 +225,7 @@ class ScaledParabolaPoints(ScaledMembers):
     """Points with parabolas at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: ParabolaPoints, now: Members, rates: Rates) -> None:
-        """Factorise H of each point."""
+        """Compute the scaling, and factorise H of each point."""
         super().__init__(now)
         self._block = block
         count = len(block.at)

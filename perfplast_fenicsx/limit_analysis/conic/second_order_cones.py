@@ -56,7 +56,7 @@ def quotient(a: Floats, b: Floats) -> Floats:
 
 
 def raised(products: Floats, by: float) -> Floats:
-    """Return the products with a number added to their eigenvalues."""
+    """Return the products with ``by`` added to their eigenvalues."""
     found = products.copy(order="K")
     found[:, 0] += by
     return found
@@ -74,7 +74,7 @@ def missing(products: Floats, mu: float) -> Floats:
 
 
 def longest_step(a: Floats, da: Floats) -> float:
-    """Return the largest t with a + t da in the cones, for a inside; ∞ without a limit."""
+    """Return the largest t with a + t da in the cones, if a is inside; ∞ without a limit."""
     if not len(a):
         return np.inf
     # the smallest positive root of A t² + 2 B t + C, in a form without cancellation

@@ -66,7 +66,7 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def least_eigenvalue(a: Floats) -> Floats:
-    """Return the least eigenvalue of each matrix, accurate relative to its norm, shape (...)."""
+    """Return each matrix's least eigenvalue, accurate relative to the norm, shape (...)."""
     mean = np.trace(a, axis1=-2, axis2=-1) / SIZE
     rest = a - mean[..., None, None] * np.eye(SIZE)
     size = np.sqrt(np.einsum("...ij,...ij->...", rest, rest) / 6)
@@ -83,7 +83,7 @@ def eigenvalues(a: Floats) -> Floats:
 
 
 def longest_step(a: Floats, da: Floats) -> float:
-    """Return the largest t with a + t da semidefinite, for a inside; ∞ without a limit."""
+    """Return the largest t with a + t da semidefinite, if a is definite; ∞ without a limit."""
     if not a.size:
         return np.inf
     back = _lower_inverse(_factor(a))
@@ -202,9 +202,9 @@ class PrincipalCones:
         bounds: Bounds b > 0 (stress), shape (num,).
         sines: Sines s in [0, 1), shape (num,).
         tensions: Tensile strengths f > 0 (stress), ∞ without such a limit, shape (num,).
-        tensors: Unit tensor and orthonormal deviators, shape (1 + k, 3, 3). The factors of these
-            tensors are p and the first k components of s. Further components of s belong to sets of
-            other kinds.
+        tensors: Unit tensor and orthonormal deviators, shape (1 + k, 3, 3). The coefficients of
+            these tensors in a stress are p and the first k components of s. Further components of s
+            belong to sets of other kinds.
         flat: Whether out-of-plane rates are zero; the out-of-plane stress is then the mean of the
             in-plane stresses.
     """
@@ -265,7 +265,7 @@ class PrincipalCones:
         return self.tensions
 
     def ratios(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the yield ratios of stresses, shape (num,); negative where no multiple yields.
+        """Return the yield ratios of stresses, shape (num,); ≤ 0 if no positive multiple yields.
 
         Args:
             pressure: Mean stress p at all points, shape (count,).
@@ -290,7 +290,7 @@ class PrincipalCones:
 
     @property
     def factors(self) -> tuple[Floats, Floats]:
-        """Return the factors of tr ε and Σ|ε_i| for :meth:`powers`, shape (num,)."""
+        """Return the coefficients of tr ε and Σ|ε_i| in :meth:`powers`, shape (num,) each."""
         steep, cut = self.sines > 0, self.cut
         of_trace = np.where(steep, self.bounds / np.where(steep, 2 * self.sines, 1.0), 0.0)
         of_sizes = np.where(steep, 0.0, self.bounds / 2)
@@ -389,7 +389,7 @@ class PrincipalPoints:
 
     @property
     def _viscosities(self) -> Floats:
-        """Return squared factors of the unit tensor in the matrices at the centre, (num, k)."""
+        """Return squares of the multiples of I at the centre, ≤ ``MOST_VISCOUS``, (num, k)."""
         found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
         return found
 
@@ -408,7 +408,7 @@ class PrincipalPoints:
         moduli.a[at] = 1 / (self._of_d**2 / squares).sum(axis=1)
 
     def start(self, borne: Borne) -> Members:
-        """Write the pressures at the centre of the sets; return the members at these pressures."""
+        """Write the mean stresses at the centre of the sets; return the members at the centre."""
         borne.pressure[self.cones.at] = self._pressures
         apart = self._rooms / self._viscosities
         X, Z = (of[:, :, None, None] * np.eye(SIZE) for of in (self._rooms, apart))

@@ -197,7 +197,10 @@ class BodyCones:
         return tuple(found)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
-        """Return γ (stress), α and t of the cells; None in place of t if all tilts are zero."""
+        """Return γ (stress), α and t of the cells, without the factors of profiles and angles.
+
+        The result has None in place of t if all tilts are zero.
+        """
         forms = [cone.standard for cone in self.cones]
         radii = np.array([form.radius for form in forms])
         slopes = np.array([form.slope for form in forms])

@@ -174,7 +174,7 @@ class BodyStiffness:
 
 
 def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.Mat]:
-    """Return a matrix with space for the blocks, and for zeros in which contact may add entries.
+    """Return a matrix with space for the blocks, and for zeros where contact may add entries.
 
     Collective.
 

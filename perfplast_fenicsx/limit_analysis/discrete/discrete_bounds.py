@@ -62,8 +62,8 @@ class KinematicLoad:
     Attributes:
         value: The bound; None if no admissible mechanism was reached.
         size: Size by which differences of bounds are divided; 0 without a bound.
-        inadmissible: Remaining volume change, and strain rate in elastic bodies, relative to
-            ‖ε(v)‖.
+        inadmissible: Remaining inadmissible part (:meth:`InteriorIteration.inadmissible`), relative
+            to ‖ε(v)‖.
         entering: Largest penetration rate, relative to the largest velocity.
     """
 
@@ -128,9 +128,10 @@ def kinematic_load(iteration: InteriorIteration) -> KinematicLoad:
 
 
 def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
-    """Make the iterate's velocity admissible with one or a few factorisations. Collective.
+    """Make the iterate's velocity admissible, and return its load. Collective.
 
-    The function first holds the contact pairs with pressure, and then the pairs that penetrate.
+    The function needs one or a few factorisations. It first holds the contact pairs with pressure,
+    and then also the pairs that penetrate. If bodies dilate, it holds no pairs at first.
     """
     program, now, v = iteration.program, iteration.now, iteration.velocity
     jumps, inadmissible, entering = program.jumps, np.inf, np.inf

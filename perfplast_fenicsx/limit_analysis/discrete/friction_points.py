@@ -137,7 +137,7 @@ class SlipPlaces:
 
 
 class FrictionStrains:
-    """Rates ε(v) at points of bodies, and s/h at places; see :class:`discretisation.Strains`."""
+    """Rates ε(v) at points, w/h and s/h at places; see :class:`discretisation.Strains`."""
 
     def __init__(self, points: Strains, places: SlipPlaces) -> None:
         self._points, self._places = points, places
@@ -183,7 +183,10 @@ class FrictionStrains:
         return np.concatenate([self._points.deviators(deviator[:count]), deviator[count:]])
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to ∫ (p δ + s):ε(v) + Σ (p w + μ·s) for all v. Collective."""
+        """Set ``out`` to ∫ (p δ + s):ε(v) + Σ A (p w + τ·s) for all v. Collective.
+
+        At the places, p is the normal stress and τ, the deviator, is the shear stress.
+        """
         count = self._points.count
         self._points.forces(pressure[:count], deviator[:count], out)
         share = self.weights[count:] / self.length

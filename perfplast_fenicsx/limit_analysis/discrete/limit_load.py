@@ -43,7 +43,7 @@ class LimitLoad(NotebookResult):
             without a result, or if there is neither a kinematic side nor a plateau.
         residual: Relative change of the estimate at the last level; None without two estimates.
         upper: Kinematic side of the mesh, not a bound of the body: (D(v) − L₀(v))/L₁(v) of a
-            mechanism that is incompressible on the mesh; None without a mechanism.
+            mechanism that is admissible on the mesh; None without a mechanism.
         alpha: Work at the end of the path; None without a path.
         levelled_off: Whether the estimate is known to the tolerance: both sides have met, or ζ(α)
             has levelled off.
@@ -59,8 +59,8 @@ class LimitLoad(NotebookResult):
             rank.
         unbalanced: Largest unbalanced force of this stress, relative to the largest load; ∞ without
             a stress.
-        inadmissible: Volume change of the mechanism in plastic bodies and strain rate in elastic
-            bodies, relative to ‖ε(v)‖; None for a path.
+        inadmissible: Inadmissible part of the mechanism's strain rates, such as the strain rate in
+            elastic bodies, relative to ‖ε(v)‖; None for a path.
         verdict: Verdict of the interior point method; None for a path.
         steps: Steps of the interior point method; empty for a path.
         theorem: Whether limit theorems hold. With Coulomb's friction they do not hold

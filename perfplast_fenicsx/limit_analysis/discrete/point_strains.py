@@ -159,7 +159,10 @@ class PointCoordinates:
         return self._cones.sets_at(np.tile(self.numbers, copies), profile)
 
     def rates(self, e: Floats) -> tuple[Floats, Floats]:
-        """Return the coordinates ε' of strain rates, shapes (count,) and (count, m)."""
+        """Return the coordinates ε' of strain rates ``e``, shapes (count,) and (count, m).
+
+        The method may overwrite ``e``.
+        """
         if not self.isotropic:
             return self.frames.rates(e[:, self.among])
         sums = e[:, :3].sum(axis=1)
@@ -221,8 +224,8 @@ class RingCoefficients:
     """Strain rates q_i/ρ_i of velocities v = ru; see :class:`Rates` for the methods.
 
     Attributes:
-        weights: Weights of the points, shape (count,); the weight of a point on the axis is a sixth
-            of its cell's volume.
+        weights: Weights of the points, shape (count,); the weight of a point on the axis is 2π
+            times a sixth of its cell's area.
         on_axis: Flags of the points on the axis, where strain rates are zero, shape (count,).
     """
 

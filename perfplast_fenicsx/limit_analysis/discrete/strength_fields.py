@@ -264,9 +264,13 @@ weak bodies' strength. The rounding errors of strong bodies (1e-15) limit this a
 
 
 def strong_bodies(problem: Problem, share: float) -> tuple[str, ...]:
-    """Return advice if rounding may cause a large share of an upper bound; otherwise no advice.
+    """Return advice on bodies so strong that their rounding may cause a share of an upper bound.
 
-    Collective.
+    The result is empty if no body is so strong. Collective.
+
+    Args:
+        problem: The bodies.
+        share: Share of the upper bound that may come from rounding, which the advice states.
     """
     radii = _radii(problem)
     least, largest = min(radii.values(), default=np.inf), max(radii.values(), default=0.0)

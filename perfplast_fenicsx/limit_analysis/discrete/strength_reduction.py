@@ -169,7 +169,7 @@ def check_all_divided(
     contacts: Sequence[Contact],
     obstacles: Sequence[Obstacle],
 ) -> None:
-    """Check that no material or contact has ``reduced = false``, if there is no strength factor.
+    """Check, for a run without a factor of safety, that nothing has ``reduced = false``.
 
     Raises:
         InputError: If a material or contact has ``reduced = false``; the message names the first.

@@ -119,7 +119,7 @@ class CornerStrains:
         self._velocity.destroy()
 
     def velocity(self, y: PETSc.Vec) -> PETSc.Vec:
-        """Return the part v of y, in a vector that the next call overwrites."""
+        """Return the part v of y, in a vector that later calls of any method overwrite."""
         self._velocity.array[:] = y.array_r[: self._own]
         return self._velocity
 
@@ -159,9 +159,9 @@ class CornerStrains:
         self._forces(self._reduced(pressure, deviator), out)
 
     def forces_of(self, stresses: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to the forces of stresses as Mandel vectors.
+        """Set ``out`` to the forces of stresses at points and corners. Collective.
 
-        Collective.
+        The stresses are Mandel vectors, shape (corners, num_points, m).
         """
         self._forces(np.einsum("nij,knj->kni", self.frames.of_stresses, stresses), out)
 
@@ -187,7 +187,10 @@ class CornerStrains:
         return np.asarray(np.einsum("nji,knj->kni", self.frames.of_rates, reduced), np.float64)
 
     def coordinates(self, stresses: Floats) -> tuple[Floats, Floats]:
-        """Return pressure and deviator of Mandel vectors, shape (corners, num_points, m)."""
+        """Return the pressure and the deviator, shapes (count,) and (count, m), of stresses.
+
+        The stresses are Mandel vectors, shape (corners, num_points, m).
+        """
         reduced = np.einsum("nij,knj->kni", self.frames.of_stresses, stresses)
         found = self._whole(np.asarray(reduced, np.float64)).reshape(-1, 1 + self.size)
         return found[:, 0].copy(), found[:, 1:].copy(order="F")
@@ -313,7 +316,7 @@ def _times(roots: Floats, vectors: Floats) -> Floats:
 
 
 def softness_roots(rows: Floats) -> Floats:
-    """Return R with R Rᵀ = (AᵀA)⁻¹, shape (..., m, m).
+    """Return R with R Rᵀ = (AᵀA)⁻¹, shape (..., m, m); all entries are ∞ if any A is singular.
 
     Args:
         rows: Matrices A, shape (..., n, m).

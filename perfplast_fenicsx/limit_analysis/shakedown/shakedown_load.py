@@ -481,7 +481,7 @@ class Direction:
 
 
 def check_directions(domain: LoadDomain, directions: int) -> None:
-    """Check that a domain has two varying loads, as a diagram requires.
+    """Check that a domain and a number of directions suit a diagram; 0 means no diagram.
 
     Raises:
         InputError: If the domain does not have two varying loads, or if there are too few
@@ -508,7 +508,7 @@ def shakedown_diagram(
     Args:
         problem: The bodies.
         domain: Domain with two names; each direction scales the factors of both.
-        directions: Number of directions within a quarter circle.
+        directions: Number of directions in a quarter circle, including both axes.
         rtol: As for :func:`shakedown_load`.
         monitor: Called on every rank after each direction.
         steps: Called on every rank after each step of the interior point method.

@@ -32,12 +32,12 @@ class MultiplierStrains:
         layout: Layout of a cell.
         facets: The facets' unknowns.
         num_cells: Number of owned cells.
-        matrices: Matrices of :func:`stress_cells.strain_matrices`, in axisymmetry of
-            :func:`stress_cells.ring_matrices`, in the coordinates of the cones. The matrices are
-            zero at bare vertices, where the stress is zero and not an unknown
+        matrices: Matrices of :func:`stress_cells.strain_matrices` (in axisymmetry of
+            :func:`stress_cells.ring_matrices`), transformed to the coordinates of the cones. The
+            matrices are zero at bare vertices, where the stress is zero and not an unknown
             (:mod:`lone_corners`).
         idle: Flags of unknowns that belong only to bare vertices, shape (num_cells, num_rows).
-        few: Flags of cells with bare vertices, or with points on the axis, where stresses are zero.
+        few: Flags of cells with idle unknowns, or with points on the axis, where stresses are zero.
             In such a cell, the rows of the facets may be equivalent to rows of the cell.
     """
 

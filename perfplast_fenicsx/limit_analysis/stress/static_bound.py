@@ -135,7 +135,10 @@ class StaticIteration(InteriorIteration):
         self._rows: Floats | None = None
 
     def unbalanced(self) -> float:
-        """Return the largest unbalanced force, relative to loads or strengths. Collective."""
+        """Return the largest unbalanced force, relative to the loads. Collective.
+
+        After :meth:`settle`, the force is relative to the strength in its row.
+        """
         if self._rows is None:
             return super().unbalanced()
         mine = float((np.abs(self.balance().array_r) / self._rows).max(initial=0.0))

@@ -163,8 +163,9 @@ class StaticForm:
         dead: Permanent loads.
         open_jumps: Owned unknowns that are contact jumps and can open.
         jumps: Flags of owned facet unknowns that are contact jumps, shape (num_unknowns,).
-        pressed: Flags of jumps along the normal, or of the first of two jumps of a dilating
-            contact. The flags include jumps on the axis, where there is no pressure.
+        pressed: Flags of jumps along the normal at the vertices of facets, or of the first of two
+            jumps of a dilating contact. The flags include jumps on the axis, where there is no
+            pressure.
         slips: Flags of tangential unknowns on contact surfaces without friction.
         places: Places of slip.
     """

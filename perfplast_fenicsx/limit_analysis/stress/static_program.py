@@ -49,7 +49,7 @@ class StaticProgram:
         """Return the stress, with joint shears divided between friction and adhesion.
 
         Args:
-            stress: Stress in the user's units.
+            stress: Stress at all points, in any unit.
         """
         pressure, deviator = stress
         places, count = self.form.places, self.form.strains.count
@@ -242,7 +242,7 @@ def certify_stress(
     Args:
         static: The conditions.
         pressure: Mean stress in the coordinates of the cones, shape (count,), at the points of
-            cells, followed by zeros at places of slip.
+            cells, followed by normal stresses at places of slip (0 if the place cannot open).
         deviator: Deviator in the coordinates of the cones, shape (count, m); at places of slip,
             shear tractions.
         load: Load factor λ.
