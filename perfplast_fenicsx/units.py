@@ -111,7 +111,7 @@ class Units:
 
     @property
     def name(self) -> Name | None:
-        """Name of the given system, or of the system with these units; None for other units."""
+        """Return the name of the given system, or of the system with these units, or None."""
         if self.system is not None:
             return self.system
         for name, system in SYSTEMS.items():

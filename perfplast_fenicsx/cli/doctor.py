@@ -28,8 +28,8 @@ PATIENCE = 180.0
 """Longest time for a test (s)."""
 
 SLOW = 2e9
-"""Floating-point operations per second on one core. A BLAS below this speed is the slow reference
-BLAS (1/s)."""
+"""Speed of one core, in floating-point operations per second, below which its BLAS is the slow
+reference BLAS."""
 
 SCARCE = 1e9
 """Memory without which no useful case can be solved (bytes)."""

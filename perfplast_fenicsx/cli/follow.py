@@ -129,7 +129,7 @@ class Follower:
         return text.splitlines() or [""]
 
     def _end(self, summary: dict[str, Any]) -> str:
-        """Return in words how the run ended."""
+        """Return a sentence on how the run ended."""
         *before, last = ["", *self._log()]
         count = len(summary["steps"])
         levels = f"{count} level{' is' if count == 1 else 's are'} stored"

@@ -121,8 +121,8 @@ class Answer:
         command: Name of the command; empty until the arguments are read.
         fields: Values of the keys in :data:`FIELDS`.
         warnings: Code and message of each warning.
-        error: Code, message, place and remedy of the error that ended the command; None without
-            one.
+        error: Code, message, place and remedy of the error that ended the command; None if there
+            was no error.
     """
 
     command: str = ""

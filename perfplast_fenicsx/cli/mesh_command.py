@@ -93,7 +93,7 @@ def fill(output: Path, made: Path, case: str) -> None:
 
 
 def written(output: Path) -> str:
-    """Return as text the names of the files in a folder that ``perfplast mesh`` writes."""
+    """Return the names of the files in a folder that ``perfplast mesh`` writes, as text."""
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
 
 
@@ -148,7 +148,7 @@ def mesh(
         comm: The ranks; rank 0 does the work.
         source: STEP, BREP, IGES or .geo file.
         output: The output folder.
-        options: Sizes and degree of the elements.
+        options: Meshing options.
         material: Material of all bodies, by its name in ``perfplast materials``.
         glued: Which joints are glued.
         force: Whether to replace an existing mesh and case file.
@@ -246,7 +246,7 @@ def _pairs(option: str, given: Sequence[str], wanted: str) -> dict[str, float]:
 
 
 def common_materials(system: Name) -> str:
-    """Return two tables as text, of common materials and of soils, in a system of units."""
+    """Return a table of common materials and a table of soils in a system of units, as text."""
     units = SYSTEMS[system]
     rows: list[tuple[str, ...]] = [("material", "young", "poisson", "yield_stress", "", "source")]
     for one in (material.in_system(system) for material in MATERIALS):

@@ -54,8 +54,8 @@ def force_lines(
 
     Args:
         loads: See :func:`outcome_words.force_rows`.
-        lower: Proven lower bound on the load factor; None without one.
-        upper: Proven upper bound on the load factor; None without one.
+        lower: Proven lower bound on the load factor; None if none is proven.
+        upper: Proven upper bound on the load factor; None if none is proven.
         at_limit: The forces that are in balance with the stress of the lower bound or of the mesh.
         axes: Letters of the force components, such as "xyz".
         units: Units by quantity, from :meth:`units.Units.table`.
@@ -125,7 +125,7 @@ class RunContext:
         command: Shell command that repeats the run, without PETSc options.
         remarks: Remarks on the problem.
         warnings: Warnings so far; the list grows during the run.
-        live: The report that is updated during the run; None without one.
+        live: The report that is updated during the run; None if there is no such report.
     """
 
     case: Case
@@ -402,7 +402,7 @@ class Recorder:
             angles: The angles of the direction (degrees).
             low: Bounds whose lower bound is used.
             high: Bounds whose upper bound is used.
-            prove: Function that makes the proof from both.
+            prove: Function that returns the proven bounds from ``low`` and ``high``.
 
         Raises:
             InputError: On every rank, if the files cannot be written.

@@ -98,7 +98,7 @@ def blas() -> str:
 
 
 def threads() -> str:
-    """Return in words the number of cores that this process may use, and its thread limits."""
+    """Return the number of cores that this process may use, and its thread limits, in words."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     # Environment variables that set the number of threads.
     variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
@@ -109,7 +109,7 @@ def threads() -> str:
 
 
 def ranks(comm: MPI.Intracomm) -> str:
-    """Return in words the number of ranks on each host. Collective."""
+    """Return the number of ranks on each host, in words. Collective."""
     hosts = comm.allgather(MPI.Get_processor_name())
     counts: Longs
     names, counts = np.unique(hosts, return_counts=True)

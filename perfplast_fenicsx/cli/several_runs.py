@@ -415,7 +415,7 @@ def _written(
 
 
 def sweep_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the table as lines."""
+    """Return the lines of a sweep's table."""
     cells = [list(rows[0])]
     cells += [["-" if v is None else _text(v) for v in row.values()] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

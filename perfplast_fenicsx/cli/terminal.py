@@ -35,7 +35,7 @@ from perfplast_fenicsx.units import Units
 
 
 def remaining(planned: int | None, seconds: Sequence[float]) -> str:
-    """Return in words how many levels are left, and about how long they take.
+    """Return how many levels are left, and about how long they take, in words.
 
     Args:
         planned: Number of levels of the whole run; None if it chooses them itself.
@@ -190,7 +190,7 @@ class Terminal:
 
     @property
     def next_level(self) -> str:
-        """Return in words the level in progress, the number of levels, and the remaining time."""
+        """Return the level in progress, the number of levels and the remaining time, in words."""
         return next_level(self._planned, self._seconds)
 
     def iteration(self, record: Iteration) -> None:

@@ -300,7 +300,7 @@ class _Told:
             mark.words.append(words)
 
     def _shared(self, load: Load, others: Sequence[Load]) -> str:
-        """Return in words the loads of the same kind that share faces with a load."""
+        """Return the loads of the same kind that share faces with a load, in words."""
         own, found = set(self.problem.tagged_mesh.tags_of([load.on])), []
         for other in others:
             alike = kind_of(other) == kind_of(load) and other.constant == load.constant
@@ -315,7 +315,7 @@ class _Told:
         return "; ".join(found)
 
     def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
-        """Return in words the components of a load on a surface that supports hold."""
+        """Return the axes of a surface along which a load pushes and supports hold, in words."""
         gdim, axes = self.problem.bodies.gdim, self.problem.kinematics.axes
         held = {
             number
@@ -495,7 +495,7 @@ def save_arrays(
 
 
 def _part(cover: Cover, where: str) -> str:
-    """Return in words the part of a side that a surface covers, and the names on the rest."""
+    """Return the part of a side that a surface covers, and the names on the rest, in words."""
     side = cover.side
     share = cover.area / side.area
     rest = [

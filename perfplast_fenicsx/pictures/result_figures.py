@@ -262,7 +262,8 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 
     Returns:
         The velocity with a stress (of the last level, or of the mechanism), the largest
-        dissipation, and a caption. None if there is only one level or no plastic cell.
+        dissipation, and a caption. None if there is neither a mechanism nor a path with two levels
+        and plastic cells, or if the case has stages.
     """
     found = reader.mechanism(surface)
     if found is not None:

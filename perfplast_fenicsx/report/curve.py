@@ -108,7 +108,7 @@ def curve_of(
 
 
 def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]:
-    """Return the proven bounds for the bodies, or else both sides of the limit load of the mesh."""
+    """Return the bounds for the bodies, or else the sides of the mesh's limit load, and a name."""
     if limit is None:
         return None, ""
     lower, upper = limit.body.get("lower"), limit.body.get("upper")
@@ -176,7 +176,7 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 
 def far_ticks(near: float, top: float) -> list[float]:
-    """Return 0 and powers of ten from about ``near`` to ``top``, or more numbers if few."""
+    """Return 0 and powers of ten from about ``near`` to ``top``; more numbers if these are few."""
     first, last = math.ceil(math.log10(near)), math.floor(math.log10(top))
     steps = (1, 2, 5) if last - first < 2 else (1,)
     found = [step * 10.0**power for power in range(first - 1, last + 1) for step in steps]

@@ -36,7 +36,7 @@ from perfplast_fenicsx.rounding import rounded_down, rounded_up
 from perfplast_fenicsx.solvers.verdicts import CREDIBLE
 
 OF_SOLVERS = re.compile(r"-perfplast_([a-z]+_)?\d+_\S+ \S+ ?")
-"""Options with which a solver registers its own numbered prefix."""
+"""Pattern of the options with which a solver registers its own numbered prefix."""
 
 
 def command_of(summary: Summary) -> str:
@@ -315,7 +315,7 @@ def _limit_forces(reader: ResultReader) -> str:
 
 
 def _combinations(reader: ResultReader) -> str:
-    """Return the table of all load combinations of the case, the worst first; empty without any."""
+    """Return the table of all load combinations, the worst first; empty if there are none."""
     rows = read_table(reader.path.parent)
     name = reader.path.name
     if name not in [row["combination"] for row in rows]:

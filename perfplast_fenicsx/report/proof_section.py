@@ -1,4 +1,4 @@
-"""Describe on a page the bounds that the proof files prove, and how to check the files."""
+"""Build the part of a page on the bounds that proof files prove, and on checking the files."""
 
 import hashlib
 import shlex
@@ -68,7 +68,7 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
 
 
 def _in_words(halves: Mapping[str, Checked]) -> str:
-    """Return in words the bounds that both halves of a proof file prove.
+    """Return the bounds that the halves of a proof file prove, in words.
 
     A confirmed bound has the digits of its claim, which the verdict shows too. The proven value may
     differ from the claim by rounding, and then outward rounding would give another last digit.

@@ -51,7 +51,7 @@ class FaceRow:
         """Return the text that appears after a click on the face.
 
         Args:
-            size: What ``area`` is: "area", or "length" for a plane body.
+            size: Name of the quantity ``area``: "area", or "length" for a plane body.
         """
         words = f"{self.name}: {self.shape}, {size} {self.area}, centre ({self.centre})"
         return f"{words}; one of {self.together}" if self.together else words

@@ -262,7 +262,7 @@ def _of_levels(reader: ResultReader) -> Verdict:
 
 
 def _so_far(last: LevelReport, driven: bool) -> str:
-    """Return a sentence on the last solved level."""
+    """Return a clause on the last solved level."""
     if driven or last.stage:
         return f"All steps are solved up to ζ = {last.zeta:.6g}"
     return f"The bodies carry ζ = {last.zeta:.6g} on this mesh"

@@ -125,7 +125,7 @@ class SkinState:
 
     Attributes:
         motion: Displacement or velocity of the skin's points, shape (num_points, 3).
-        fields: All other fields, as numbers.
+        fields: All fields as numbers, including the size of the motion.
     """
 
     motion: Floats
