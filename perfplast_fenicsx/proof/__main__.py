@@ -19,7 +19,7 @@ DIGEST = "--sha256"
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Check files, and print the proven bounds and the data that are taken as written."""
+    """Check files, print proven bounds and the data taken as written; return the exit status."""
     status = 0
     paths = [path for path in arguments if path not in (PAIR, DIGEST)]
     found = []

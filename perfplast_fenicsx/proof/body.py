@@ -233,7 +233,10 @@ class Body:
 
     @cached_property
     def yield_radius(self) -> Floats:
-        """Return the yield radius of each cell (``Cones.radius``), a scale of residuals; or ∞."""
+        """Return each cell's yield radius (``Cones.radius``), a scale of residuals; ∞ if elastic.
+
+        If the strength varies in a cell, its least value counts.
+        """
         weakest = self.cell_strength.min(axis=1)
         return np.asarray(np.append(self.cones.radius, np.inf)[self.cone] * weakest)
 

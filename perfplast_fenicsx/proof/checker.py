@@ -451,7 +451,7 @@ def _together(lower: _Half, upper: _Half) -> tuple[list[str], str]:
 
 
 def _with(half: Checked, faults: list[str]) -> Checked:
-    """Return a half with additional faults."""
+    """Return a verdict with additional faults, and therefore without a proven bound."""
     return replace(half, proven=None, faults=(*half.faults, *faults))
 
 

@@ -176,7 +176,7 @@ class Cones:
 
     @cached_property
     def grows(self) -> Flags:
-        """Return flags of cones that narrow along the null vector of M: their materials dilate."""
+        """Return flags of cones that narrow along ν or bound the mean stress: materials dilate."""
         falls = np.abs(self._pull) > RANK * np.linalg.norm(self.slope, axis=1)
         return falls | (self.sine > 0) | self.is_cut | self.is_curved
 
@@ -340,7 +340,7 @@ class Cones:
 
     @cached_property
     def steepness(self) -> Floats:
-        """Return the largest Lipschitz constant of the dissipation per volume.
+        """Return an upper bound on the Lipschitz constant of each cone's dissipation per volume.
 
         For this constant, the dissipation is extended to all rates, admissible or not; the
         extension is convex and homogeneous of degree 1.

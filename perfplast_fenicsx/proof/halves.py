@@ -95,7 +95,7 @@ def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
 
 
 def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Return whether tractions on coinciding facets differ at the vertices of the smaller facet."""
+    """Return flags of coinciding facets whose tractions differ at the smaller facet's vertices."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.facets[a]], upper.vertices[upper.facets[b]]
     tags, at = np.unique(lower.surface[a], return_inverse=True)
@@ -160,7 +160,7 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
 def _weaker_somewhere(
     bodies: tuple[Body, Body], strong: tuple[Strengths, Strengths], pairs: tuple[Longs, Longs]
 ) -> Flags:
-    """Return whether variable strengths may be smaller in the upper half where cells overlap.
+    """Return flags of pairs of cells in whose overlap the upper strength may be smaller.
 
     Both strengths are linear in their cells, so a comparison at the vertices of the overlap
     suffices. The end points from :func:`overlap_ends` include these vertices.
@@ -185,7 +185,7 @@ def _weaker_somewhere(
 
 
 def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
-    """Return whether pore pressures of cells differ at the vertices of the smaller cell."""
+    """Return flags of pairs of cells whose pore pressures differ at the smaller cell's vertices."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.cells], upper.vertices[upper.cells]
     smaller = lower.volumes[a] <= upper.volumes[b]

@@ -17,7 +17,7 @@ from perfplast_fenicsx.proof.remainder import Shapes
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 FREE = 0.01
-"""Least squared mobility along a normal for which a point is moved."""
+"""Smallest squared length of the free part of a unit normal for which a point is moved."""
 
 DIGITS = 1e-28
 """Least relative speed of separation: several rounding errors of double-double numbers."""

@@ -29,11 +29,11 @@ def least_radii(body: Body, stress: Floats) -> Floats:
 
 
 def least_of(radii: Floats) -> float:
-    """Return the least finite radius, or the smallest positive number if no radius is finite."""
+    """Return the least radius if it is positive and less than ``BARE``, and ``TINY`` otherwise."""
     least = float(radii.min())
     return least if 0 < least < BARE else TINY
 
 
 def finite(radii: Floats, weakest: float) -> Floats:
-    """Return the radii, with ``weakest`` in place of infinite radii."""
+    """Return the radii, with ``weakest`` in place of ∞ and ``TINY`` in place of ``BARE``."""
     return np.where(np.isinf(radii), weakest, np.where(radii == BARE, TINY, radii))

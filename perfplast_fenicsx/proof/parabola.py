@@ -14,7 +14,7 @@ from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
 Floats = npt.NDArray[np.float64]
 
 GENTLEST = 0.01
-"""Least δ = v/γ, which is the sine of the friction angle under a pressure of about 2500 k."""
+"""Least ratio δ of v to γ: the sine of the friction angle under a pressure of about 2500 k."""
 
 
 def check_parabolas(curvature: Floats, tension: Floats, m: int) -> None:
@@ -53,7 +53,7 @@ def most_gauge(curvature: Floats, tension: Floats) -> Floats:
 
 
 def powers(curvature: Floats, tension: Floats, rates: Floats) -> Floats:
-    """Return the dissipation of rates, after increasing smaller v to δγ."""
+    """Return the dissipation of rates per volume, where v counts as at least δγ."""
     growth, shear = sizes(rates)
     growth = np.maximum(growth, GENTLEST * shear)
     over = np.maximum(shear - growth, 0.0)

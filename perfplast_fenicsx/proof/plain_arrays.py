@@ -35,7 +35,8 @@ def plain(name: str, values: Any) -> npt.NDArray:
     """Return the values as an array of the type that its name requires: float64, int64 or bool.
 
     Raises:
-        ProofError: If the values have another type, or are flags other than 0 and 1.
+        ProofError: If the values have another type, are flags other than 0 and 1, or are too large
+            or too small for the checker.
     """
     array = np.asarray(values)
     kinds, what = "fiu", "real numbers"
@@ -91,7 +92,7 @@ def number_of(name: str, values: Any) -> float:
 
 
 def bound_of(values: Any, with_constant: bool) -> float:
-    """Return the claimed bound.
+    """Return a claimed bound, or the stored load factor of its stress.
 
     Args:
         values: The value in the file.

@@ -52,7 +52,7 @@ class Plates:
     acts: Flags
 
     def acts_on(self, body: Body, acts: Flags) -> Flags:
-        """Return whether anything outside a piece acts on its facets along each axis.
+        """Return flags of facets on which anything outside their piece acts along each axis.
 
         Forces between a plate and a piece are internal forces of the plate and the piece together.
 

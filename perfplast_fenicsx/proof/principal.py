@@ -1,10 +1,10 @@
 """Bound principal stresses: (1 + s)σ₁ − (1 − s)σ₃ ≤ c, with or without a tensile strength σ₁ ≤ f.
 
 In plane strain, the out-of-plane stress is free; some out-of-plane stress between the in-plane
-principal stresses is always admissible. The out-of-plane strain rate is zero. Without a tensile
-strength, the supremum of σ:ε is attained at the apex, where all three stresses are c/2s. With a
-tensile strength f, it is attained at vertices with σ₁ = f, at which σ₂ and σ₃ are each either f or
-r = ((1 + s)f − c)/(1 − s).
+principal stresses is always admissible. The out-of-plane strain rate is zero. If s > 0, without a
+tensile strength, the supremum of σ:ε is attained at the apex, where all three stresses are c/2s.
+With a tensile strength f, it is attained at vertices with σ₁ = f, at which σ₂ and σ₃ are each
+either f or r = ((1 + s)f − c)/(1 − s).
 """
 
 import numpy as np
@@ -57,7 +57,7 @@ def rate_sizes(rates: Floats) -> tuple[Floats, Floats]:
 
 
 def power_factors(bound: Floats, sine: Floats, tension: Floats) -> tuple[Floats, Floats]:
-    """Return the factors of tr ε and Σ|ε_i| in the dissipation, shapes (n,).
+    """Return the coefficients of tr ε and Σ|ε_i| in the dissipation per volume, shape (n,) each.
 
     Args:
         bound: c, shape (n,).

@@ -27,7 +27,7 @@ class Rigid:
         facets: Indices of its facets.
         free: Flags of the checked components of the resultant force and moment, shape (3 or 6,).
         middle: Centre c.
-        extent: The largest distance from the centre.
+        extent: Largest distance of the surface's vertices from the centre.
         area: Area of the surface; for a body of revolution divided by 2π.
         turn: Divisor of the forces in the file: 2π for bodies of revolution, otherwise 1.
     """
@@ -48,7 +48,9 @@ class Rigid:
         return found
 
     def resultant(self, body: Body, tractions: Floats) -> Floats:
-        """Return the exact resultant of tractions that are linear between the facets' vertices.
+        """Return the tractions' force and moment (about c, over the extent); zero where not free.
+
+        For tractions that are linear between the facets' vertices, the integrals are exact.
 
         Args:
             body: The bodies.
@@ -91,7 +93,7 @@ class Rigid:
 
 
 def rigid_of(body: Body) -> list[Rigid]:
-    """Return the rigid surfaces of a file."""
+    """Return the rigid surfaces of the bodies."""
     found = []
     for number, tag in enumerate(body.rigid):
         facets, held = body.on(tag), body.rigid_held[number]

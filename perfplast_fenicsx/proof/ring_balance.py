@@ -49,7 +49,7 @@ ALONG = 1
 
 @dataclass(frozen=True)
 class RingStress:
-    """A stress in sections of rings, and its residual.
+    """A stress in sections of rings, and the cost of balancing its residual.
 
     Attributes:
         vectors: Coefficients of the components (rr, zz, θθ, √2 rz) of S, shape (num_cells, 6, 4).
@@ -245,7 +245,7 @@ def _summed(of: Longs, values: Floats, count: int) -> Floats:
 
 
 def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
-    """Return for each cell the size of a stress that balances the forces."""
+    """Return an upper bound for each cell on the size of a stress that balances the forces."""
     count = len(body.cells)
     more = _summed(body.outer // 3, pushes, count)
     sides = acting.on_sides + more + 1.5 * _passed(body, acting, more)

@@ -43,7 +43,7 @@ def loose(adhesion: Floats, friction: Floats) -> bool:
 
 
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """Return shear tractions beyond μp, relative to the adhesion.
+    """Return the parts of shear tractions beyond μp, relative to the adhesion.
 
     The values of admissible tractions are at most 1. A stress divided by the largest value is
     admissible, because the admissible set contains 0. Without adhesion, the value is 0, and
@@ -63,6 +63,6 @@ def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) 
 
 
 def unheld(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
-    """Return shear tractions beyond μp, or 0 with adhesion; shapes as for :func:`excess`."""
+    """Return the parts of shear tractions beyond μp, 0 with adhesion; see :func:`excess`."""
     beyond = np.maximum(shear - friction[:, None] * pressure, 0.0)
     return np.where(adhesion[:, None] > 0, 0.0, beyond)

@@ -17,7 +17,8 @@ CLOSE = 1e-11
 covers the rounding of repeatedly divided cells."""
 
 COVERED = 1e-6
-"""Uncovered share of a facet that counts as zero, and least overlap of a pair as a share."""
+"""Largest uncovered share of a facet that counts as zero, and the share of the smaller facet above
+which the overlap of two facets counts."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class SharedFacets:
     Attributes:
         first: Indices of the facets of one half, shape (num_pairs,).
         second: Indices of the facets of the other half.
-        alone: Centres of uncovered facets of both halves, shape (n, d).
+        alone: Centres of the facets of both halves that facets of the other half do not cover
+            exactly once, shape (n, d).
     """
 
     first: Longs
@@ -70,7 +72,7 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
 
 
 def _widths(body: Body, facets: Longs) -> Floats:
-    """Return the least width of facets: their length, or twice their area over the longest edge."""
+    """Return the length of facets in 2D; in 3D the least width, 2 · area/(longest edge)."""
     x = body.vertices[body.facets[facets]]
     longest = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(2 * body.areas[facets] / longest if body.dim == 3 else longest)

@@ -21,10 +21,10 @@ MOST_TEXTS = 1000
 """Largest number of texts in an array; all texts may refer to the same long text."""
 
 SMALL = 1 << 27
-"""Size of a compressed array in bytes that is allowed for any number of stored bytes."""
+"""Size of an array in bytes up to which compression may reduce it to 1/2000 of its size."""
 
 MOST_COMPRESSED = 100
-"""Largest ratio of size to stored size for larger compressed arrays."""
+"""Largest ratio of size to stored size for compressed arrays that are larger than SMALL."""
 
 
 @contextmanager
@@ -40,7 +40,8 @@ def stored_file(path: str | Path, beside: tuple[str, ...] = ()) -> Iterator[h5py
 
     Raises:
         OSError: If the file does not exist, or if it cannot be read as HDF5.
-        ValueError: If some data are not stored in the file itself.
+        ValueError: If some data are stored neither in the file itself nor in the files ``beside``,
+            or if there are too many objects or texts.
     """
     path = Path(path)
     check_regular(path)

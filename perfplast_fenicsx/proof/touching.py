@@ -74,10 +74,10 @@ def _close(body: Body, facets: Longs) -> Floats:
 
 
 def _candidates(body: Body, firsts: Longs, seconds: Longs) -> tuple[Longs, Longs]:
-    """Return all pairs of facets on one line along their normals, and some other pairs.
+    """Return the pairs of opposed facets whose centres lie on one line along their normals.
 
-    The function projects the normal and the foot of each line on one direction and sorts the
-    results.
+    To find the pairs, the function projects the normal and the foot of each line on one direction
+    and sorts the results. It then compares only facets that are close in this order.
     """
     none = np.zeros(0, dtype=np.int64)
     if not (len(firsts) and len(seconds)):
