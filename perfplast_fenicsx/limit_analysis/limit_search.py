@@ -344,9 +344,9 @@ def limit_load(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, or is too small to distinguish sliding from
-            rest with Coulomb's friction. If all loads are constant, if a body hardens, or if no
-            stress can carry the loads. If the interior point method is requested for a problem that
-            it does not support.
+            rest with Coulomb's friction. If all loads are constant and the method is a path, if a
+            body hardens, or if no stress can carry the loads. If the interior point method is
+            requested for a problem that it does not support or that does not fit into memory.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)

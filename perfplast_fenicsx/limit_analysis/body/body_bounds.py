@@ -192,8 +192,9 @@ class BodyBounds(NotebookResult):
             (:mod:`strict_work`), shape (num_cells,); None if a bound is missing. The proof checker
             may prove a smaller gap than the sum of the contributions.
         certificates: Residuals of the conditions that the bounds must satisfy, by name.
-        steps: Number of steps of the interior point method for both bounds.
-        factorisations: Number of factorisations for both bounds.
+        steps: Number of steps of the interior point method for both bounds; for rigid blocks, the
+            number of linear programs.
+        factorisations: Number of factorisations for both bounds; 0 for rigid blocks.
         advice: Advice for better bounds, in clauses.
         weaker: The problem of the lower bound if its bodies differ from the bodies of ``problem``.
         taken: Idealisations of ground, surfaces, pore pressures and strengths, as clauses

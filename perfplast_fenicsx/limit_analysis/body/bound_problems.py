@@ -181,7 +181,7 @@ def of_parts(values: Floats, split: AlfeldSplit) -> Floats:
 def by_cells(values: Floats, split: AlfeldSplit) -> Floats:
     """Return values of the split mesh's cells, grouped by parent cell.
 
-    The inverse of :func:`of_parts`.
+    This function is the inverse of :func:`of_parts`.
     """
     parts = split.mesh.topology.dim + 1
     found: Floats = np.empty((len(values) // parts, parts, *values.shape[1:]))
@@ -203,7 +203,7 @@ def _places(split: AlfeldSplit) -> npt.NDArray[np.integer]:
 
 
 def with_divided_interfaces(problem: Problem) -> Problem:
-    """Return the problem on a mesh with a node wherever the opposite surface has one. Collective.
+    """Return the problem on a mesh with a node opposite each node of a contact or tie. Collective.
 
     Facets that lie on each other then match, and the tractions and velocities of both sides can be
     compared point by point. The attribute ``taken`` of the new mesh describes the differences
@@ -274,8 +274,8 @@ def _at_each_point(problem: Problem) -> Problem:
 def with_glued_ties(problem: Problem) -> Problem:
     """Return the problem on a mesh whose cells share vertices where bodies are tied. Collective.
 
-    If the facets of a tie match, its velocity and tractions are the same on both sides, as for
-    cells that share a facet.
+    If the facets of a tie match, the velocity and the tractions are the same on both sides of the
+    tie, as for cells that share a facet.
 
     Args:
         problem: The problem. It is returned unchanged without ties, if the facets of a tie do not

@@ -62,7 +62,7 @@ class FactorRoots:
 
     @property
     def rough(self) -> float:
-        """Return the relative tolerance of the mesh's own μ, and of its distance from 1."""
+        """Return the relative tolerance for the mesh's own μ, and for the distance of μ from 1."""
         most = 0.1
         return min(10 * self.tolerance, most)
 

@@ -160,7 +160,7 @@ def _gradients(tagged_mesh: TaggedMesh, places: Floats, values: Floats) -> Float
 def _around_vertices(
     tagged_mesh: TaggedMesh, cells: Ints, places: Floats, values: Floats
 ) -> Floats:
-    """Return volume-weighted means over the cells around each corner. Collective.
+    """Return volume-weighted means of values over the cells around each corner. Collective.
 
     Args:
         tagged_mesh: The mesh.
@@ -262,7 +262,7 @@ def finer_mesh(
     adaptation: Adaptation,
     much: bool = False,
 ) -> TaggedMesh | str:
-    """Return the next mesh, or why there is no next mesh. Collective.
+    """Return the next mesh, or the reason why there is no next mesh. Collective.
 
     If the next mesh would have too many cells, the function marks as many cells as fit. A mesh with
     hardly more cells than this one would cost as much and improve little. In 2D, a twelfth more

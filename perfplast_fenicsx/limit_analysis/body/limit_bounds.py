@@ -107,11 +107,11 @@ def limit_bounds(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, if supports move, or if no load grows. If
-            strict bounds do not support a yield set or a load, or if no stress can carry the loads.
-            If bodies of revolution dilate or have a gap between them (:mod:`ring_flux`). If a bound
-            does not fit into memory; the memory for the lower bound is checked before any
-            computation.
+        InputError: If ``rtol`` is not between 0 and 1, if ζ moves supports or obstacles, or if
+            there is no load. If strict bounds do not support a yield set or a load, or if no stress
+            can carry the loads. If bodies of revolution dilate and contain pore pressure, or have a
+            radial gap between them (:mod:`ring_flux`). If a bound does not fit into memory; the
+            memory for the lower bound is checked before any computation.
     """
     problem = admitted(problem, rtol)
     if are_blocks(problem):
@@ -345,7 +345,7 @@ Steps = Callable[[InteriorStep], None]
 
 
 NOT_ASKED = "it was not requested"
-"""Reason why a bound is missing that the caller did not request."""
+"""Reason why a bound that the caller did not request is missing."""
 
 
 def upper_bound(problem: Problem, rtol: float = 1e-4, steps: Steps | None = None) -> BodyBounds:

@@ -1,4 +1,4 @@
-"""Enclose a convex set of pairs or triples of numbers by two polytopes, along rays from zero."""
+"""Measure, along rays from zero, two polytopes inside and around a convex set of load factors."""
 
 import numpy as np
 from scipy.spatial import ConvexHull

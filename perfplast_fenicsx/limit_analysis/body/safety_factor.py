@@ -170,7 +170,7 @@ def factor_of_safety(
     Raises:
         StopSearch: If ``monitor``, ``steps`` or ``estimates`` raises it. Its attribute ``safety``
             then contains the proven factors so far.
-        InputError: If a load grows, if F divides no strength of a body, if no body yields, or if
+        InputError: If a load grows, if F divides no strength, or if
             :func:`limit_bounds.limit_bounds` refuses the problem. If the bodies fall at any F, or
             stand at any F.
     """

@@ -276,7 +276,8 @@ def at_nodes(problem: Problem, jumps: Floats, chosen: PairFlags) -> tuple[Floats
     """Return jumps of chosen pairs at all their nodes, and flags of these nodes. Collective.
 
     Returns:
-        Values for each local node, including ghosts; 0 or False at nodes without a chosen pair.
+        Values for each local node, including ghosts; 0 or False at nodes without a chosen pair. At
+        a node of several chosen pairs, the jump is a weighted mean.
     """
     shares = problem.constraints.shares
     on_nodes, on_rows = shares.createVecs()

@@ -279,10 +279,7 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Return constraints that tie the free components of each group to one of its nodes.
-
-    This is the first node that supports hold in the component, or else the first node.
-    """
+    """Return constraints that tie each group's free components to a held or else the first node."""
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []
@@ -370,7 +367,10 @@ def entered_share(
 
 
 def _are_flat(problem: Problem, facets: ContactFacets, faces: Floats) -> bool:
-    """Return whether the pairs on each facet have the normal of the facet. Collective."""
+    """Return whether all nodes of each facet have pairs with the same normal. Collective.
+
+    Nodes without a pair count if supports hold them along this normal.
+    """
     nodes = facets.nodes
     none, paired = np.zeros(len(problem.constraints.host)), has_pair(problem)
     seen = ~paired[nodes].any(axis=1)
