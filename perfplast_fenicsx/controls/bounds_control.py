@@ -23,7 +23,7 @@ class BoundsControl(OfBody):
     """Bounds on the limit load that hold for the bodies, not only for their mesh.
 
     Args:
-        limit_tolerance: Relative distance of each bound from the best bound of its kind on this
+        limit_tolerance: Permitted relative distance of each bound from the best of its kind on this
             mesh, between 0 and 1. On the meshes of a refinement, a twentieth of the previous gap is
             sufficient.
         design: Load factor of the design load, often 1.0; results report the ratio of the limit
@@ -45,7 +45,10 @@ class BoundsControl(OfBody):
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse cases without loads or limits, moving obstacles, and, for "both", pin loads."""
+        """Refuse cases without loads or limits, and moving obstacles.
+
+        If ``direction`` is "both", refuse also the forces of pins, which cannot be reversed.
+        """
         given.require_load()
         given.require_limit()
         given.refuse_moves()

@@ -66,11 +66,11 @@ def of_other_loads(known: AdaptiveBounds | None = None) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Given:
-    """The loads and motions of a case.
+    """The declarations of a case that a control checks.
 
     Attributes:
         loads: The loads.
-        supports: Supports that hold or move the bodies.
+        supports: Supports, and rigid surfaces that hold or move the bodies.
         obstacles: Rigid obstacles.
         contacts: Contacts, some of which may have a growing overlap.
         strained: Whether the bodies have initial strains or an overlap.
@@ -103,7 +103,7 @@ class Given:
 
     @property
     def stays(self) -> bool:
-        """Return whether strains, prescribed motions or constant loads act besides the loading."""
+        """Return whether initial strains, overlaps, prescribed motions or constant loads act."""
         return self.strained or self.settled or any(load.constant for load in self.loads)
 
     def require_load(self, enough: bool = False) -> None:
@@ -147,7 +147,9 @@ class Given:
 
 
 Moved = Callable[[str, str], bool]
-"""Function of a name (possibly empty) and a surface; it returns whether the loading moves it."""
+"""Function of the name (possibly empty) and the surface of an object. It returns whether the
+loading moves this object.
+"""
 
 
 class Record(Protocol):
@@ -179,7 +181,7 @@ class Record(Protocol):
         """Record the bounds for strengths divided by ``factor``, and the number of cells."""
 
     def estimate(self, factor: float, times: float | None, cells: int) -> None:
-        """Record ``times``, an estimate of the load multiplier for strengths over ``factor``."""
+        """Record ``times``, an estimate of the load factor for strengths divided by ``factor``."""
 
     def limit(
         self,
@@ -361,7 +363,7 @@ class OfBody:
         return ()
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a function that is always False."""
+        """Return a function that always returns False."""
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:
@@ -386,15 +388,16 @@ def all_moved(name: str, on: str) -> bool:
 def check_values(
     values: Sequence[float], what: str, falling: str = "or, with constant loads, all decrease"
 ) -> None:
-    """Refuse values that are not finite, or that neither increase nor decrease.
+    """Refuse missing values, and values that are not finite or neither increase nor decrease.
 
     Args:
         values: Values of the levels.
         what: Name of the values in messages.
-        falling: Condition, in words, under which the values may decrease.
+        falling: Words of the message that say under which condition the values may decrease.
 
     Raises:
-        InputError: If a value is not valid; the message names the first such value.
+        InputError: If there are no values, or if a value is not valid; the message then names the
+            first such value.
     """
     if not values:
         raise InputError(f"values is empty, but {what} are needed; give at least one number.")

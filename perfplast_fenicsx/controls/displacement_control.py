@@ -54,7 +54,7 @@ class DisplacementControl(OfLevels):
             )
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a function that is always True."""
+        """Return a function that always returns True."""
         return all_moved
 
     def check(self, given: Given) -> None:

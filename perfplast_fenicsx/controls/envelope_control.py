@@ -30,7 +30,7 @@ class EnvelopeControl(OfBody):
             load.
         around: True if all factors may be negative, or the names of loads whose factor may be
             negative; by default all factors are at least 0.
-        limit_tolerance: Relative distance of each bound from the best bound of its kind on its
+        limit_tolerance: Permitted relative distance of each bound from the best of its kind on its
             mesh, between 0 and 1.
 
     Raises:

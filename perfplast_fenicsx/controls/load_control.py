@@ -41,7 +41,7 @@ class LoadControl(OfLevels):
         check_values(self.values, "load factors")
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a function that is always False."""
+        """Return a function that always returns False."""
         return none_moved
 
     def check(self, given: Given) -> None:

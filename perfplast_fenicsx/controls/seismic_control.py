@@ -19,7 +19,7 @@ class SeismicControl(OfBody):
     does not collapse. All other loads are constant.
 
     Args:
-        limit_tolerance: Relative distance of each bound from the best bound of its kind on this
+        limit_tolerance: Permitted relative distance of each bound from the best of its kind on this
             mesh, between 0 and 1.
 
     Raises:
@@ -50,7 +50,7 @@ class SeismicControl(OfBody):
         return self._bounds.find(run)
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return a sentence with the bounds of k_c."""
+        """Return a sentence on the bounds of k_c; empty without upper and positive lower bounds."""
         if upper is not None and upper <= 0:
             return "The bodies collapse without an earthquake, so no critical coefficient exists."
         sides = []

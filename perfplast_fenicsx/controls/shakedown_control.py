@@ -76,7 +76,7 @@ class ShakedownControl(OfBody):
         return LoadDomain.of_corners(self.corners or [])
 
     def check(self, given: Given) -> None:
-        """Refuse unknown names, loads without a range, and contacts that may open or slide."""
+        """Refuse unknown names, loads without a range, motions, contacts and obstacles."""
         given.require_load(enough=given.strained)
         given.refuse_moves()
         warmed = [called(a) for a in given.initial if isinstance(a, Temperature)]
@@ -95,7 +95,7 @@ class ShakedownControl(OfBody):
             )
 
     def remarks(self, problem: Problem) -> Sequence[str]:
-        """Return a remark that preloads have no effect if there are bolts; otherwise no remark."""
+        """Return, if there are bolts, a remark that preloads have no effect; otherwise nothing."""
         if not problem.shanks.bolts:
             return ()
         return [

@@ -85,7 +85,7 @@ class WorkControl:
         return ()
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a function that is always False."""
+        """Return a function that always returns False."""
         return none_moved
 
     def remarks(self, problem: Problem) -> Sequence[str]:

@@ -20,13 +20,13 @@ class Common:
     """A common material.
 
     Attributes:
-        name: Name in the standard, in lower case.
+        name: Name in lower case.
         young: Young's modulus (stress).
         poisson: Poisson's ratio.
         yield_stress: Uniaxial yield stress (stress). For concrete and clay, the parameter of von
             Mises' law that ``what`` describes.
         what: Description in words.
-        source: Source of its numbers.
+        source: Source of the numbers.
     """
 
     name: str
@@ -131,7 +131,7 @@ class Soil:
         friction_angle: Effective friction angle (degrees).
         unit_weight: Unit weight above the water table (stress/length).
         what: Description in words.
-        source: Source of its numbers.
+        source: Source of the numbers.
     """
 
     name: str

@@ -106,7 +106,7 @@ class CutOffSet(CoulombSet):
     tension: Expr
 
     def gauge(self, s: Expr) -> Expr:
-        """Return the larger gauge of both conditions, or 0 if pressure makes it negative."""
+        """Return the larger of the gauges of both conditions, which is at least 0."""
         return ufl.max_value(super().gauge(s), principal(s)[0] / self.tension)
 
     def support(self, rate: Expr) -> Expr:

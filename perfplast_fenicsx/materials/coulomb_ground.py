@@ -160,7 +160,7 @@ class MohrCoulomb:
 
     @property
     def _tension(self) -> float | None:
-        """Return the tensile strength f, or None if the apex of the cone is not above f."""
+        """Return the tensile strength f; None if no f is given, or if f is not below the apex."""
         given = self.tensile_strength
         if given is None or isinstance(self.cohesion, SpatialField):
             return None
@@ -187,7 +187,7 @@ class MohrCoulomb:
         return replace(ground, tensile_strength=divided(self.tensile_strength, factor))
 
     def parameters(self) -> dict[str, Strength]:
-        """Return κ, μ, s and b of :class:`MohrCoulombLaw`, and f if there is a tensile strength."""
+        """Return κ, μ, s and b of :class:`MohrCoulombLaw`, and f if it is below the apex."""
         angle = self.friction_angle
         if isinstance(angle, SpatialField):
             friction = friction_of(angle)

@@ -209,9 +209,10 @@ def check_deforms(materials: Mapping[str, object]) -> None:
 
 
 def require_not_negative(field: str, value: Strength) -> None:
-    """Refuse a material parameter that is negative.
+    """Refuse a material parameter that is negative or not finite.
 
-    The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
+    The function also refuses the numbers that :func:`check_magnitude` refuses. It accepts a value
+    that varies in space; :mod:`law_on_cells` checks such a value on the mesh.
 
     Raises:
         InputError: If the value is refused; the message names the field and the value.
@@ -224,9 +225,10 @@ def require_not_negative(field: str, value: Strength) -> None:
 
 
 def require_positive(field: str, value: Strength) -> None:
-    """Refuse a material parameter that is not positive.
+    """Refuse a material parameter that is not positive and finite.
 
-    The program checks a value that varies in space on the mesh (:mod:`law_on_cells`).
+    The function also refuses the numbers that :func:`check_magnitude` refuses. It accepts a value
+    that varies in space; :mod:`law_on_cells` checks such a value on the mesh.
 
     Raises:
         InputError: If the value is refused; the message names the field and the value.

@@ -98,7 +98,7 @@ class HillSet:
         return self.strength * ufl.sqrt(self._sum(rate, -1))
 
     def resistance(self, a: Expr, b: Expr) -> Expr:
-        """Return Σ a_i b_i/h_i plus the product of traces."""
+        """Return Σ a_i b_i/h_i + ⅓ tr a tr b."""
         frame, weights = self.form.frame(len(a)), self.form.weights(len(a))
         left, right = ufl.dot(frame, a), ufl.dot(frame, b)
         shape = sum(left[i] * right[i] / h for i, h in enumerate(weights))
@@ -166,7 +166,7 @@ class HillLaw(QuadraticLaw):
         return HillSet(self.form, self.strength)
 
     def free(self, e: Expr) -> Expr:
-        """Return the mean stress."""
+        """Return the spherical part of Ce, shape (m,)."""
         return spherical(self.bulk * trace(e), len(e))
 
 
@@ -245,7 +245,7 @@ class Hill:
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
-        """Return both h_i for normal stresses, and the angle ``turn`` (:class:`HillForm`)."""
+        """Return ``first``, ``second`` and ``turn`` of :class:`HillForm`."""
         F, G, H, *_ = self.coefficients
         form = np.array([[G + H, -H, -G], [-H, F + H, -F], [-G, -F, F + G]])
         basis = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])
@@ -272,7 +272,7 @@ class Hill:
         return replace(self, yield_stress=self.yield_stress / factor)
 
     def in_plane_stress(self) -> Sheet:
-        """Return the law Gσ_x² + Fσ_y² + H(σ_x − σ_y)² + 2Nτ² ≤ Y² in the axes of the material."""
+        """Return the sheet with Gσ_x² + Fσ_y² + H(σ_x − σ_y)² + 2Nτ² ≤ Y² in its material axes."""
         F, G, H, *_, N = self.coefficients
         own = np.array([[G + H, -H, 0.0], [-H, F + H, 0.0], [0.0, 0.0, N]])
         c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
@@ -288,7 +288,7 @@ class Hill:
         return Sheet(self.bulk, self.shear, self.yield_stress, form)
 
     def parameters(self) -> dict[str, float]:
-        """Return κ, μ, Y and the form of :class:`HillLaw`."""
+        """Return κ, μ, Y and the parameters of the form, by the names of :class:`HillLaw`."""
         first, second, turn = self.spectrum
         *_, L, M, N = self.coefficients
         return {

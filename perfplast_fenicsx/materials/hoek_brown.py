@@ -33,8 +33,8 @@ from perfplast_fenicsx.materials.mandel import Expr, IsotropicElasticity
 from perfplast_fenicsx.rounding import TINY
 
 STEPS = 8
-"""Number of Newton steps for y, from a start of at most 2y; the last steps change only rounding
-errors."""
+"""Number of Newton steps for the root y. The start is at most twice the root; the last steps change
+only rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -157,9 +157,9 @@ class HoekBrownLaw(Law):
     def tangent_fields(self, e: Expr, old: Old, rho: Expr) -> Mapping[str, Expr]:
         """Return the terms of :meth:`tangent`: i and a, shape (), and w and n, shape (m,).
 
-        The term i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w. Here
-        w = (2R' + k) i − √2 k n, n is the unit in-plane deviator of the stress, β = μK/(K k² x +
-        μ(2R' + k)²), and the vector i satisfies i:d = (p of Cd)/K. Perpendicular to n the
+        The number i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w, with
+        w = (2R' + k) i − √2 k n and β = μK/(K k² x + μ(2R' + k)²). Here i is the vector of
+        :meth:`_unit`, and n is the unit in-plane deviator of the stress. Perpendicular to n the
         deviatoric modulus is 2μR'/R. Plastic flow does not change the part of σ_zz that depends
         on ε_zz but not on p.
         """
@@ -268,7 +268,7 @@ class HoekBrown:
         return self.s * self.compressive_strength / self.m_b
 
     def divided_by(self, factor: float) -> "HoekBrown":
-        """Return the rock itself, with ``reduced = false``.
+        """Return the rock itself, which F does not weaken.
 
         Args:
             factor: F > 0.

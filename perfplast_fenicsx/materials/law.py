@@ -305,13 +305,16 @@ class Material(Protocol):
 
 
 def carries_any_load(material: Material) -> bool:
-    """Return whether a body hardens without limit; False if its law does not state it."""
+    """Return whether a body of the material hardens without limit.
+
+    The result is False if the law does not define ``carries_any_load``.
+    """
     return bool(getattr(material.law, "carries_any_load", False))
 
 
 @runtime_checkable
 class Thin(Protocol):
-    """A material that supports plane stress."""
+    """A material that defines whether it supports plane stress."""
 
     def in_plane_stress(self) -> Material | None:
         """Return the same material with σ_zz = 0 and free ε_zz; None if no such law exists."""

@@ -89,7 +89,7 @@ class MohrCoulombLaw(Law):
         return (trial - self.strength) / self._steepness(i)
 
     def _returned(self, e: Expr) -> list[Expr]:
-        """Return the principal stresses in descending order."""
+        """Return the principal stresses of Σ(e) in descending order."""
         w = principal_axes(e).ordered
         merged = w, ((w[0] + w[1]) / 2,) * 2 + (w[2],), (w[0],) + ((w[1] + w[2]) / 2,) * 2
         mean, tip = self._lame * trace(e), self.strength / (2 * ufl.max_value(self.sine, TINY))
@@ -121,7 +121,12 @@ class MohrCoulombLaw(Law):
         return ufl.dot(self.elastic.compliance(s), s) / 2
 
     def _turned(self, stresses: Expr, strains: Expr) -> Expr:
-        """Return the reduction of 2μ for rotating axes, from differences of principal values."""
+        """Return the reduction of 2μ for rotating axes.
+
+        Args:
+            stresses: Difference of two principal stresses.
+            strains: Difference of the principal strains on the same two axes.
+        """
         apart = ufl.gt(abs(strains), TINY)
         turns = ufl.conditional(apart, stresses / ufl.conditional(apart, strains, 1.0), 0.0)
         return 2 * self.shear - ufl.min_value(ufl.max_value(turns, 0.0), 2 * self.shear)
@@ -155,9 +160,9 @@ class MohrCoulombLaw(Law):
         """Return the terms of :meth:`tangent`: lame and a, shape (), and vectors, shape (m,).
 
         U is the difference of the tensors of the two principal axes whose stresses are equal on an
-        edge. W is the direction in which the principal axes rotate in the plane, and M is the
-        normal of the flow. In 3D, two more vectors describe rotations of these axes towards the
-        axis perpendicular to the plane.
+        edge. W is the direction in which the principal axes rotate in the plane, and M is
+        Cn/√(n·Cn) for the mean normal n. In 3D, two more vectors describe rotations of these axes
+        towards the axis perpendicular to the plane.
         """
         on, share = principal_axes(e), 1 - rho
         first, second, across = on.placed(self._returned(e))

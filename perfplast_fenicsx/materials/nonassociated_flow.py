@@ -54,7 +54,7 @@ class Ground(Material, Protocol):
 
     @property
     def dilatancy_angle(self) -> float | None:
-        """Return the dilatancy angle (degrees)."""
+        """Return the dilatancy angle (degrees); None if it is the friction angle."""
         ...
 
     @property
@@ -125,7 +125,8 @@ def weaker(ground: AnyGround) -> AnyGround:
 def reduced(ground: AnyGround, factor: float) -> AnyGround:
     """Return ground with c/F and tan φ/F.
 
-    Davis' method C keeps ψ, but at most the reduced φ. In all other cases, F also divides tan ψ.
+    For Davis' method A, the result is associated ground with βc/F and β tan φ/F. Method C keeps ψ,
+    but at most the reduced φ. In all other cases, F also divides tan ψ.
 
     Args:
         ground: Any ground.
@@ -186,7 +187,7 @@ def check_flows(materials: Mapping[str, Material]) -> None:
 
 
 def flow_words(materials: Mapping[str, Material]) -> list[str]:
-    """Return a clause for each kind of nonassociated ground on the meaning of its results."""
+    """Return, for each different nonassociated ground, a clause on the meaning of the results."""
     told = []
     bodies = list(materials.values())
     for material in (it for i, it in enumerate(bodies) if it not in bodies[:i]):

@@ -146,7 +146,7 @@ class Flow:
 
     @property
     def law(self) -> type[Law]:
-        """Return the law of the flow."""
+        """Return the class of the flow law."""
         own: type[Law] | None = getattr(self.body, "flow_law", None)
         hencky: type[Law] = self.body.law
         return flow_law(hencky) if own is None else own

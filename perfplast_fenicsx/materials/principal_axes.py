@@ -96,7 +96,11 @@ class PrincipalAxes:
         return ufl.max_value(p, z), middle, ufl.min_value(q, z)
 
     def placed(self, v: Sequence[Expr]) -> tuple[Expr, Expr, Expr]:
-        """Return descending values, reordered: larger in-plane, smaller in-plane, out-of-plane."""
+        """Return the descending values ``v`` in the order of the axes of ``e``.
+
+        This order is: axis of the larger in-plane value, axis of the smaller in-plane value, axis
+        out of the plane.
+        """
         (p, q), z = self.in_plane, self.across
         above, below = ufl.gt(z, p), ufl.lt(z, q)
         across = ufl.conditional(above, v[0], ufl.conditional(below, v[2], v[1]))
@@ -118,7 +122,7 @@ class PrincipalAxes:
 
     @cached_property
     def direction(self) -> Expr:
-        """Return the unit deviator in the plane as a Mandel vector.
+        """Return the unit deviator of the in-plane part as a Mandel vector.
 
         The result is arbitrary if the two in-plane values are equal.
         """

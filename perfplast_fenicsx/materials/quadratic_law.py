@@ -32,7 +32,7 @@ class QuadraticForm(Protocol):
         ...
 
     def frame(self, size: int) -> Expr:
-        """Return Bᵀ, shape (k, m)."""
+        """Return Bᵀ, shape (k, m) for k coordinates s_i."""
         ...
 
 
@@ -66,7 +66,7 @@ class QuadraticLaw(Law):
         return [2 * self.shear / self.strength * parts[i] for i in range(count)]
 
     def returned(self, e: Expr) -> list[Expr]:
-        """Return 1/(1 + xh_i), the ratio of the returned stress to the elastic stress."""
+        """Return the 1/(1 + xh_i), the ratios of the returned stresses to the elastic stresses."""
         t, weights = self.trial(e), self.form.weights(len(e))
 
         def nearer(x: Expr, _: int) -> Expr:
@@ -95,7 +95,10 @@ class QuadraticLaw(Law):
         return self.free(e) + ufl.dot(parts, self.form.frame(len(e)))
 
     def potential(self, e: Expr, old: Old) -> Expr:
-        """Return ψ(e): ½ e:Ce minus half of the squared distance of Ce from the yield set."""
+        """Return ψ(e): ½ e:Ce minus half of the squared distance of Ce from the yield set.
+
+        The distance is in the norm of C⁻¹.
+        """
         left = zip(self.trial(e), self.returned(e), strict=True)
         shape = sum(t**2 * share * (2 - share) for t, share in left)
         return ufl.dot(self.free(e), e) / 2 + self.strength**2 / (4 * self.shear) * shape

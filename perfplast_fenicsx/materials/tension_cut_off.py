@@ -50,7 +50,7 @@ class CutOffLaw(MohrCoulombLaw):
         return [mean + 2 * self.shear * w for w in principal_axes(e).ordered]
 
     def excess(self, e: Expr) -> Expr:
-        """Return the larger excess of Ce over both conditions (stress)."""
+        """Return the larger of the excesses of Ce over the limits of both conditions (stress)."""
         most, _, least = self._trial(e)
         return ufl.max_value(self._sheared(most, least), most - self.tension)
 
@@ -100,7 +100,7 @@ class CutOffLaw(MohrCoulombLaw):
         return ufl.conditional(ufl.le(self._plain._returned(e)[0], f), coulomb, rest)
 
     def _returned(self, e: Expr) -> list[Expr]:
-        """Return the principal stresses in descending order."""
+        """Return the principal stresses of Σ(e) in descending order."""
         (cut, *_), low, f = self._cut(e), self._lowest, self.tension
         middle = ufl.max_value(ufl.min_value(self._middle(e), f), low)
         return [

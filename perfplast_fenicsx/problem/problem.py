@@ -85,8 +85,8 @@ class Problem:
         support_names: Names in results of supports and moved rigid surfaces, without repetition.
         rigid_bodies: Bodies of rigid material that move in levels (:meth:`with_rigid_motions`);
             otherwise None.
-        held_by: Number of the support or surface that holds each component, −1 if it is free; same
-            shape as ``fixed``.
+        held_by: Index in ``support_names`` of the support or surface that holds each component, −1
+            if the component is free; same shape as ``fixed``.
         motion: Prescribed motion of supports and obstacles at any ζ; stages replace it.
         prescribed: u_D (length) at held components, 0 elsewhere, at the ζ of :meth:`move_to`;
             initially 0.
@@ -193,7 +193,7 @@ class Problem:
         """Return a copy of the problem whose rigid bodies can move in levels. Collective.
 
         The returned problem is for algorithms that solve levels. Bounds use the rigid bodies of
-        the original problem.
+        the original problem. Without rigid bodies, the method returns the problem itself.
 
         Raises:
             InputError: If rigid bodies touch each other or obstacles, or if supports do not fit

@@ -104,7 +104,7 @@ class Anderson:
         self._smallest = min(self._smallest, size)
         self._images.append(after.copy())
         self._residuals.append(residual)
-        most_kept = 8  # number of stored differences
+        most_kept = 8  # number of stored iterations
         del self._images[:-most_kept], self._residuals[:-most_kept]
         if len(self._images) < 2:
             return

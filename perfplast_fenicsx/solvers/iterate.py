@@ -90,8 +90,8 @@ def step_length(
 
     Args:
         slope: Function that returns φ'.
-        noise: Function that returns two rounding errors of φ': of the sum alone, and of the sum
-            with its terms; called only if rounding errors decide.
+        noise: Function that returns two rounding errors of φ': from adding its terms, and from
+            adding the terms and computing the strains; called only if rounding errors decide.
         longest: Function that returns the largest step length; None for a largest length of 1.
         kinked: Whether the energy has kinks that the step may not account for. If the energy then
             rises from the start, β is 0, and the next step uses a new linearisation of friction.
@@ -258,7 +258,10 @@ class Iterate:
         return self.problem.friction.slip(self.y)
 
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
-        """Return strain and stress of ``start`` if laws have history and supports or gaps move."""
+        """Return the strain and the stress of ``start``.
+
+        The result is None without ``start``, or if laws have no history or no support or gap moves.
+        """
         problem = self.problem
         moves = problem.motion.moves_supports or problem.motion.driven
         if start is None or not (problem.history and moves):
@@ -341,7 +344,7 @@ class Iterate:
         return step_length(slope, self._noise, may, kinked=rubs)
 
     def _noise(self) -> tuple[float, float]:
-        """Return the rounding errors of slopes: from their terms, and including the strains."""
+        """Return two rounding errors of slopes; see :func:`step_length`."""
         stress, change = self.fields.stress_norm2(), self.direction.du_norm2()
         friction = self.problem.friction
         rubbing = friction.energy(friction.jumps(self._delta_y))
@@ -456,7 +459,10 @@ class Iterate:
         self.fields.update()
 
     def state(self, zeta: float, active: PairFlags) -> State:
-        """Return a copy of u with the updated history; later steps do not change the copy."""
+        """Return a state with the updated history and a copy of u.
+
+        Later steps do not change the copy.
+        """
         u = fem.Function(self.problem.V, name="displacement")
         u.x.array[:] = self.fields.u.x.array
         return State(u, zeta, self.work(), active.copy(), self.fields.updated_history())

@@ -309,7 +309,14 @@ def work_path(
 def _with_all(
     level: Level, solver: LevelSolver, seconds: float, before: Mapping[str, Any]
 ) -> Level:
-    """Return the level, with the time and counts of the first-yield state and of failed steps."""
+    """Return the level, with time and counts that include the first-yield state and failed steps.
+
+    Args:
+        level: The level.
+        solver: Solver with the counts after the level.
+        seconds: Wall time of the level, including failed steps.
+        before: Counts before the first of these steps.
+    """
     now = counts(solver.linear, solver.program)
     counted = {name: count - before[name] for name, count in now.items()}
     report = dataclasses.replace(level.report, seconds=seconds, **counted)

@@ -89,6 +89,9 @@ def _shorten(
         wanted: Required forces by the names of the bolts.
         before: Forces at the current shortenings.
         solve: Function that solves a level with the current shortenings.
+
+    Returns:
+        The last level; its report says whether the bolts have the required forces.
     """
     # Tolerance relative to the preload, as accurate as the default level tolerance, and largest
     # number of levels.

@@ -95,7 +95,7 @@ def _dual_edges(edges: Sequence[Floats]) -> list[Floats]:
 
 
 def _most(flat: Floats) -> Floats:
-    """Return, for each pair, the least of the coordinates' largest values over the corners."""
+    """Return, for each pair, the minimum over the coordinates of the largest value at a corner."""
     corners = range(flat.shape[1])
     largest = functools.reduce(np.maximum, (flat[:, corner] for corner in corners))
     return functools.reduce(np.minimum, largest.T)
@@ -274,7 +274,8 @@ def _carried(x: Floats, normal: Floats, facet: Floats, at: Floats) -> Floats:
         x: Points of the lines, shape (n, q, gdim).
         normal: Directions of the lines, same shape.
         facet: Facet of each line, shape (n, points of a facet, gdim).
-        at: Reference coordinates of the nearby points, shape (n, q, gdim − 1).
+        at: Reference coordinates near the intersections, from which the step starts, shape (n, q,
+            gdim − 1).
     """
     _, count, gdim = facet.shape
     apart = x - shape_functions(gdim, count, at) @ facet
@@ -309,6 +310,9 @@ def rendezvous(
         hosts: Facets on this rank of the surface with the multipliers.
         guests: Facets on this rank of the other surface.
         reach: Largest distance between opposite facets (length).
+
+    Returns:
+        The host facets and the guest facets that this rank receives.
     """
     centre = hosts["x"].mean(axis=1)
     low, high = bounding_box(comm, centre)

@@ -125,8 +125,8 @@ def _met(x: Floats, normal: Floats, facet: Floats) -> tuple[Floats, Floats]:
     """Return where lines x + t·normal meet facets, for one line per facet.
 
     Returns:
-        The distance by which the line misses the facet, relative to the facet and 0 if it meets it;
-        and t. Both have shape (n,).
+        The distance by which the line misses the facet, relative to the facet, 0 if the line meets
+        the facet; and t. Both have shape (n,).
     """
     n, points, gdim = facet.shape
     at: Floats = np.full((n, gdim - 1), 1 / gdim)

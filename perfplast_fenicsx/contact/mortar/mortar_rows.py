@@ -1,10 +1,10 @@
 """Integrate dual functions over the overlap of two surfaces, and form the rows of mortar contact.
 
-A node cannot have a multiplier if supports hold it or if almost none of its support is covered. The
-same holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node is
-retired: its function is given in equal parts to neighbours that can have a multiplier, before the
-rows are divided by their weight d. The functions therefore still sum to 1, and forces and moments
-balance.
+A node cannot have a multiplier if supports hold it or if its facets are almost entirely uncovered.
+The same holds for a vertex of quadratic facets on an axis of revolution, where ∫Ñ is 0. Such a node
+is retired: its function is given in equal parts to neighbours that can have a multiplier, before
+the rows are divided by their weight d. The functions therefore still sum to 1, and forces and
+moments balance.
 
 The multipliers are defined on the facets e of the host surface, which may be partly covered. On the
 covered part e' of each facet, the dual functions φ = D_e M_e⁻¹ Ñ are biorthogonal to the facet's

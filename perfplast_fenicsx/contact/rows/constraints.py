@@ -72,7 +72,8 @@ class Source(FrictionTerms):
 
     Attributes:
         name: Name in lists of resultants.
-        on: Surface of the hosts, by which messages and pressures refer to the source.
+        on: Surface by which messages refer to the source: the surface that an obstacle is declared
+            for, or the secondary surface of a contact.
         called: Name that stages use.
         tresca: See :class:`contact.FrictionTerms`.
         coulomb: See :class:`contact.FrictionTerms`.
@@ -145,7 +146,7 @@ class Constraints:
         return f"Constraints({len(self.host)} hosted by this rank)"
 
     def friction_of(self, rows: Longs | Ints) -> tuple[Floats, Floats]:
-        """Return adhesion (stress) and Coulomb's coefficient for some rows, 0 without friction."""
+        """Return adhesion (stress) and Coulomb's coefficient of ``rows``, 0 without friction."""
         tresca, coulomb = (
             np.array([getattr(one, key) or 0.0 for one in self.sources])[self.surface[rows]]
             for key in ("tresca", "coulomb")

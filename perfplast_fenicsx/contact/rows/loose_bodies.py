@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.connected_bodies import Bodies
 from perfplast_fenicsx.parallel import bounding_box
 
 STILL = 1e-3
-"""Displacement, relative to all points, up to which a point lies on the rotation axis."""
+"""Displacement, relative to the motion of the body, up to which a point counts as at rest."""
 
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ class LooseMotion:
 
 
 def in_words(loose: Sequence[LooseMotion], names: Sequence[str]) -> str:
-    """Return one or two sentences on loosely held bodies, and on the loads for which they matter.
+    """Return sentences on loosely held bodies, and on the loads for which their motions matter.
 
     Args:
         loose: At least one motion.

@@ -325,7 +325,7 @@ class OneSidedMotions:
 
 
 def _best(rows: Floats, room: Floats, gain: Floats) -> Floats | None:
-    """Return the v that maximises gain·v subject to rows·v ≤ room."""
+    """Return the v in [−1, 1]ⁿ that maximises gain·v with rows·v ≤ room; None on failure."""
     exact = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     limits = (rows, room) if len(rows) else (None, None)
     from scipy.optimize import (

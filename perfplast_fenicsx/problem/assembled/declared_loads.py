@@ -128,8 +128,8 @@ class LoadCase:
 
 
 ROUNDING = 1e-12
-"""Largest difference between a linear traction at midsides and the mean of the ends, relative to
-the largest value. Formulas whose terms cancel lose some digits."""
+"""Largest difference, relative to the largest value, of a linear traction at a midside from the
+mean of its values at the ends. Formulas whose terms cancel lose some digits."""
 
 
 def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floats, Floats]:
@@ -192,7 +192,7 @@ def _middles(corners: Floats) -> Floats:
 
 
 def _off(at_ends: Floats, at_middles: Floats) -> Floats:
-    """Return, for each simplex, the largest difference of a midside value from the linear one."""
+    """Return, for each simplex, the largest difference of a midside value from the ends' mean."""
     off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
     return off
 

@@ -42,7 +42,7 @@ def initial_strain(
 ) -> fem.Function | None:
     """Return e₀ as Mandel vectors at the quadrature points, without the strain of bolts.
 
-    Without initial strain, return None.
+    The function returns None if ``given`` is empty.
 
     Collective.
 

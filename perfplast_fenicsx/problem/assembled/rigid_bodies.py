@@ -57,8 +57,8 @@ class RigidBodies:
         of_node: Number of the rigid body to which each local node (including ghosts) belongs; −1 in
             deformable bodies.
         rows: The rows of each rigid body.
-        moving: Whether each node belongs to a rigid body that supports do not hold completely,
-            shape (num_nodes,).
+        moving: Whether each node belongs to a rigid body and has a component that supports do not
+            hold, shape (num_nodes,).
     """
 
     of_node: Ints

@@ -97,7 +97,8 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
     """Return the leaders of a surface; they do not depend on the number of ranks. Collective.
 
     Raises:
-        InputError: For an unknown name, or if the nodes coincide or lie on a line.
+        InputError: For an unknown name, or if there are no nodes, or if they coincide or, in 3D,
+            lie on a line.
     """
     nodes = surface_nodes_of(V, tagged_mesh, surface)
     gdim, comm = V.mesh.geometry.dim, V.mesh.comm
@@ -141,7 +142,7 @@ def find_leaders(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) ->
 
 
 def surface_nodes_of(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, surface: str) -> Ints:
-    """Return the local block dofs of a surface's owned nodes, except nodes where v = ru is 0."""
+    """Return the local block dofs of a surface's owned nodes, except on the axis of revolution."""
     fdim = tagged_mesh.mesh.topology.dim - 1
     nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(surface))
     nodes = nodes[nodes < V.dofmap.index_map.size_local]
@@ -166,8 +167,9 @@ def rigid_rows(
             gdim). The function adds the components of the rigid surfaces.
 
     Raises:
-        InputError: For an unknown name, a surface in a point or on a line, or a surface that shares
-            nodes with supports, ties or other rigid surfaces.
+        InputError: For an unknown name, keys that exclude each other, or a surface in a point or on
+            a line. Also raised if a surface shares nodes with supports, ties or other rigid
+            surfaces.
     """
     gdim = V.mesh.geometry.dim
     parts: list[Constraints] = []

@@ -21,8 +21,8 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
     gradient of Φ is the resultant.
 
     Raises:
-        InputError: If no such pressure has this resultant: a pin can neither pull nor press along
-            its axis.
+        InputError: If the mesh is of a body of revolution, if the force is zero, or if no such
+            pressure has this resultant: a pin can neither pull nor press along its axis.
     """
     mesh = tagged_mesh.mesh
     gdim = mesh.geometry.dim
@@ -136,9 +136,9 @@ def per_area(tagged_mesh: TaggedMesh, loads: Sequence[Load]) -> list[Load]:
 
 
 def area_of(tagged_mesh: TaggedMesh, surface: str) -> float:
-    """Return the area of a surface (its length in plane meshes), in axisymmetry for a full turn.
+    """Return the area of a surface. Collective.
 
-    Collective.
+    In plane meshes it is the length times the thickness, in axisymmetry the area of the full turn.
 
     Raises:
         InputError: If the surface does not exist.

@@ -33,7 +33,9 @@ class Given:
     rigid: Sequence[RigidSurface]
 
     def check(self, tagged_mesh: "TaggedMesh") -> None:
-        """Refuse misplaced or duplicate declarations, and surfaces without facets. Collective.
+        """Refuse misplaced or duplicate declarations, loads that are functions, and empty surfaces.
+
+        Collective.
 
         Args:
             tagged_mesh: The mesh.

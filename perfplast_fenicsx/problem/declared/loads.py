@@ -185,7 +185,7 @@ class ForceBelow(BodyForce):
             corners: Vertices of the cells, shape (n, d + 1, d).
 
         Raises:
-            InputError: If the line divides a cell.
+            InputError: If the formula is not supported, or if the line divides a cell.
         """
         found = enclosed(self.depth, corners, f"the load on '{self.on}'")
         if found is None:
@@ -492,7 +492,7 @@ def kind_of(load: Load) -> str:
 
 
 def is_known(load: Load) -> bool:
-    """Return whether the program defines the kind of this load."""
+    """Return whether the class of a load has a name in results, or belongs to this module."""
     return type(load) in (*load_kinds().values(), *ON_SURFACES, FieldPores, EnclosedPores)
 
 
@@ -502,7 +502,7 @@ def is_uniform(load: Load) -> bool:
 
 
 def is_bounded(load: Load) -> bool:
-    """Return whether strict bounds accept a load: all except body forces that are formulas."""
+    """Return whether strict bounds accept the class of a load; body forces must also be numbers."""
     return type(load) in (*ON_SURFACES, PorePressure, FieldPores, EnclosedPores, Force) or (
         type(load) in (BodyForce, ForceBelow) and is_uniform(load)
     )

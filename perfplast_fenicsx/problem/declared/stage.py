@@ -63,7 +63,7 @@ def called(given: Load | Temperature | Mover) -> str:
 
 
 def follows(mover: Mover) -> bool:
-    """Return whether ζ or a factor of stages multiplies the motion of ``mover``."""
+    """Return whether ζ or a factor of stages multiplies the motion or overlap of ``mover``."""
     if isinstance(mover, Support | RigidSurface):
         return mover.moves and not mover.constant
     if isinstance(mover, Contact):

@@ -38,7 +38,7 @@ class Support:
 
     @property
     def guides(self) -> bool:
-        """Return whether the support holds the normal of its surface instead of components."""
+        """Return whether the support holds the displacement along the normal of its surface."""
         return self.components == "normal"
 
     def axes(self, gdim: int) -> list[int]:
@@ -59,7 +59,7 @@ class Support:
 
     @property
     def moves(self) -> bool:
-        """Return whether the displacement differs from 0."""
+        """Return whether the prescribed displacement is a formula or a number other than 0."""
         return self.value != 0
 
     def motion(self, x: Floats) -> Floats:

@@ -26,10 +26,10 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.profiling import phase
 
 RIGID = 1e-5
-"""Fraction of √:func:`jagged_norm2` below which bodies move almost rigidly.
+"""Fraction of √:func:`jagged_norm2`, with which the energy norm of strains is compared.
 
-If the norm of strains is smaller, strain and stress consist mainly of rounding errors and cannot
-serve as a reference. """
+If the norm of strains is smaller, bodies move almost rigidly. Strain and stress then consist mainly
+of rounding errors and cannot serve as a reference."""
 
 
 def stress_norm2(problem: Problem, stress: OfLaw) -> Integral:
@@ -105,7 +105,7 @@ class QuadratureFields:
         potential: Ψ(ε(u)).
         conjugate: S(σ) of the duality gap, without ⟨σ, e₀⟩; with a history, S of the current step.
         stress_norm2: ‖σ‖² in the energy norm, ∫ σ:C⁻¹σ.
-        u_norm2: ‖u‖² in the energy norm, ∫ ε(u):Cε(u).
+        u_norm2: ‖u‖² in the energy norm, ∫ e:Ce.
     """
 
     def __init__(self, problem: Problem) -> None:

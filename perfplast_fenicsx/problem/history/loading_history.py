@@ -41,7 +41,8 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     """Return, for each name, the prescribed motion that its factor multiplies. Collective.
 
     Raises:
-        InputError: If one component of a node follows two names.
+        InputError: If a support moves along its normal, or if one component of a node follows two
+            names.
     """
     V, given = problem.V, problem.given
     supports = given.holding
@@ -113,7 +114,10 @@ def _check_parted(
     moved: npt.NDArray[np.bool_],
     holder: Ints,
 ) -> None:
-    """Refuse supports with different names that hold the same component of a node. Collective."""
+    """Refuse moving supports with different names that hold the same component of a node.
+
+    Collective.
+    """
     mesh, message = problem.tagged_mesh, None
     fdim, gdim = mesh.mesh.topology.dim - 1, mesh.mesh.geometry.dim
     for support in supports:

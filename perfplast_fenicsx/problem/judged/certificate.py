@@ -2,8 +2,9 @@
 
 The certificate contains the duality gap, the penetration, the smallest contact force, the
 complementarity and the unbalanced forces. At a solution inf J_ζ = −S(σ) − Σ force × gap. The
-duality gap is J_ζ + S(σ) + Σ force × gap, relative to |Ψ| + ½‖σ‖². The certificate is valid for any
-field, computed by any algorithm.
+duality gap is J_ζ + S(σ) + Σ force × gap, relative to |Ψ| + ½‖σ‖² (:func:`certify` adds the terms
+of friction and prescribed motion). The certificate is valid for any field, computed by any
+algorithm.
 """
 
 import math
@@ -76,8 +77,8 @@ def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certific
 
     The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩. At the
     solution it equals −inf J_ζ, so the sum of J_ζ and the dual functional is the duality gap. The
-    gap vanishes only at the solution, and is relative to |Ψ| + ½‖σ‖². The contact gaps are the gaps
-    in the basis, reduced by the closing that u_D causes.
+    gap vanishes only at the solution, and is relative to |Ψ| + ½‖σ‖² plus the dissipation by
+    friction. The contact gaps are the gaps in the basis, reduced by the closing that u_D causes.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()

@@ -143,7 +143,7 @@ class HeldAgainst:
         other: Name of the opposite surface.
         held: Number of these held nodes.
         nodes: Number of all nodes on the surface.
-        by: Names of the supports that hold them.
+        by: Names of the supports that hold these nodes.
     """
 
     surface: str

@@ -146,7 +146,7 @@ class LevelReport:
         return f"LevelReport({self.summary()})"
 
     def row(self) -> dict[str, Any]:
-        """Return the values by name; mappings are split, as ``factors`` into ``factor_push``."""
+        """Return the values by name; a mapping gives a value for each key, as ``factor_NAME``."""
         row: dict[str, Any] = {}
         for one in fields(self):
             value = getattr(self, one.name)

@@ -258,7 +258,10 @@ def load_resultants(problem: Problem) -> list[LoadResultant]:
 
 @once_a_problem
 def sized_resultants(problem: Problem) -> list[tuple[LoadResultant, float]]:
-    """Return each resultant with the sum of the magnitudes of its nodal forces. Collective."""
+    """Return, for each load, its resultant and the sum of the magnitudes of its nodal forces.
+
+    Collective.
+    """
     found = []
     for load in problem.given.loads:
         work = work_vector(problem.V, problem.tagged_mesh, [load])

@@ -90,7 +90,7 @@ class LoadingPath(NotebookResult):
         return f"LoadingPath({len(self.levels)} levels)"
 
     def in_words(self) -> str:
-        """Return how many levels are solved, and why the last level is not."""
+        """Return how many levels are solved, and the reason if the last level has no solution."""
         solved = sum(level.report.converged for level in self.levels)
         words = f"{solved} of {len(self.levels)} levels are solved"
         if solved == len(self.levels):

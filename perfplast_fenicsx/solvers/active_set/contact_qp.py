@@ -59,7 +59,7 @@ def condense(
     """Solve the contact QP for the undecided pairs only. Collective.
 
     All undecided pairs are held, and each of them in turn gets a unit jump. This takes one solve
-    per pair, with one set-up.
+    for each pair and one more, with one set-up.
 
     Args:
         program: Equality-constrained QPs of the operator.
@@ -105,7 +105,7 @@ def condense(
 
 
 def closed_pairs(stiffness: Floats, forces: Floats) -> PairFlags:
-    """Return flags of the pairs whose result of :func:`openings` is zero; shape (n,)."""
+    """Return whether the opening of each pair (:func:`openings`) is zero, shape (n,)."""
     closed: PairFlags = openings(stiffness, forces) <= 0
     return closed
 

@@ -161,7 +161,7 @@ class BlockRows:
             precision: Precision of the stored entries, float32 or float64.
             both: Numbers of rows and columns in a block, each a supported size.
             rows: Rows of this rank.
-            columns: Smallest number of columns.
+            columns: Number of columns, which the class rounds up to whole blocks.
             upper: Whether the matrix is symmetric. If so, only the blocks of its upper triangle are
                 stored, with the diagonal block first in each row.
         """

@@ -191,7 +191,10 @@ class Factorisation:
 
     @property
     def worth(self) -> int:
-        """Return how many iterations with old factors cost as much as new ones; 0 if few."""
+        """Return how many iterations with old factors cost as much as new factors.
+
+        The result is 0 if the number is below five, or if the solver is not MUMPS.
+        """
         pc = self._ksp.getPC()
         if pc.getFactorSolverType() != "mumps":
             return 0

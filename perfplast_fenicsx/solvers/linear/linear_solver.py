@@ -179,7 +179,7 @@ class LinearSolver:
         """Hold the unknowns with these local owned indices at zero. Collective.
 
         Returns:
-            Whether the held unknowns required a new matrix.
+            Whether a new matrix was formed, because the operator or the held unknowns changed.
         """
         changed = not np.array_equal(held, self._held)
         if self._ready and not self._problem.comm.allreduce(changed):

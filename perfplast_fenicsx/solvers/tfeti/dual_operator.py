@@ -183,7 +183,7 @@ class DualOperator:
         self._ready = True
 
     def rows(self, u: Floats) -> Floats:
-        """Return B u for torn unknowns u."""
+        """Return B u for torn unknowns u, 0 at inactive rows, and the work of the border on u."""
         self._u.array[:] = u
         self._B.mult(self._u, self._image)
         jumps = np.zeros(self.size)
@@ -194,7 +194,7 @@ class DualOperator:
         return jumps
 
     def forces(self, multipliers: Floats) -> Floats:
-        """Return Bᵀλ on torn unknowns."""
+        """Return Bᵀλ of the active rows and the border, on torn unknowns."""
         self._image.array[:] = np.where(self._force, multipliers[self._rows], 0.0)
         self._B.multTranspose(self._image, self._u)
         share = self.comm.bcast(float(multipliers[-1]) if self._own_border else 0.0)

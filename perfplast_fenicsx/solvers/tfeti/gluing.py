@@ -140,9 +140,12 @@ def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entri
 def _of_mean(
     rows: Constraints, mean: PETSc.Mat, fixed: npt.NDArray[np.bool_]
 ) -> tuple[Entries, Floats]:
-    """Return unit rows of free components in torn unknowns, and the lengths before scaling.
+    """Return the rows as unit rows in torn unknowns, and their lengths before scaling. Collective.
 
-    Collective.
+    Args:
+        rows: Rows of ties or contact.
+        mean: Matrix that maps torn unknowns to the means of the copies.
+        fixed: Components that supports hold, which the function omits, shape (num_nodes, gdim).
     """
     moving, free = rows.B.copy(), rows.B.createVecRight()
     free.array[:] = ~fixed.ravel()

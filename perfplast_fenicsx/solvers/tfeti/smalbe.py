@@ -262,7 +262,7 @@ class Smalbe:
             most: Largest total number of products with A.
 
         Returns:
-            Whether both tolerances are met; False if no point is feasible.
+            Whether both tolerances are met; they are never met if no point is feasible.
         """
         program, inner = self._program, self._inner
 
