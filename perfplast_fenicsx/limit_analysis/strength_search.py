@@ -43,8 +43,8 @@ def strength_path(
         monitor: Called on every rank after each Newton step.
 
     Raises:
-        InputError: If :class:`strength_reduction.Weakening` refuses the problem, or if friction is
-            associated.
+        InputError: If ``tolerance`` is not between 0 and 1, if friction is associated, or if
+            :class:`strength_reduction.Weakening` refuses the problem.
     """
     check_tolerance(tolerance)
     coulomb = problem.friction.follows_pressure
@@ -97,7 +97,7 @@ class _Search:
     counts: tuple[int, int] = (0, 0)
 
     def follow(self) -> StrengthPath:
-        """Return all points of the curve. Collective."""
+        """Compute points until F has levelled off, and return the curve. Collective."""
         most_points = 80
         before: _Point | None = None
         last = self._first()

@@ -281,7 +281,7 @@ class BodyBounds(NotebookResult):
         ]
 
     def draw_into(self, axes: Any) -> None:
-        """Plot the mechanism of the upper bound, coloured by speed, with both bounds above it.
+        """Plot the mechanism of the upper bound, coloured by speed, with both bounds in the title.
 
         Collective.
         """

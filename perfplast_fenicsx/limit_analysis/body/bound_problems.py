@@ -4,8 +4,8 @@ The bodies of these problems differ from the declared bodies if ground has ψ < 
 pressures have kinks inside cells. The limit loads of these problems then bound the limit loads of
 the declared bodies.
 
-The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If both
-surfaces lie on each other, the bodies do not change. Two polygons that approximate one curve
+The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If the
+two surfaces of a pair coincide, the bodies do not change. Two polygons that approximate one curve
 overlap and leave gaps. For such surfaces the bounds hold for a projected model, in which each body
 ends at the polygon through the nodes of both surfaces.
 """

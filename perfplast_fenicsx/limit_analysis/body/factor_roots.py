@@ -115,7 +115,7 @@ class FactorRoots:
         return math.log(times) if times is not None else None
 
     def _times(self, factor: float) -> float | None:
-        """Return the approximate μ of the mesh; None if it is not found, ∞ if unbounded.
+        """Return the approximate μ of the mesh; None if it is not found, ∞ if it is unbounded.
 
         Collective.
         """

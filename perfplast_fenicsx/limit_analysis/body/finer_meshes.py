@@ -139,7 +139,7 @@ def directions_of_change(found: BodyBounds) -> Floats:
         deviator[..., :3] -= deviator[..., :3].mean(axis=2, keepdims=True)
         around = _around_vertices(tagged_mesh, cells, places, deviator)
         changes.append(_gradients(tagged_mesh, places, around))
-    weights = 1.0, 0.5  # a larger weight of the stress harms punches more than it helps plates
+    weights = 1.0, 0.5  # more weight of the stress worsens punches more than it improves plates
     sized = [_in_their_size(found.problem.comm, it) for it in changes]
     return np.concatenate([w * it for w, it in zip(weights, sized, strict=False)], axis=2)
 
@@ -226,7 +226,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
         [(found.stress[..., 0] - found.stress[..., 1]) / np.sqrt(2), found.stress[..., 3]], axis=2
     )
     of_stress = np.einsum("cni,cnj->cij", deviator, slopes)
-    more = 3.0  # weight of the stress, which must count also in fans with slip lines
+    more = 3.0  # weight of the stress, so that it also counts in fans with slip lines
     comm, apart = tagged_mesh.mesh.comm, np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     sizes = apart.max(axis=1)
     of_mechanism = _stretches(comm, of_velocity * sizes[:, None, None], u)

@@ -98,11 +98,19 @@ class Envelope(NotebookResult):
     last: BodyBounds
 
     def inner(self, *angles: float) -> float:
-        """Return the distance along a ray (degrees) up to which loads are carried, or −inf."""
+        """Return the distance up to which loads are provably carried along a ray; −inf if unknown.
+
+        Args:
+            *angles: Direction of the ray (degrees), see :data:`Angles`.
+        """
         return float(inner_along(self.carried, rays_at(np.array([angles])))[0])
 
     def outer(self, *angles: float) -> float:
-        """Return the distance along a ray (degrees) beyond which loads are not carried, or inf."""
+        """Return the distance beyond which no load is carried along a ray; inf if unknown.
+
+        Args:
+            *angles: Direction of the ray (degrees), see :data:`Angles`.
+        """
         return float(outer_along(self.sides, rays_at(np.array([angles])))[0])
 
     def in_words(self) -> str:

@@ -381,7 +381,7 @@ def _forces(proof: ForceProof) -> Blocks:
 def _velocity(proof: VelocityProof) -> Blocks:
     """Return the velocity at the nodes, and the nodes of each cell. Collective.
 
-    The file contains quadratic velocities; a linear velocity is also quadratic.
+    The file contains quadratic velocities; the function interpolates a linear velocity.
     """
     velocity, mesh = proof.velocity, proof.problem.tagged_mesh.mesh
     d = mesh.topology.dim
@@ -419,7 +419,7 @@ def _places(problem: Problem) -> Places:
 
 
 def _body(proof: LowerProof | VelocityProof, follows: bool) -> Blocks:
-    """Return the bodies with loads, supports and contact. Collective.
+    """Return the arrays of the bodies, their loads, supports and contact. Collective.
 
     Args:
         proof: Proof with the bodies and loads.

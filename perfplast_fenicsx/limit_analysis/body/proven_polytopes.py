@@ -1,4 +1,4 @@
-"""Measure, along rays from zero, two polytopes inside and around a convex set of load factors."""
+"""Measure a polytope inside and one around a convex set of load factors, along rays from zero."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -10,9 +10,9 @@ def rays_at(angles: Floats) -> Floats:
     """Return the unit vectors of directions that are given by angles.
 
     Args:
-        angles: Degrees. For two numbers shape (n, 1), counted from the first axis to the second.
-            For three numbers shape (n, 2); the second angle is measured from the plane of these
-            axes towards the third axis.
+        angles: Angles (degrees), shape (n, 1) for two numbers and (n, 2) for three. The first angle
+            is measured from the first axis towards the second, and the second angle from the plane
+            of these axes towards the third axis.
 
     Returns:
         Shape (n, 2) or (n, 3).
@@ -119,8 +119,8 @@ def farthest_apart(
 
     Returns:
         The relative distance; inf if the hull or the half-spaces are missing on a ray. The second
-        value contains the angles (degrees) at which both are farthest apart, away from all earlier
-        directions, shape (d − 1,); None if there are no such angles.
+        value contains the angles (degrees) at which both are farthest apart, among directions about
+        1° or more away from all earlier ones, shape (d − 1,); None if there are no such angles.
     """
     number = len(signed)
     angles = spread(signed, 0.5 if number == 2 else 3.0)

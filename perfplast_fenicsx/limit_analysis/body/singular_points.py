@@ -418,7 +418,7 @@ def with_room_for_stress(problem: Problem) -> Problem:
 
 
 def with_divided_bare_cells(problem: Problem) -> Problem:
-    """Return a plane problem with all cohesionless cells divided that could carry no stress.
+    """Return the problem with divisions of all cohesionless cells that could carry no stress.
 
     Collective.
 

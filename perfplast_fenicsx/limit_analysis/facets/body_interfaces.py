@@ -131,7 +131,8 @@ class FacetPairs:
     Attributes:
         host: Owned facets whose normal velocity unknown becomes a jump, shape (num_pairs,).
         guest: Normal velocity unknown of the opposite facet, to which the jump is relative, at each
-            vertex of the host, shape (num_pairs, d); −1 where supports hold the guest.
+            vertex of the host, shape (num_pairs, d); −1 where supports hold the guest along its
+            normal.
         aligned: Flags of components that supports hold on either side of a host, shape (num_pairs,
             d).
         turned: Owned guest facets, which use the normal of their host.
@@ -176,8 +177,8 @@ def pair_facets(
 def _to_owners(comm: MPI.Intracomm, a: FacetRows, b: FacetRows, order: Longs) -> FacetPairs:
     """Send each pair to the ranks that own its facets. Collective.
 
-    The host is the facet of the first surface, unless supports hold more components of this facet
-    than of the opposite facet.
+    The host is the facet of the first surface, unless supports hold this facet along its normal, or
+    hold more components of this facet than of the opposite facet.
     """
     gdim = order.shape[1]
     flags = ("aligned", np.bool_, gdim)
@@ -226,7 +227,7 @@ class ContactStrength:
 
     @property
     def loose(self) -> bool:
-        """Return whether the surfaces can slip and separate without dissipation."""
+        """Return whether there is friction but no adhesion to dissipate work in associated slip."""
         return self.friction > 0 and self.adhesion == 0
 
 
@@ -237,7 +238,7 @@ def strength_of(terms: FrictionTerms) -> ContactStrength:
 
 
 def any_loose(problem: Problem) -> bool:
-    """Return whether any contact or obstacle can slip and separate without dissipation."""
+    """Return whether any contact or obstacle has friction but no adhesion."""
     return any(it.loose for it in strengths_of(problem))
 
 

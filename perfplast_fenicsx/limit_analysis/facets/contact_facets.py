@@ -267,7 +267,7 @@ def rows_of(problem: Problem, face: Floats) -> PairFlags:
 
 
 def _distinct(rows: Floats) -> Floats:
-    """Return one row from each set of rows that are equal to rounding."""
+    """Return one row from each set of rows that are equal up to rounding."""
     _, first = np.unique(np.round(rows / SAME / 100), axis=0, return_index=True)
     return rows[first]
 

@@ -41,7 +41,8 @@ def with_enclosed_pores(problem: Problem, side: str) -> Problem:
 
     The function returns the problem itself if all pressures are linear in each cell, if a load
     grows, in axisymmetry, and on curved cells. With growing loads, one proof contains both bounds,
-    which therefore need the same loads.
+    which therefore need the same loads. Pressures in bodies of laws other than :data:`PRESSED` do
+    not change.
 
     Args:
         problem: The bodies and their loads.

@@ -89,7 +89,7 @@ def enclosing_cones(directions: Floats, known: npt.NDArray[np.bool_]) -> tuple[F
 
     Returns:
         Unit vectors b, shape (n, d, d), and the number of vectors in each cone, shape (n,); −1
-        where the given directions do not lie on one side of a plane.
+        where a direction is more than 84° from the mean direction.
     """
     same = 1e-9  # tangents that differ by less than this number count as equal
     widest = 0.1  # least cosine between each direction and the mean
@@ -152,8 +152,8 @@ def with_facet_contact(problem: Problem) -> Problem | None:
         problem: The bodies and their contact, on straight cells.
 
     Returns:
-        A problem that shares everything except contact with the given problem; None if there are
-        obstacles, friction, ties, or facets that do not match.
+        A problem that shares everything except contact with the given problem. None if there are
+        obstacles, friction, ties or facets that do not match, or if :func:`_rows` finds no host.
     """
     others = problem.given.obstacles or problem.friction.count or problem.num_tied
     matched = None if others or problem.constraints.in_mean else matched_facets(problem)

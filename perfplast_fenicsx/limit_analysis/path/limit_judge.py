@@ -1,9 +1,9 @@
 """Determine the limit load from the levels of a loading path, and choose the next level.
 
 The module also computes the kinematic side of a mesh's limit load from an admissible mechanism. Let
-v be a velocity that is zero on supports and without penetration, and let ε(v) be admissible for the
-law of each body. Then the limit load is at most (D(v) − L₀(v))/L₁(v), where the dissipation D is
-the support function of the yield sets (kinematic theorem of limit analysis, E. Christiansen,
+v be a velocity that is zero on supports and causes no penetration, and let ε(v) be admissible for
+the law of each body. Then the limit load is at most (D(v) − L₀(v))/L₁(v), where the dissipation D
+is the support function of the yield sets (kinematic theorem of limit analysis, E. Christiansen,
 Handbook of Numerical Analysis IV, 1996). Bodies that preserve their volume require div v = 0;
 elastic bodies require ε(v) = 0.
 
@@ -385,7 +385,7 @@ class Judge:
         return Leap(reached.rest + far, self._ahead)
 
     def stop(self, before: State | None, last: State | None, why: str) -> None:
-        """End the search, because no further level converges. Collective."""
+        """Conclude the search, because no further level converges. Collective."""
         search, problem = self._search, self._problem
         if last is not None:
             self._conclude(collapse_mechanism(problem, before, last), last)

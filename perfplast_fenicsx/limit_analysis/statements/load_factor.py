@@ -383,8 +383,9 @@ class Bound:
     def refused(self, faults: tuple[str, ...], over: float = 1.0) -> "Bound":
         """Return the bound as a bound of the mesh, with the checker's first fault as the reason.
 
-        The result has no value if the stress is not in equilibrium, or if the mechanism is not
-        admissible even at the points of the mesh.
+        The result has no value if a doubt about the bound was that the stress is not in
+        equilibrium, that the mechanism is not admissible, or that it dilates too little between the
+        points of the mesh.
         """
         unfit = self.kind == "lower" or {NOT_ADMISSIBLE, GROWS_TOO_LITTLE} & {*self.doubts}
         value = None if self.doubts and unfit else self.value

@@ -304,7 +304,7 @@ def _of_others(
 
 
 def _mean(values: Floats, profile: Floats | None) -> Floats:
-    """Return means of linear functions in cells, times the strength profile if there is one.
+    """Return the mean of a linear function, or of its product with the strength profile, by cell.
 
     Args:
         values: Values at the vertices, shape (num_cells, d + 1).

@@ -96,9 +96,10 @@ def strict_upper_bound(
         rates: Rates of the mechanism; evaluated by default.
 
     Returns:
-        The bound. It has no value if the loads do no work on the mechanism. It is in doubt if the
-        mechanism is not admissible at the quadrature points. It holds only for the mesh if
-        ``why_not`` contains reasons.
+        The bound. It has no value if the loads do no positive work on the mechanism, or in
+        axisymmetry if the unknown is not v = ru. It is in doubt if the mechanism is not admissible
+        at the quadrature points. It holds only for the mesh if ``why_not`` contains reasons; in
+        this case it has no value for an inadmissible mechanism.
 
     Raises:
         InputError: If ζ moves supports or obstacles, or if there is no load.
