@@ -280,7 +280,7 @@ class _Acting:
 
 
 def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
-    """Return bounds on the tractions times area by which facets transfer a unit moment.
+    """Return upper bounds on the tractions times area by which facets transfer a unit moment.
 
     Args:
         dim: Dimension of the bodies.
@@ -303,7 +303,7 @@ def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
 def _passed(
     body: Body, shapes: Shapes, acting: _Acting, pushes: Floats, zeros: Longs
 ) -> Floats | None:
-    """Return the sum of the tractions times area that the facets of each cell transfer.
+    """Return upper bounds on the tractions times area that each cell's facets transfer, summed.
 
     Return None if some cell has no facet that can transfer tractions. A traction that is
     zero at one end of a facet of length L is quadratic. For a force F and a moment M, its Bernstein
@@ -524,7 +524,7 @@ def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
 
 
 def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return force and moment/extent on each piece, and errors, both of shape (count, 3 or 6)."""
+    """Return the force and moment over extent on each piece, and errors, shape (count, 3 or 6)."""
     d, pieces, count = body.dim, acting.pieces, len(about[1])
     arms = acting.middles - about[0][pieces]
     turns = acting.moments + moments(arms, acting.forces)

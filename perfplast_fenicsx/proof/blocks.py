@@ -480,7 +480,7 @@ class _Anchors:
     Attributes:
         kind: 0 for forces on joints, 1 for adhesive tractions, 2 for supports; shape (n,).
         spot: Index of the spot, or of the held direction.
-        along: Unit forces on the first side, shape (n, d).
+        along: Forces on the first side at the coefficient 1, shape (n, d).
         block: Block on which each force acts, and block on which the opposite force acts (−1 for no
             block); shape (n, 2).
         places: Points of action on both blocks.

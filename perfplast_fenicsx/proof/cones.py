@@ -67,7 +67,7 @@ class Cones:
     Attributes:
         bound: Bound c ≥ 0 (stress); 0 for a cone with its apex at zero stress; shape (num_cones,).
         slope: Slope q, shape (num_cones, m).
-        matrix: Matrix M of rank m or m − 1, may have rows of zeros; shape (num_cones, m, m).
+        matrix: Matrix M of rank m or m − 1, possibly with zero rows, shape (num_cones, m, m).
         sine: Sine s of cones that bound principal stresses, whose M and q are zero; NaN for other
             cones; shape (num_cones,).
         tension: Tensile strength f of cones that bound principal stresses; NaN without a tensile

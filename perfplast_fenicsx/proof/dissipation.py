@@ -187,7 +187,7 @@ def _of_linear(values: Floats, strength: Floats) -> float:
 
     Args:
         values: First function at the vertices, shape (num_cells, d + 1).
-        strength: Second function.
+        strength: Second function, of the same shape.
     """
     return float(np.einsum("cv,cv->", mean_shares(values[..., None])[..., 0], strength))
 

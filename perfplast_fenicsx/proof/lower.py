@@ -159,7 +159,7 @@ class Overstress:
     reason: str | None
 
     def words(self) -> list[str]:
-        """Return words on why ground with c = 0 prevents a proof; empty if it does not."""
+        """Return the reasons why ground with c = 0 prevents a proof; empty without such reasons."""
         if self.has_room:
             return []
         why = "ground with c = 0 has no strength left for rounding; give it a small cohesion"

@@ -159,7 +159,7 @@ def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
 
 
 def _held(body: Body, places: Places) -> Flags:
-    """Return the components that supports hold; for rings, also all components on the axis."""
+    """Return flags of components that supports hold; for rings, also of those on the axis."""
     held = np.zeros((places.count, body.dim), dtype=bool)
     for column in places.of_facets.T:
         np.logical_or.at(held, column, body.held)
@@ -186,7 +186,7 @@ def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
 def _across(values: Balls, held: Flags, numbers: Longs, directions: Floats) -> Balls:
     """Return vectors without their components along given directions.
 
-    A vector becomes zero if it has at least d directions.
+    A vector becomes zero if it has at least d directions, including axes along which it is zero.
 
     Args:
         values: Vectors, shape (n, d).

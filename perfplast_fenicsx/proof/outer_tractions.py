@@ -37,7 +37,7 @@ class Outer:
 def tractions_on(
     body: Body, stress: Floats, sides: Longs, places: Longs, normals: Floats
 ) -> Floats:
-    """Return the tractions on sides."""
+    """Return the tractions of a stress on sides, at the given places in their cells."""
     cells = sides // (body.dim + 1)
     tractions: Floats = np.einsum("fvij,fj->fvi", stress[cells[:, None], places], normals)
     return tractions
@@ -50,7 +50,7 @@ def outer_tractions(
 
     Args:
         body: The bodies.
-        stress: Stress in equilibrium with the loads.
+        stress: Total stress whose equilibrium with the loads is measured.
         loads: All loads together.
         rigid: Rigid surfaces.
         strengths: Strengths of the cells (:func:`least_radii`).

@@ -62,7 +62,7 @@ def plain(name: str, values: Any) -> npt.NDArray:
 
 
 def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
-    """Refuse numbers whose squares overflow or underflow.
+    """Refuse numbers so large or so small that products of several may overflow or underflow.
 
     Args:
         name: Name of the array.
@@ -110,15 +110,15 @@ def bound_of(values: Any, with_constant: bool) -> float:
 
 
 def stored_arrays(file: h5py.File, kind: str) -> dict[str, npt.NDArray]:
-    """Return the arrays of an HDF5 group, as NumPy arrays.
+    """Return the arrays and the numbers of an HDF5 group, as NumPy arrays.
 
     Args:
         file: File from :func:`stored_file.stored_file`.
         kind: Name of the group.
 
     Raises:
-        ProofError: If the name does not belong to a group of arrays, or if an array declares more
-            numbers than it stores.
+        ProofError: If the name does not belong to a group of arrays, if an array is not valid or
+            declares more numbers than it stores, or if the number ``bound`` is missing.
     """
     group = file[kind]
     if not isinstance(group, h5py.Group):

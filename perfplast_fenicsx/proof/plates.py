@@ -77,7 +77,7 @@ class Plates:
 def plates_of(
     body: Body, rest: Balls, kinds: Sequence[tuple[float, Loads]], pieces: Longs
 ) -> Plates:
-    """Return the missing parts of the resultants of the plates' loads.
+    """Return the missing resultants of plates, and the additional forces that plates can exert.
 
     Args:
         body: The bodies.

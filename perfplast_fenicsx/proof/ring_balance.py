@@ -268,7 +268,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
 
 
 def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:
-    """Return the sum of the tractions times length that the sides of each cell transfer."""
+    """Return upper bounds on the tractions times length that each cell's sides transfer, summed."""
     count, across = len(body.cells), across_of(body)
     levels, back = tree_of(body, across, acting.volumes, acting.pieces)
     forces, errors = acting.forces.copy(), acting.errors + pushes

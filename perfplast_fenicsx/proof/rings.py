@@ -138,7 +138,7 @@ def over_radius(radii: Floats, areas: Floats) -> Floats:
 
 
 def on_axis(body: Body, values: Floats) -> float:
-    """Return the largest size of values at vertices and edges on the axis, which must be zero.
+    """Return the largest |value| at vertices and edges on the axis, where values must be zero.
 
     Args:
         body: The bodies.

@@ -248,7 +248,7 @@ class _Ways:
         return f"{LOST} ({', '.join(f'{x:.6g}' for x in where)})"
 
     def _through(self, sides: Longs) -> Floats:
-        """Return the size of the flux of v through sides."""
+        """Return upper bounds on the flux of v through sides times the number of coefficients."""
         body, d = self._body, self._body.dim
         of = sides_places(body, self._mechanism.places.of_cells, sides)
         v = self._mechanism.at[of].sum(axis=1)

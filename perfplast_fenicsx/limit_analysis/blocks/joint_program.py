@@ -105,7 +105,7 @@ class JointProgram:
 
 @dataclass(frozen=True, eq=False)
 class JointForces:
-    """The joint forces at the largest λ.
+    """Joint forces from a linear program, at the largest λ or near it.
 
     Attributes:
         outcome: Whether forces were found.

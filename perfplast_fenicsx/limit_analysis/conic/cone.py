@@ -114,7 +114,7 @@ class Moduli:
         bulk: Coefficient κ, shape (count,).
         a: Coefficient a, shape (count,).
         normal: Deviator N, shape (count, m).
-        along: Deviator b, shape (count, m); None for zero.
+        along: Deviator b, shape (count, m); None if b = 0.
         whole: Indices of points that have a full modulus RRᵀ for (tr ε, dev ε) instead, shape
             (num,), and R, shape (num, 1 + m, 1 + m); None without such points.
         springs: Coefficient c of ⟨c [v]²⟩ at contact pairs, shape (num_pairs,); None if the caller
@@ -206,7 +206,7 @@ class ConeRows:
         kind: Kind of the cones.
         right: Constant parts, shape (num, size).
         columns: Indices of the unknowns in each member, shape (num, k).
-        factors: Factors of these unknowns, shape (num, size, k).
+        factors: Coefficients of these unknowns, shape (num, size, k).
     """
 
     kind: "ConeKind"

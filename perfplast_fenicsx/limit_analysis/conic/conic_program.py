@@ -275,9 +275,9 @@ class ConicProgram:
             self.carried = (unit * self.carried[0], unit * self.carried[1])
 
     def stronger(self) -> float | None:
-        """Return the smallest entry of ``sizes`` above ``strongest``; None if there is no such one.
+        """Return the smallest entry of ``sizes`` above ``strongest``; None without such an entry.
 
-        Collective; the entry may be on any rank. Elastic bodies do not count.
+        Collective. The entry may be on any rank; entries of elastic bodies do not count.
         """
         mine = float(self.sizes[self.sizes > self.strongest].min(initial=np.inf))
         least = float(self.comm.allreduce(mine, MPI.MIN))

@@ -84,7 +84,7 @@ class Strains(Protocol):
 
 
 class Stiffness(Protocol):
-    """The stiffness K: :class:`~cone.Moduli` at points, and springs c [v]² at contact pairs."""
+    """Stiffness K from :class:`~cone.Moduli` at points and from springs c [v]² at contact pairs."""
 
     @property
     def factorisations(self) -> int:
@@ -167,7 +167,7 @@ class SprungMatrix:
         Args:
             comm: The ranks.
             matrix: The matrix, which the caller assembles again for each K.
-            jumps: Owned unknowns that are jumps.
+            jumps: Indices of owned unknowns that are jumps of contact pairs.
             options: PETSc options of the factorisation.
         """
         self._matrix, self._jumps = matrix, jumps

@@ -276,7 +276,7 @@ class InteriorIteration:
         self._work.destroy()
 
     def put(self, now: Unknowns, velocity: Floats) -> None:
-        """Replace the iterate by another iterate, for example of another solver.
+        """Replace the iterate by another iterate, for example by the solution of another solver.
 
         Args:
             now: The iterate, its members inside their cones.

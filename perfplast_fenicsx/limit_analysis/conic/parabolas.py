@@ -286,7 +286,7 @@ class ScaledParabolaPoints(ScaledMembers):
         return found
 
     def _answer(self, right: Floats) -> Floats:
-        """Return H⁻¹ times vectors."""
+        """Return H⁻¹ times the vectors ``right``, shape (num, 4)."""
         half = np.einsum("nji,nj->ni", self._roots, right)
         found: Floats = np.einsum("nij,nj->ni", self._roots, half)
         return found

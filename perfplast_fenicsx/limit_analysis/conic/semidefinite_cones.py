@@ -341,7 +341,7 @@ class PrincipalPoints:
     """
 
     def __init__(self, cones: PrincipalCones, strengths: Floats, weights: Floats) -> None:
-        """Compute the coefficients of t, p and the deviator in X_k, and the constants.
+        """Compute the coefficients of t, p and the deviator in X_k, the constants and the centre.
 
         Args:
             cones: Cones of the points, in the units of the program.

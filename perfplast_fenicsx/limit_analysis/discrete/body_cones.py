@@ -229,7 +229,7 @@ def body_cones(problem: Problem) -> BodyCones:
     """Return the cones of the bodies. Not collective, because all ranks have the same materials.
 
     Raises:
-        InputError: If the method does not support a body's yield set.
+        InputError: If the interior point method does not support a body's yield set.
     """
     return _cones(problem, not problem.kinematics.whole)
 
@@ -241,7 +241,7 @@ def whole_cones(problem: Problem) -> BodyCones:
     Not collective.
 
     Raises:
-        InputError: If the method does not support a body's yield set.
+        InputError: If the interior point method does not support a body's yield set.
     """
     return _cones(problem, False)
 
@@ -337,7 +337,7 @@ def check_whole_cones(problem: Problem) -> None:
 
 
 def has_cones(problem: Problem) -> bool:
-    """Return whether the method supports the yield sets of all bodies."""
+    """Return whether the interior point method supports the yield sets of all bodies."""
     flat, size = _components(problem)
     thin, materials = problem.tagged_mesh.is_thin, materials_of(problem).values()
     return all(_cone_of(it, size, flat, thin) is not None for it in materials)
@@ -364,7 +364,7 @@ def _is_same(one: BodyCone, other: BodyCone) -> bool:
 
 
 def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
-    """Return the cone of a body; None if the method does not support the yield set.
+    """Return the cone of a body; None if the interior point method does not support its set.
 
     The numbers of the cone contain the scale of a varying parameter; the profile is separate.
 

@@ -271,8 +271,9 @@ def interior_point(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, if supports move, if there are no loads, or
-            if the method does not support a body's yield set (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, if supports move, if there are no loads, if
+            no limit theorem holds for a body or for friction, or if the method does not support a
+            body's yield set (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)

@@ -129,7 +129,7 @@ class PointCoordinates:
                 equations.
 
         Raises:
-            InputError: If the method does not support a body's yield set.
+            InputError: If the interior point method does not support a body's yield set.
         """
         self._cones = cones = body_cones(problem) if cones is None else cones
         self.isotropic, self.dilates, self.normal = cones.isotropic, cones.dilates, cones.normal

@@ -120,7 +120,7 @@ def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]
 
 
 def _less(rubs: Rubs, factor: float) -> Rubs:
-    """Return a contact or obstacle with its friction divided by F, unless ``reduced = false``."""
+    """Return a contact or obstacle, its friction divided by a factor unless ``reduced = false``."""
     if not rubs.reduced:
         return rubs
     tresca, coulomb = (

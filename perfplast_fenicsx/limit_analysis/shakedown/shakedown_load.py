@@ -236,8 +236,9 @@ def shakedown_load(
         monitor: Called on every rank after each step.
 
     Raises:
-        InputError: If bodies are in contact, if a name is unknown, if supports move, or if a law
-            has no suitable cone.
+        InputError: If ``rtol`` is not between 0 and 1, if bodies harden or are in contact, if a
+            name is unknown, if supports move, if a law has no suitable cone, or if no varying load
+            causes stress in a body that can yield.
     """
     _check(problem, domain, rtol)
     points = stress_points(problem)
@@ -514,8 +515,8 @@ def shakedown_diagram(
         steps: Called on every rank after each step of the interior point method.
 
     Raises:
-        InputError: If :func:`shakedown_load` refuses the problem, or if the domain does not have
-            two names.
+        InputError: If :func:`shakedown_load` refuses the problem, if the domain does not have two
+            names, or if there are too few directions.
     """
     check_directions(domain, directions)
     told = (problem, domain, rtol, steps)

@@ -365,7 +365,7 @@ class CondensedStiffness(SprungMatrix):
             vector.destroy()
 
     def _preallocate(self) -> None:
-        """Preallocate the entries of cells, and the entries that couple jumps to their twins.
+        """Preallocate the entries of cells, of the twins of jumps, and of rigid surfaces.
 
         Collective.
         """

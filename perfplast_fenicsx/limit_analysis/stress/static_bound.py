@@ -275,8 +275,9 @@ def strict_lower_bound(
             loads; by default :attr:`Start.reserve`.
 
     Raises:
-        InputError: If ``rtol`` is not between 0 and 1, if supports move, if there are no loads, or
-            if bounds do not support a body's yield set (:mod:`body_cones`).
+        InputError: If ``rtol`` is not between 0 and 1, if supports move, if there are no loads, if
+            no limit theorem holds for a body, or if bounds do not support a body's yield set
+            (:mod:`body_cones`).
     """
     check_bodies_have_limits(problem)
     check_tolerance(rtol)
