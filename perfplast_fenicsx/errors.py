@@ -79,7 +79,7 @@ class InputError(ValueError):
 
     @property
     def remedy(self) -> str:
-        """Return the last part of the message, which names a remedy; empty without a remedy."""
+        """Return the last part of the message, which names a remedy; empty if there is none."""
         _, mark, remedy = str(self).rpartition("; ")
         return remedy.rstrip(".") if mark else ""
 

@@ -41,7 +41,7 @@ def force_rows(
         zeta: Name of the load factor.
 
     Returns:
-        Pairs of words and numbers; empty without loads.
+        Pairs of words and numbers; an empty list if there are no loads.
     """
     rows = list(_rows(loads, lower, upper, at_limit, moments, zeta))
     shown = without_rounding([row for _, row in rows])

@@ -130,7 +130,7 @@ def mpi_family() -> str:
 
 
 def launched_ranks(environ: Mapping[str, str]) -> tuple[str, int, int] | None:
-    """Return the MPI family, rank and number of ranks of this process; None without a launcher.
+    """Return the MPI family, rank and number of ranks; None if no launcher started the process.
 
     Args:
         environ: The environment variables of the process.

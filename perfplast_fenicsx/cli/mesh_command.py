@@ -468,7 +468,7 @@ def is_model(path: str) -> bool:
 
 
 def mesh_model(comm: MPI.Intracomm, chosen: argparse.Namespace) -> Survey | None:
-    """Read a model, print its contents, and write mesh and first case. Collective.
+    """Read a model, print its contents, and write the mesh and a first case. Collective.
 
     Args:
         comm: The ranks; rank 0 does the work.
@@ -536,7 +536,7 @@ def _made(source: Path, output: Path, material: str | None, force: bool) -> tupl
 
 
 def _draw(model: ForeignModel, survey: Survey, made: Path) -> None:
-    """Draw the bodies; without a graphics system log a warning."""
+    """Draw the bodies, or log a warning if they cannot be drawn."""
     shown, body, face = model.cells, model.body, np.zeros(len(model.cells), dtype=np.int64)
     if model.dim == 3:
         outer = OuterFacets(model.cells, len(model.points))

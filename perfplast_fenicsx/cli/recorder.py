@@ -50,7 +50,7 @@ def force_lines(
     axes: str,
     units: Mapping[str, str],
 ) -> list[str]:
-    """Return the lines of the table of forces at the bounds; an empty list without loads.
+    """Return the lines of the table of forces at the bounds; [] if there are no loads.
 
     Args:
         loads: See :func:`outcome_words.force_rows`.
@@ -72,7 +72,7 @@ def force_lines(
 
 
 def bolt_lines(reports: Sequence[LevelReport], unit: str) -> list[str]:
-    """Return lines with the bolt forces at each solved level; an empty list without bolts.
+    """Return lines with the bolt forces at each solved level; [] if there are no bolts.
 
     Args:
         reports: Reports of all levels.
@@ -239,7 +239,7 @@ class Recorder:
 
         Args:
             level: The level.
-            search: State of the search for a limit load; None without a search.
+            search: State of the search for a limit load; None if there is no search.
 
         Raises:
             InputError: On every rank, if the files cannot be written.

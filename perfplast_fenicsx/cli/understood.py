@@ -390,7 +390,7 @@ class Section:
         cells: Corners of the cells, shape (n, 3, 2).
         bodies: Number of the body to which each cell belongs, shape (n,).
         names: Names of the bodies.
-        water: Points of the water table, shape (n, 2); no points without a water table.
+        water: Points of the water table, shape (n, 2); no points if there is no water table.
     """
 
     cells: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))

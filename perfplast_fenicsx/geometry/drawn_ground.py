@@ -386,7 +386,7 @@ def _check_near(chains: Sequence[tuple[str, Floats, bool]]) -> None:
 
 
 def _check_apart(shapes: Sequence[Shape]) -> None:
-    """Raise an error for bodies that overlap, leave gaps between them or consist only of openings.
+    """Raise an error for bodies that overlap, leave gaps or are completely covered by openings.
 
     Raises:
         InputError: If bodies overlap or leave gaps, or if openings cover a body; the message has

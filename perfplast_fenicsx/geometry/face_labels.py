@@ -262,7 +262,7 @@ class Mark:
     Attributes:
         body: Name of the body of the face.
         colour: Colour of the face if it differs from the body's colour; otherwise None.
-        label: Label of the face; "" without a label.
+        label: Label of the face; "" if the face has no label.
         tag: Tag of the copy.
         names: Names of the physical groups in a script that contain the face; ``body`` is then "".
     """

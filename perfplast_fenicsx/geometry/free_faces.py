@@ -63,7 +63,7 @@ class FreeFace:
         body: Index of the body.
         tag: Gmsh's tag of the face.
         colour: Colour of the face in the file; None if most of the body has the same colour.
-        label: Label of the face in the file; "" without a label.
+        label: Label of the face in the file; "" if the face has no label.
     """
 
     number: int

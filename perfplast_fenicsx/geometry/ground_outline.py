@@ -31,9 +31,9 @@ class Outline:
     Attributes:
         plan: Edges and faces.
         names: Names of the bodies.
-        face_body: Index of the body of each face; -1 without a body.
-        body: Indices of the bodies on the left and right of each edge, shape (num_edges, 2); -1
-            without a body.
+        face_body: Index of the body of each face; -1 if the face belongs to no body.
+        body: Indices of the bodies on the left and right of each edge, shape (num_edges, 2); -1 if
+            there is no body.
         openings: Edges around each opening, by name of the opening.
         sides: Edges of each side of the ground, by name of the side.
         unnamed: Reason why the sides of the ground have no names; "" if they have names.

@@ -249,7 +249,7 @@ def drawn_in(mesh: Path) -> dict[str, float]:
 
 
 def _section(mesh: Path, head: bytes) -> bytes:
-    """Return the text of the last section with a heading; empty without such a section."""
+    """Return the text of the last section with a heading; empty if there is no such section."""
     _, found, rest = mesh.read_bytes().rpartition(head)
     return rest.partition(END)[0] if found else b""
 
@@ -263,7 +263,7 @@ def _fingerprint(content: bytes, options: MeshingOptions) -> bytes:
 
 
 def _made_of(mesh: Path) -> bytes | None:
-    """Return the hash at the end of a .msh file; None without a hash or without a file."""
+    """Return the hash at the end of a .msh file; None if the file or the hash is missing."""
     if not mesh.exists():
         return None
     with mesh.open("rb") as file:

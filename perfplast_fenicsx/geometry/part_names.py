@@ -12,7 +12,7 @@ LEFT, RIGHT = "_left", "_right"
 
 
 def plain_name(name: str) -> str:
-    """Return a name in lower case with _ for other characters; "" without letters and digits."""
+    """Return a name of lower-case letters, digits and _; "" if it has no letter and no digit."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 

@@ -34,7 +34,7 @@ def bulges(ends: Floats, every: Floats) -> Floats:
     Returns:
         Sines of the larger of the two angles at the ends of each chord, shape (n, 2). Column 0 is
         for bends that are convex to the left of the chord, column 1 for bends to the right. The
-        sine is 0 without a bend and next to corners.
+        sine is 0 where chords do not bend and next to corners.
     """
     corner = 0.6  # an angle with a larger sine is a corner, and does not approximate a curve
     found = np.zeros((len(ends), 2))

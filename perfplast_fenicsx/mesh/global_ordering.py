@@ -68,7 +68,7 @@ class Ordering:
         return owned
 
     def numbers(self) -> Longs:
-        """Return the numbers of the owned entities in the order. Collective."""
+        """Return the number of each owned entity in this order. Collective."""
         return self.from_blocks(np.arange(self.first, self.first + self.count))
 
     def _to_keepers(self, values: npt.NDArray) -> npt.NDArray:

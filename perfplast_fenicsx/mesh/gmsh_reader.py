@@ -418,7 +418,7 @@ def _body_of(block: Block, content: Content, path: str | Path) -> int:
 def _surface_tags(
     names: dict[str, int], blocks: Sequence[Block]
 ) -> tuple[dict[str, int | tuple[int, ...]], list[int]]:
-    """Return the tags of each surface, and the tag of each block (0 without a group).
+    """Return the tags of each surface, and the tag of each block (0 if it is in no group).
 
     Blocks that are in the same combination of several groups share a separate tag.
 

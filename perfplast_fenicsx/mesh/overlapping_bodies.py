@@ -314,7 +314,7 @@ def _sagittas(
 def _deepest(
     rows: npt.NDArray, search: CellSearch, names: dict[int, str], extent: float, overlaps: bool
 ) -> str | None:
-    """Return a message on the cells with the deepest overlap; None without overlaps."""
+    """Return a message on the cells with the deepest overlap; None if no cells overlap."""
     outer = np.flatnonzero(rows["outer"])
     x = rows["x"]
     edge = np.linalg.norm(x[:, :, None] - x[:, None], axis=3).max(axis=(1, 2), initial=0)

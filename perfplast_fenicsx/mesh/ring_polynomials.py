@@ -103,7 +103,7 @@ def ring_rates(x: Floats, v: Floats) -> Floats:
 
 
 def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
-    """Return upper bounds on ∫ B_i/r over triangles; 0 for i on the axis, where rates vanish.
+    """Return upper bounds on ∫ B_i/r over triangles; 0 if coefficient i belongs to the axis.
 
     Args:
         radii: Radii at the vertices of the triangles, shape (n, 3).
@@ -132,7 +132,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
 
 
 def equal_parts(count: int) -> list[Floats]:
-    """Return the vertices of ``count``² equal parts of a triangle, by barycentric coordinates."""
+    """Return the vertices of ``count``² equal parts of a triangle, in barycentric coordinates."""
     parts = []
     for i, j in product(range(count), repeat=2):
         low = np.array([[i, j], [i + 1, j], [i, j + 1]])

@@ -209,7 +209,7 @@ class TaggedMesh:
         return self.cell_tags.find(_tag("volume", name, self.volumes, self.surfaces))
 
     def facets(self, name: str) -> Ints:
-        """Return the local indices of a surface's facets, sorted; an empty array without facets.
+        """Return the local indices of a surface's facets, sorted; an empty array if there are none.
 
         Raises:
             InputError: On every rank, if the surface does not exist.
@@ -459,7 +459,7 @@ UNNAMED = np.iinfo(np.int32).min
 
 
 def values_of(tags: MeshTags, count: int) -> Ints:
-    """Return the tags of the first ``count`` local entities; ``UNNAMED`` without a tag."""
+    """Return the tags of the first ``count`` local entities; ``UNNAMED`` if they have none."""
     values = np.full(max(count, tags.indices.max(initial=-1) + 1), UNNAMED, dtype=np.int32)
     values[tags.indices] = tags.values
     return values[:count]

@@ -65,7 +65,7 @@ class Joined:
         primary: Name of one surface.
         secondary: Name of the other surface.
         tied: Whether the surfaces are glued.
-        coulomb: Coefficient of friction; 0 without friction.
+        coulomb: Coefficient of friction; 0 if there is no friction.
     """
 
     primary: str

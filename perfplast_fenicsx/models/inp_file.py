@@ -21,7 +21,7 @@ def read_inp(path: Path) -> ForeignModel:
     """Return the model of a file.
 
     Raises:
-        InputError: If it cannot be read, is damaged, or has no solids.
+        InputError: If the file cannot be read, is damaged, or has no solids.
     """
     reader, statements = MeshReader(), Statements()
     for keyword in read_keywords(path):

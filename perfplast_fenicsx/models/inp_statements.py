@@ -185,12 +185,12 @@ class UsedSurfaces:
         self._facets[name] = np.unique(np.concatenate(every))
 
     def use(self, name: str, facets: Longs) -> str:
-        """Add facets to the surface with a name, and return the name."""
+        """Add facets to the surface ``name``, and return the name."""
         self._named.add(name, facets)
         return name
 
     def of_nodes(self, name: str, what: str) -> str | None:
-        """Return the surface that nodes of a set form, or add a remark and return None."""
+        """Return the name of the surface of a set of nodes, or add a remark and return None."""
         nodes = self._assembly.members("NSET", name)
         if nodes is None:
             raise missing(what, name)
@@ -201,7 +201,7 @@ class UsedSurfaces:
         return self.use(name, facets)
 
     def named(self, name: str, what: str) -> str | None:
-        """Return the name of a ``*SURFACE``; without an outer face add a remark, return None."""
+        """Return a ``*SURFACE``'s name, or add a remark and return None if it has no outer face."""
         facets = self._facets.get(name.upper())
         if facets is None:
             raise missing(what, name)
@@ -248,7 +248,7 @@ class InpBody:
 
     Attributes:
         name: Name in the case.
-        material: Name of the material; "" without a material.
+        material: Name of the material; "" if the body has no material.
         elements: Numbers of the elements.
         density: Mass per volume; None if it is unknown.
     """
@@ -438,7 +438,7 @@ class OnSurfaces:
         return pushed
 
     def _pressed(self, elset: str, face: str, pressure: float) -> str | None:
-        """Return the surface of a pressure; single elements with equal pressure share a surface."""
+        """Return the name of a pressure's surface; single elements of equal pressure share one."""
         members = self._assembly.members("ELSET", elset)
         if members is None:
             raise missing(f"*DLOAD {face}", elset)

@@ -49,7 +49,7 @@ def read_med(path: Path) -> ForeignModel:
     """Return the model of a file.
 
     Raises:
-        InputError: If it cannot be read, is damaged, or has no solids.
+        InputError: If the file cannot be read, is damaged, or has no solids.
     """
     try:
         check_regular(path)

@@ -139,7 +139,8 @@ def skin_of_model(
         survey: Survey of the model.
         outer: Corners of the visible triangles, shape (n, 3).
         body: Body of each triangle.
-        face: Number of the named surface of each triangle, from 1; 0 without a named surface.
+        face: Number of the named surface of each triangle, from 1; 0 if the triangle is on no named
+            surface.
     """
     places = []
     for number, one in enumerate(survey.faces):

@@ -71,7 +71,7 @@ def read_unv(path: Path) -> ForeignModel:
     """Return the model of a file.
 
     Raises:
-        InputError: If it cannot be read, is damaged, or has no solids.
+        InputError: If the file cannot be read, is damaged, or has no solids.
     """
     text = text_of(path)
     try:

@@ -155,7 +155,7 @@ def exterior(cells: Longs) -> tuple[Longs, Longs]:
 
 
 def facet_tags(facets: Longs, tagged: Longs, tags: npt.NDArray[np.integer[Any]]) -> Longs:
-    """Return the tag of each facet, −1 without a tag, whatever the order of its vertices is.
+    """Return the tag of each facet, −1 if it has no tag, for any order of its vertices.
 
     Args:
         facets: Vertices of facets, shape (num_facets, gdim).
@@ -183,7 +183,7 @@ def turn_outward(corners: npt.NDArray[Any], x: Floats, centres: Floats) -> None:
 
 
 def _normals(points: Floats, facets: npt.NDArray[np.integer]) -> Floats:
-    """Return normals with areas as norms; normals of edges point to the right."""
+    """Return normals, whose norms are areas or lengths; normals of edges point to the right."""
     along = points[facets[:, 1]] - points[facets[:, 0]]
     if facets.shape[1] == 2:
         return np.cross(along, [0.0, 0.0, 1.0])

@@ -67,7 +67,7 @@ def plot(
     output: str | Path | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Draw loading curve, plastic zone, mechanism and contact pressure of a run. Not collective.
+    """Draw the pictures of a run, such as its loading curve and mechanism. Not collective.
 
     Args:
         folder: The result folder of the run, which may still be in progress.

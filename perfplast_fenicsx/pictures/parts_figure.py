@@ -261,7 +261,7 @@ def _image(skin: Arrays, view: View) -> npt.NDArray[np.uint8]:
 
 
 def _faces_at_pixels(skin: Arrays, view: View) -> Longs:
-    """Return the free face that is visible at each pixel, 0 for no face, (height, width)."""
+    """Return the number of the free face at each pixel, 0 for no face, shape (height, width)."""
     face = np.asarray(skin["face"], dtype=np.int64)
     factor = 0x9E3779B1  # odd factors give unique colours, which differ between neighbours
     colours = face * factor & 0xFFFFFF

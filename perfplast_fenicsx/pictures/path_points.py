@@ -23,7 +23,7 @@ def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
 
 
 def between(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:
-    """Return additional points on each straight segment, which a logarithmic x axis bends."""
+    """Return the curve with more points on each segment, which a logarithmic x axis bends."""
     xs, ys = list(x[:1]), list(y[:1])
     many = 24  # number of points on each segment
     for (a, b), (low, high) in zip(pairwise(x), pairwise(y), strict=True):

@@ -274,7 +274,8 @@ class ResultReader:
 
         Returns:
             The skin with the velocity as ``displacement`` and, unless bodies are rigid blocks, the
-            ``dissipation``; and the largest dissipation of all cells. None without a mechanism.
+            ``dissipation``; and the largest dissipation of all cells. None if there is no
+            mechanism.
         """
         if self.limit is None or not (self.path / MECHANISM).exists():
             return None
@@ -307,7 +308,7 @@ class ResultReader:
 
     @cached_property
     def flow(self) -> StoredFlow | None:
-        """Return the flow of water; None without seepage."""
+        """Return the flow of water; None if no water flows."""
         if self.summary.seepage is None:
             return None
         names = [f"{POINT_DATA}/{name}" for name in ("pressure", "head", "saturation")]

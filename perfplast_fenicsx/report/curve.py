@@ -58,7 +58,7 @@ class Curve:
         x_label: Label of the x axis.
         y_label: Label of the y axis.
         lines: The curves.
-        band: Bounds of y, shown as a shaded band; None without bounds.
+        band: Bounds of y, shown as a shaded band; None if there are no bounds.
         band_words: Name of these bounds.
         far: Value above which the x axis is logarithmic, in the axis' unit; 0 for a linear axis.
     """
@@ -189,7 +189,7 @@ def _axis(far: float) -> Callable[[float], float]:
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:
-    """Return the range of values, with a margin at each end that is not 0."""
+    """Return the range of values, with a margin above, and also below if values are negative."""
     low, high = min(values), max(values)
     room = 0.05 * (high - low) or 1.0
     return low - room * (low < 0), high + room

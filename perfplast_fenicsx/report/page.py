@@ -107,7 +107,7 @@ HANDED_IN = ("client", "revision", *SIGNED)
 
 
 def head_of(summary: Summary) -> str:
-    """Return the document data of [report] and the date of the run; empty without [report]."""
+    """Return the data of [report] and the date of the run; empty if there is no [report]."""
     rows = [(key.capitalize(), text) for key, text in summary.report.items() if key not in SIGNED]
     began = summary.surroundings.get("began", "")
     return pairs([*rows, ("Date", began)] if rows and began else rows)
@@ -208,7 +208,7 @@ def _levels(reader: ResultReader) -> str:
 
 
 def _meshes(summary: Summary) -> str:
-    """Return the bounds on each mesh; empty for a single mesh."""
+    """Return the section with the bounds on each mesh; empty if there are not several meshes."""
     meshes = ((summary.limit or {}).get("body") or {}).get("meshes", [])
     if len(meshes) < 2:
         return ""

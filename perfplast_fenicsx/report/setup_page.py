@@ -214,7 +214,7 @@ def _face_table(faces: Sequence[FaceRow], size: str) -> str:
 
 
 def _warnings(warnings: Sequence[str]) -> str:
-    """Return the list of the warnings of the mesh; an empty string without warnings."""
+    """Return the list of the warnings of the mesh; an empty string if there are no warnings."""
     items = "".join(f"<li>{escape(one)}.</li>" for one in warnings)
     head = '<h3 id="warnings-h">Warnings of the mesh</h3>'
     return f'{head}\n<ul id="warnings" aria-labelledby="warnings-h">{items}</ul>' if items else ""

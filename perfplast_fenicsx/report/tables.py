@@ -85,7 +85,7 @@ def reaction_table(reactions: Mapping[str, Sequence[float]], axes: str, unit: st
 
 
 def bolt_table(reports: Sequence[LevelReport], unit: str) -> str:
-    """Return the force of each bolt, with a row for each solved level; empty without bolts."""
+    """Return a table of bolt forces with a row for each solved level; "" if there are no bolts."""
     solved = [(n, report) for n, report in enumerate(reports, 1) if report.converged]
     if not solved or not solved[0][1].bolts:
         return ""

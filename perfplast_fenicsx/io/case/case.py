@@ -205,7 +205,7 @@ class Case:
         return with_flow(self.loads, flow)
 
     def history(self, problem: Problem) -> LoadingHistory | None:
-        """Return the loading history that the stages define; None without stages. Collective.
+        """Return the loading history of the stages; None if the case has no stages. Collective.
 
         Raises:
             InputError: If the stages do not fit the problem.

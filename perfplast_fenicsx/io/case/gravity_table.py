@@ -129,11 +129,11 @@ def earthquake_loads(
     loading: Control,
     place: str,
 ) -> list[Load]:
-    """Return the loads from ``[earthquake]``; an empty list without this table.
+    """Return the loads from ``[earthquake]``; an empty list if this table is missing.
 
     Args:
         table: The table, as TOML has read it.
-        gravity: The table ``[gravity]``; None without weight.
+        gravity: The table ``[gravity]``; None if the case has no such table.
         weights: Loads from the weight of bodies and of water.
         loads: All other loads.
         loading: The control.

@@ -120,7 +120,7 @@ def is_dxf(table: Table) -> bool:
 
 
 def read_ground(top: Document, case: Path) -> DrawnGround | None:
-    """Return the ground that a case draws; None without drawn ground.
+    """Return the ground that a case draws; None if the case draws no ground.
 
     Args:
         top: The case.
@@ -217,7 +217,7 @@ def read_mesh(
 
     Args:
         table: ``[mesh]``.
-        geometry: ``[geometry]``; None without this table.
+        geometry: ``[geometry]``; None if this table is missing.
         name: Name of the case file.
         ground: The ground that the case draws, if any.
 
@@ -274,7 +274,7 @@ def load_mesh(
 
 
 def read_adaptation(table: Table | None, loading: Control, place: str) -> Adaptation | None:
-    """Return the options for the adaptation of the mesh; None without adaptation.
+    """Return the options for the adaptation of the mesh; None if the mesh is not adapted.
 
     Raises:
         InputError: If the control computes no bounds for the body, or if a key or value is not

@@ -19,7 +19,7 @@ def read_seepage(table: Table, units: Units, gravity: GravityTable | None, place
     Args:
         table: ``[seepage]``.
         units: Units of the numbers.
-        gravity: The table ``[gravity]``; None without weight.
+        gravity: The table ``[gravity]``; None if the case has no such table.
         place: Place in the input, for messages.
 
     Raises:

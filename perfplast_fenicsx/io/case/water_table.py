@@ -72,7 +72,7 @@ class Water:
     Attributes:
         loads: The loads, pore pressures first in the order of the bodies.
         kinks: Polylines where the gradient of a pore pressure jumps, each of shape (n, 2).
-        table: Points of the water table for pictures, shape (n, 2); no points without a water
+        table: Points of the water table for pictures, shape (n, 2); no points if there is no water
             table.
     """
 
@@ -92,7 +92,7 @@ def read_water(
 
     Args:
         top: The top level of the case file.
-        ground: The ground that the case draws; None without drawn ground.
+        ground: The ground that the case draws; None if it draws no ground.
         bodies: Names of all bodies.
         units: Units of the numbers.
         name: Name of the case file.
@@ -122,10 +122,10 @@ def water_in_cracks(
     """Return the loads from water in cracks, and the names of the sides of all cracks.
 
     Args:
-        ground: The ground that the case draws; None without drawn ground.
+        ground: The ground that the case draws; None if it draws no ground.
         given: The unit weight of water in the case; None if it is not given.
         units: Units of the numbers.
-        gravity: The table ``[gravity]``; None without weight.
+        gravity: The table ``[gravity]``; None if the case has no such table.
 
     Raises:
         InputError: If the unit weight is unknown, if a line with water is not a crack, or if a
@@ -167,8 +167,8 @@ def water_of(
 
     Args:
         table: The table ``[water]``.
-        ground: The ground that the case draws; None without drawn ground.
-        gravity: The table ``[gravity]``; None without weight.
+        ground: The ground that the case draws; None if it draws no ground.
+        gravity: The table ``[gravity]``; None if the case has no such table.
         bodies: Names of the bodies.
         units: Units of the numbers.
 
@@ -430,7 +430,7 @@ def unit_weight_of_water(given: float | None, units: Units, gravity: GravityTabl
     Args:
         given: The value that the case gives, if any.
         units: Units of the numbers.
-        gravity: The table ``[gravity]``; None without weight.
+        gravity: The table ``[gravity]``; None if the case has no such table.
 
     Raises:
         InputError: If the value is missing and [units] does not define it, or if it is not

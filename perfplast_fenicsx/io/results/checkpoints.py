@@ -304,8 +304,8 @@ class Saved:
     Attributes:
         reports: Reports of the levels so far.
         level: The last level, without its iterations; None before the first level.
-        before: State of the level before the last; None without such a level.
-        search: State of the search for a limit load; None without a search.
+        before: State of the level before the last; None if there is no such level.
+        search: State of the search for a limit load; None if there is no search.
         timings: Wall time by activity (s).
     """
 

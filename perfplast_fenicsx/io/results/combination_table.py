@@ -41,7 +41,7 @@ def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> 
 
 
 def read_table(folder: Path) -> Rows:
-    """Return the rows of the table in a folder; an empty list without a readable table."""
+    """Return the rows of the table in a folder; an empty list if no table can be read."""
     try:
         with (folder / TABLE).open(encoding="utf-8", newline="") as file:
             rows: Rows = list(csv.DictReader(file))

@@ -223,7 +223,7 @@ class FieldSeries:
             number: Number of the level, from 1; larger than the numbers of previous levels.
             fields: Nodal or piecewise constant functions by name (:meth:`FieldWriter.write`).
             report: The level.
-            at_points: Fields at the quadrature points by name; None without such fields.
+            at_points: Fields at the quadrature points by name; None if there are no such fields.
 
         Raises:
             InputError: If the files cannot be written; existing files remain complete.
@@ -251,7 +251,7 @@ class FieldSeries:
                 fields, by name.
             zeta: The load factor of the mechanism.
             alpha: The work α at the end of the path.
-            at_points: Fields at the quadrature points by name; None without such fields.
+            at_points: Fields at the quadrature points by name; None if there are no such fields.
 
         Raises:
             InputError: If the file cannot be written.

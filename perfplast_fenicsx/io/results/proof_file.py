@@ -98,7 +98,7 @@ def judge(
         path: The file. It contains only proven bounds, and does not exist if nothing is proven.
         low: Bounds whose lower bound is proven.
         high: Bounds whose upper bound is proven.
-        divisor: Factor F that divides the strengths of the bodies; None without such a factor.
+        divisor: Factor F that divides the strengths of the bodies; None if there is no such factor.
 
     Returns:
         ``low`` and ``high``, in which bounds that the checker refuses are only estimates of the
@@ -131,7 +131,7 @@ def write_proven(folder: ResultFolder, proven: Proven) -> None:
 
 
 def read_proven(folder: ResultFolder, again: bool = False) -> list[Proven]:
-    """Return the proven directions of an earlier run; no directions without a file. Collective.
+    """Return the proven directions of an earlier run; [] if the file is missing. Collective.
 
     Args:
         folder: The result folder.

@@ -18,7 +18,7 @@ class Summary:
             ``forces`` states whether forces and works are per unit of depth or refer to the full
             turn.
         given: Materials, supports, loads and other input (:func:`result_folder.given_table`).
-        seepage: Discharges of water by surface, and iterations of SNES-VI; None without seepage.
+        seepage: Discharges of water by surface, and iterations of SNES-VI; None if no water flows.
         loads: Force and moment of each load at ζ = 1 (:class:`resultants.LoadResultant`).
         case: The case ``file`` and its ``text``; empty for a Python program.
         report: The keys that the case gives under ``[report]``, such as ``project`` and ``author``.
