@@ -339,10 +339,10 @@ class OfLevels:
         return ()
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Do nothing: the solver itself checks the problem."""
+        """Do nothing, because the solver itself checks the problem."""
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return an empty text: ζ is a load factor."""
+        """Return an empty text, because ζ is a load factor."""
         return ""
 
 
@@ -371,17 +371,17 @@ class OfBody:
         return [*ignored(problem), *idle_pores(problem)]
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return an empty text: ζ is a load factor."""
+        """Return an empty text, because ζ is a load factor."""
         return ""
 
 
 def none_moved(name: str, on: str) -> bool:
-    """Return False: the loading moves nothing."""
+    """Return False, because the loading moves nothing."""
     return False
 
 
 def all_moved(name: str, on: str) -> bool:
-    """Return True: every motion follows the loading."""
+    """Return True, because every motion follows the loading."""
     return True
 
 

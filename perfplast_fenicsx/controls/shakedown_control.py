@@ -42,7 +42,8 @@ class ShakedownControl(OfBody):
             combinations in the convex hull of the corners also occur.
         directions: Number of additional ratios of the two loads, for a shakedown diagram; requires
             exactly two names.
-        limit_tolerance: Relative difference between Melan's and Koiter's values, between 0 and 1.
+        limit_tolerance: Permitted relative difference between Melan's and Koiter's values, between
+            0 and 1.
 
     Raises:
         InputError: If both or neither of ``ranges`` and ``corners`` are given, or if nothing

@@ -113,7 +113,7 @@ class WorkControl:
             check_limit_load(problem, self.limit_tolerance, solver)
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return an empty text: ζ is a load factor."""
+        """Return an empty text, because ζ is a load factor."""
         return ""
 
     def find(self, run: Run) -> LimitLoad | None:

@@ -87,7 +87,7 @@ MATERIALS = (
 
 
 def odd_numbers(young: float, yield_stress: float | None, system: Name | None) -> list[str]:
-    """Return a question for each value that no real material has.
+    """Return a question about each number or ratio that no real material has.
 
     Args:
         young: Young's modulus of a material (stress).

@@ -22,7 +22,7 @@ from perfplast_fenicsx.spatial_fields import Strength
 
 @dataclass(frozen=True)
 class Cone:
-    """The second-order cone ‖matrix·s‖ ≤ bound − slope·s of stresses.
+    """The second-order cone ‖matrix·s‖ ≤ bound − slope·s of stresses s.
 
     If the product matrix·s does not depend on the mean stress and the slope is zero, the mean
     stress is unbounded. If the matrix has rank m, the set is an ellipsoid; its centre is zero if

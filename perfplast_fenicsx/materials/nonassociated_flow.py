@@ -117,7 +117,7 @@ def associated(ground: AnyGround) -> AnyGround:
 
 
 def weaker(ground: AnyGround) -> AnyGround:
-    """Return the weaker ground of Radenkovic's pair, with φ = ψ and c tan ψ/tan φ."""
+    """Return the weaker ground of Radenkovic's pair: friction angle ψ, cohesion c tan ψ/tan φ."""
     phi, psi = (math.radians(it) for it in (ground.friction_angle, _dilatancy(ground)))
     return _ground(ground, ground.cohesion * math.tan(psi) / math.tan(phi), psi)
 

@@ -65,7 +65,7 @@ class PrincipalAxes:
 
     @cached_property
     def circle(self) -> tuple[Expr, Expr, Expr, Expr]:
-        """Return mean, half difference and shear in the plane, and the out-of-plane value."""
+        """Return the mean, the half difference and the shear in the plane, and the value across."""
         n, a, b = self.out
         A = tensor(self.e)
         first, last, shear = (ufl.dot(x, A * y) for x, y in ((a, a), (b, b), (a, b)))

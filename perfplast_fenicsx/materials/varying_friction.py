@@ -51,7 +51,7 @@ class FrictionAngle(SpatialField):
         return _even(low, corners), _even(high, corners)
 
     def _tangents(self, x: Floats, place: str) -> Floats:
-        """Return tan φ at points.
+        """Return tan φ/F at points.
 
         Raises:
             InputError: If an angle is out of its range; the message gives the point with the worst

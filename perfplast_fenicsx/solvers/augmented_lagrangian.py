@@ -68,8 +68,8 @@ def elastic_weights(problem: Problem) -> Weights:
 class Anderson:
     """Extrapolates e ← g(e) from the last iterations, with residuals measured in ‖·‖_C.
 
-    D. G. Anderson, J. ACM 12 (1965); type II, undamped. If an extrapolated strain increases the
-    residual, the method takes the plain iterate and clears its memory.
+    D. G. Anderson, J. ACM 12 (1965); type II, undamped. If the residual exceeds 1.5 times the
+    smallest residual, the method takes the plain iterate and clears its memory.
     """
 
     def __init__(self, comm: MPI.Intracomm, weights: Weights) -> None:
@@ -142,8 +142,8 @@ class AugmentedLagrangianOptions:
             doubled or halved to keep the primal and the dual residual comparable.
         relaxation: Over-relaxation θ in (0, 2); θ = 1 gives the method of the paper.
         acceleration: "anderson" extrapolates e^k from the last iterations, and returns to the plain
-            iteration if the extrapolation does not reduce the residual. "none" does not
-            extrapolate; problems with friction always use "none".
+            iteration if the residual grows by half. "none" does not extrapolate; problems with
+            friction always use "none".
         tolerance: Tolerance, between 0 and 1, of both relative residuals: ‖ε(u) − e‖_C/‖ε(u)‖_C
             (primal) and r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual).
         max_iterations: Largest number of iterations in a level, at least 1.

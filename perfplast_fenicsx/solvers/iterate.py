@@ -429,7 +429,7 @@ class Iterate:
         return RIGID**2 * self.fields.jagged_norm2()
 
     def load_change(self, change: float, zeta: float) -> float:
-        """Return a change of ζ relative to ζ, or to the other forces. Collective.
+        """Return a change of ζ relative to ζ, or to other forces if these are larger. Collective.
 
         ζ may be exactly 0 if moving supports and constant loads are in balance, or if bodies move
         almost rigidly.

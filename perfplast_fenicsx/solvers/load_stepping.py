@@ -185,7 +185,7 @@ MOST_HALVINGS = 6
 
 
 def rests_first(solver: LevelSolver, values: Sequence[float]) -> bool:
-    """Return whether a path first solves ζ = 0 although its values do not begin with it.
+    """Return whether a path first solves ζ = 0 although its values do not begin with ζ = 0.
 
     Collective.
 

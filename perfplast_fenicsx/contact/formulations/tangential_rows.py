@@ -185,7 +185,7 @@ def _directions(normal: Floats, spaces: Floats) -> tuple[Floats, npt.NDArray]:
 def _of(
     constraints: Constraints, place: Longs, row: Longs, node: Longs, weight: Floats
 ) -> tuple[Longs, Longs, Floats]:
-    """Return the entries (row, node, weight) of the chosen rows, with new row numbers."""
+    """Return the entries (row, node, weight) of the rows ``place``, with new row numbers."""
     chosen = np.full(len(constraints.host), -1)
     chosen[place] = np.arange(len(place))
     kept = chosen[row] >= 0

@@ -265,7 +265,7 @@ def _products(
 def _nearest(
     host: Pieces, guest: Pieces, h: Longs, g: Longs, in_host: Floats, in_guest: Floats
 ) -> Longs:
-    """Return the overlaps whose guest is in the first layer that the host's normal meets."""
+    """Return indices of overlaps whose guest is in the first layer that the host's normal meets."""
     between = np.einsum("nc,nci->ni", in_guest, guest.x[g])
     between -= np.einsum("nc,nci->ni", in_host, host.x[h])
     far = np.abs(np.einsum("ni,ni->n", between, host.normal[h]))

@@ -192,7 +192,7 @@ def _middles(corners: Floats) -> Floats:
 
 
 def _off(at_ends: Floats, at_middles: Floats) -> Floats:
-    """Return, for each simplex, the largest difference of a midside value from the ends' mean."""
+    """Return the largest difference of a midside value from the mean of its ends, by simplex."""
     off: Floats = np.abs(at_middles - _middles(at_ends)).max(axis=(1, 2), initial=0.0)
     return off
 

@@ -145,7 +145,7 @@ class LoadingHistory:
     """
 
     def __init__(self, problem: Problem, stages: Sequence[Stage]) -> None:
-        """Assemble the vector and the initial strain for each name. Collective.
+        """Assemble the load vector and the initial strain for each name. Collective.
 
         Raises:
             InputError: If the stages do not fit the loads and motions.

@@ -83,7 +83,7 @@ def _moved(T: PETSc.Mat) -> npt.NDArray[np.bool_]:
 
 
 def _near(V: fem.FunctionSpace, unknowns: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Return flags of the owned nodes of ``unknowns``, and of owned nodes in the same cells.
+    """Return which owned nodes have a flagged unknown, or share a cell with such a node.
 
     Collective.
     """

@@ -162,7 +162,7 @@ class LinearSolver:
         return self.solves, self.setups, self.iterations
 
     def set_operator(self, operator: ContactOperator) -> None:
-        """Set a new operator, or the same operator with new values; no unknowns are held then.
+        """Set a new operator, or the same operator with new values; :meth:`hold` must follow.
 
         Collective.
         """

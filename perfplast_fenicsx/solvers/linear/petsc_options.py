@@ -89,7 +89,7 @@ def own_prefix(owner: object, prefix: str, preset: Mapping[str, object], heed: b
 
 
 def _delete(own: str, presets: Iterable[str], all_: bool) -> None:
-    """Delete the preset of a solver; PETSc warns about unused options of the user."""
+    """Delete the preset of a solver, but keep the user's options, so PETSc reports unused ones."""
     options = PETSc.Options()
     for key in presets:
         options.delValue(key)

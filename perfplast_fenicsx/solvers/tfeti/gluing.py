@@ -102,7 +102,7 @@ def _stacked(comm: PETSc.Comm, columns: Sizes, parts: Sequence[tuple[int, Entrie
 
 
 def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
-    """Return all copies, on any rank, of owned nodes: as local nodes and torn nodes, sorted.
+    """Return the local node and the global torn node of each copy of the owned nodes, sorted.
 
     Collective.
     """
@@ -117,7 +117,7 @@ def _copies(problem: Problem, pieces: Subdomains) -> tuple[Longs, Longs]:
 
 
 def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entries, int]:
-    """Return the orthonormal rows that glue copies, which are sorted by node.
+    """Return the orthonormal rows that glue the copies of each node; copies are sorted by node.
 
     Args:
         place: Index of each copy among the copies of its node.
