@@ -76,7 +76,7 @@ DRUCKER = (
 """The note on two halves with different friction."""
 
 TOO_LARGE = "it is too large for this machine"
-"""Reason why a proof may not be checked."""
+"""Reason for not checking a proof."""
 
 
 @dataclass(frozen=True)

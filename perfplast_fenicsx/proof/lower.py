@@ -10,9 +10,9 @@ condition then holds in the whole cell, because these stresses form a convex set
 pressure u, the cones bound effective stresses σ′, and σ = σ′ − uI. If c varies, it is linear in the
 cell, so a check at the vertices suffices. Another stress balances the residual of equilibrium, and
 its size reduces the bound (:mod:`balance`). For cones with c = 0, the distance of the stress at
-each vertex from the boundary of the cone must be at least this size. At vertices of free surfaces,
-both stresses are zero. For bodies of revolution, the same conditions apply to S = rσ, which is
-quadratic (:mod:`rings`, :mod:`ring_balance`), and works are divided by 2π.
+each vertex from the boundary of the cone must be at least this size. In 2D, both stresses of such
+cells are zero at vertices of free surfaces. For bodies of revolution, the same conditions apply to
+S = rσ, which is quadratic (:mod:`rings`, :mod:`ring_balance`), and works are divided by 2π.
 """
 
 from collections.abc import Sequence

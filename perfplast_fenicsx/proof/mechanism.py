@@ -39,7 +39,7 @@ RESTING = 1e-5
 as rigid."""
 
 ROUNDS = 12
-"""Number of passes over the contacts, because opening one contact may close another contact."""
+"""Largest number of passes over the contacts. Opening one contact may close another contact."""
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ class Rigid:
             return np.append(areas @ here.mean(axis=1), 0.0) * self.free
         places = body.vertices[body.facets[self.facets]]
         arms = np.reshape((places - self.middle) / self.extent, (-1, d))
-        means = (np.eye(d) + 1) / (d * (d + 1))  # integrals of products of barycentric coordinates
+        means = (np.eye(d) + 1) / (d * (d + 1))  # mean products of barycentric coordinates
         weighted = np.einsum("f,ab,fbi->fai", areas, means, here)
         about = moments(np.asarray(arms, dtype=np.float64), weighted.reshape(-1, d)).sum(axis=0)
         found: Floats = np.append(areas @ here.mean(axis=1), about) * self.free

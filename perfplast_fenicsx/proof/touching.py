@@ -149,7 +149,7 @@ def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
     x = body.vertices[body.facets]
     centres = x.mean(axis=1)
     radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
-    # Facets face each other if the cosine of the angle between their normals is below this value.
+    # Facets face each other if the cosine of the angle between their normals is below −facing.
     facing = 0.1
     for some in np.array_split(a, len(a) * len(b) // AT_ONCE + 1):
         n = body.normals[some]

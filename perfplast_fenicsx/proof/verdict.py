@@ -8,8 +8,8 @@ ROUNDING = 1e-9
 """Limit of residuals that :data:`LIMITS` does not list."""
 
 ROUNDED = 1e-8
-"""Allowed relative excess of the claimed bound over the proven bound. The checker prints the proven
-bound."""
+"""Relative amount by which the claimed bound may be better than the proven bound. The checker
+prints the proven bound."""
 
 LIMITS: Mapping[str, float] = {
     "asymmetry": 0.0,

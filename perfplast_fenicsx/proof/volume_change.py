@@ -138,7 +138,7 @@ class _Ways:
         shut |= np.asarray(body.on_axis) | (pressed & body.held.any(axis=1))
         cells = np.arange(count * wide) // wide
         opens = np.full(count * wide, 9)  # cost of an outlet; 9 excludes it
-        least = 0.1  # least free part of an area vector
+        least = 0.1  # smallest free part of an area vector, relative to its length
         outer = np.where(shut | (loose < least * self._sizes)[body.outer], 9, 0)
         opens[body.outer] = np.where(outer == 0, np.where(pressed, 2, 0), 9)
         opens[body.outer[_sticks(body)]] = 9

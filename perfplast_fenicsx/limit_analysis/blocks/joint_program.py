@@ -432,7 +432,7 @@ class _Solved:
         program, count = self.program, len(self.generators[0][0])
         power = np.asarray(self.columns[:, :count].T @ self.motion)
         scale = np.abs(self.columns[:, :count]).T @ np.abs(self.motion)
-        # A force counts as idle if its power, relative to the terms of the power, is below this.
+        # A force counts as idle if its power, relative to the terms of the power, is below idle.
         idle = 1e-8
         active = np.flatnonzero(np.abs(power) <= idle * scale)
         rows = np.vstack(

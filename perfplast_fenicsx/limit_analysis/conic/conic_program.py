@@ -21,9 +21,9 @@ The flow of viscous bodies under the same loads determines the units
 this flow dissipates. For example, a weak layer in a stack flows alone, and a weak column next to a
 strong column flows together with the strong column. The program then treats far stronger bodies as
 elastic. Both bounds remain bounds: the program scales the final stress into the true yield sets,
-and computes the dissipation of a velocity with the true yield radii. If the stress does not exceed
-yield in the strong bodies, treating them as elastic does not change the result. If the stress
-exceeds yield there, the next search also treats the weakest of the strong bodies as plastic
+and computes the dissipation of a velocity with the true yield radii. If the stress in the strong
+bodies lies in their yield sets, treating them as elastic does not change the result. If the stress
+lies outside, the next search also treats the weakest of the strong bodies as plastic
 (:meth:`ConicProgram.stronger`).
 
 The flow also shows which part of the loads drives it. Mean stresses (where α = 0) and the stresses
@@ -78,10 +78,10 @@ rounding in double precision would spoil the equilibrium of the weak points.
 
 
 RESERVES = (1e-5, 1e-3, 1e-2)
-"""Shares of the strengths that are kept in reserve for rounding if there are permanent loads. The
-first share is the initial share, unless a tenth of the tolerance is smaller. The second is the
-largest share if the excess over yield is not known; the third is the largest share if the excess is
-known.
+"""Shares of the strengths that are kept in reserve for rounding if there are permanent loads or
+points without cohesion. The first share is the initial share, unless a tenth of the tolerance is
+smaller. The second is the largest share if the excess over the yield set is not known; the third is
+the largest share if this excess is known.
 """
 
 UNLIMITED = (
@@ -99,7 +99,8 @@ class Start:
             determines this radius.
         pushed: Whether contact carries most of the loads. In this case the flow with soft contact
             springs gives no information.
-        reserve: Share of the strengths that is kept in reserve if there are permanent loads.
+        reserve: Share of the strengths that is kept in reserve if there are permanent loads or
+            points without cohesion.
     """
 
     scale: float | None = None
@@ -115,7 +116,7 @@ class Start:
         """Return the next start, with a larger reserve; None if the reserve would change the bound.
 
         Args:
-            over: Relative excess of the stress over yield; None if it is unknown.
+            over: Relative excess of the stress over the yield set; None if it is unknown.
         """
         most = RESERVES[1] if over is None else RESERVES[2]
         if self.reserve >= most:
@@ -176,7 +177,7 @@ class ConicProgram:
         Args:
             on: The discretisation.
             reserve: Share of the strengths that is kept in reserve for rounding, if scaling cannot
-                bring a stress within yield.
+                bring a stress into the yield sets.
         """
         self._reserve, self._of_slopes = reserve, on.proves_stress
         self.comm, self.strains, self.stiffness = on.comm, on.strains, on.stiffness

@@ -448,9 +448,9 @@ def rebalance(iteration: InteriorIteration) -> None:
     Each round needs one factorisation. Contact forces change in proportion to their size; small
     forces therefore stay positive. A contact force that has to be zero in equilibrium may still be
     tensile, because of residuals of the iteration. The function sets tensile forces to zero and
-    restores equilibrium without them. The stress may exceed yield. If a factorisation fails, or if
-    forces are still tensile after the last round, the function keeps the last iterate in
-    equilibrium, or the original iterate.
+    restores equilibrium without them. The stress may leave the yield sets. If a factorisation
+    fails, or if forces are still tensile after the last round, the function keeps the last iterate
+    in equilibrium, or the original iterate.
     """
     program, balanced = iteration.program, iteration.now
     uniform: Floats = np.ones(len(program.weights))

@@ -189,7 +189,7 @@ def next_start(
         program: Program of the last search.
         now: Final iterate; None if the search has not begun.
         verdict: Outcome of the search.
-        rtol: Allowed relative excess of the stress over yield.
+        rtol: Allowed relative excess of the stress over the yield set.
     """
     if verdict is Verdict.UNBOUNDED and now is not None and program.num_pairs and not start.pushed:
         return replace(start, pushed=True)

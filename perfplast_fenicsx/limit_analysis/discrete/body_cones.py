@@ -79,7 +79,7 @@ class BodyCone:
         return not (self.plain is None and self.principal is None and self.other is None)
 
     def whole(self, stress: Floats) -> Floats:
-        """Return stresses with the out-of-plane component that is farthest from yield."""
+        """Return stresses with the out-of-plane component that is deepest in the yield set."""
         if self.shadow is None:
             return stress
         free = stress @ self.shadow.along

@@ -1,9 +1,10 @@
 """Compute the bounds of the discrete limit load that the program prints, from an iterate.
 
-A stress that is in equilibrium with λL and contact forces, and that nowhere exceeds yield, gives a
-lower bound. A velocity without penetration that preserves the volume of plastic bodies and the
-shape of elastic bodies gives an upper bound. This module corrects the iterate until it satisfies
-these conditions up to rounding.
+A stress that is in equilibrium with λL and contact forces, and that lies in the yield sets
+everywhere, gives a lower bound. A velocity gives an upper bound if it causes no penetration, if it
+preserves the shape of elastic bodies, and if plastic bodies preserve their volume or dilate as
+their yield sets require. This module corrects the iterate until it satisfies these conditions up to
+rounding.
 """
 
 from dataclasses import dataclass
@@ -27,8 +28,8 @@ IN_BALANCE = 1e-8
 
 
 EXACT = 1e-10
-"""Largest volume change (and strain rate in elastic bodies), relative to ‖ε(v)‖, that counts as
-zero."""
+"""Largest inadmissible part of ε(v), such as a volume change, that counts as zero, relative to
+‖ε(v)‖."""
 
 
 MOST_ITERATIONS, USUAL = 400, 20
@@ -43,11 +44,11 @@ PROGRESS = 0.999
 
 @dataclass(frozen=True)
 class StaticLoad:
-    """The load factor λ of a stress that is in equilibrium and within yield.
+    """The load factor λ of a stress that is in equilibrium and in the yield sets.
 
     Attributes:
-        value: The bound; None if equilibrium was not reached, or if the stress exceeds yield and
-            scaling cannot reduce it, because of permanent loads or points without cohesion.
+        value: The bound; None if equilibrium was not reached, or if the stress leaves the yield
+            sets and cannot be scaled, because of permanent loads or points without cohesion.
         unbalanced: Largest unbalanced force, relative to the largest load.
     """
 

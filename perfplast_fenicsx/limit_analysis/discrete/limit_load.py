@@ -37,7 +37,7 @@ class LimitLoad(NotebookResult):
     Attributes:
         method: The method that found the result.
         lower: Static side of the mesh, not a bound of the body. It is the load factor of a stress
-            that is in equilibrium on the mesh and within yield, or the largest ζ(α) of the path.
+            that is in equilibrium and in the yield sets on the mesh, or the largest ζ(α) of a path.
             With permanent loads, it is −∞ if no stress of this kind is known.
         estimate: Limit load of the mesh, between both sides, as an estimate for the body. None
             without a result, or if there is neither a kinematic side nor a plateau.

@@ -79,8 +79,8 @@ class Shadow:
 
     Attributes:
         cone: Cone of the other components; None if these components are unbounded.
-        along: Vector in the formula along·x − share·‖Mx‖ for the free component that is farthest
-            from yield, shape (n − 1,). M is the matrix of ``cone``, and x are the other components.
+        along: Vector in the formula along·x − share·‖Mx‖ for the free component that is deepest in
+            the set, shape (n − 1,). M is the matrix of ``cone``, and x are the other components.
         share: Coefficient ``share`` in the same formula.
     """
 
@@ -165,7 +165,7 @@ class PlainPrincipal:
     def in_plane(self) -> PlainCone:
         """Return the cone of the in-plane stresses, with the out-of-plane stress free.
 
-        An out-of-plane stress between the in-plane principal stresses is farthest from yield, and
+        An out-of-plane stress between the in-plane principal stresses is deepest in the set, and
         does not affect the bound.
         """
         half = 1 / math.sqrt(2)

@@ -2,10 +2,10 @@
 
 The bound c of a cone, ‖Mσ‖ ≤ c − q·σ, is the product of a number and a profile. For a lower bound,
 each cell has a linear function that is nowhere above the profile. For a linear stress, the left
-side is then convex in position, and the right side is linear. The stress is therefore within yield
-in the whole cell if it is within yield at the vertices. For an upper bound, each cell has a linear
-function that is nowhere below the profile; the computed dissipation of a mechanism is then at least
-the true dissipation. Both bounds are strict.
+side is then convex in position, and the right side is linear. The stress therefore satisfies the
+yield condition in the whole cell if it satisfies this condition at the vertices. For an upper
+bound, each cell has a linear function that is nowhere below the profile; the computed dissipation
+of a mechanism is then at least the true dissipation. Both bounds are strict.
 
 A slope q that varies with the friction angle has one value for each cell
 (:mod:`varying_friction`).

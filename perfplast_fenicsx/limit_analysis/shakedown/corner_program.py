@@ -5,7 +5,7 @@ The domain contains the factors of the varying loads (:class:`elastic_stresses.L
 Let σ_k be the elastic stress at corner k, σ₀ the elastic stress from permanent loads, and ρ a
 residual stress in equilibrium with zero loads. Melan's theorem leads to the problem
 
-    max λ    with  τ_k = λσ_k + σ₀ + ρ within yield at each point, for each corner k = 0, 1, ….
+    max λ    with  τ_k = λσ_k + σ₀ + ρ in the yield set of each point, for each corner k = 0, 1, ….
 
 Koiter's theorem is the dual problem, for the displacement v of a cycle and plastic strains p_k at
 the corners:

@@ -1,7 +1,7 @@
 """Define the domain of varying loads, and compute the elastic stress due to each load.
 
 In straight quadratic cells, stresses are linear, and the module evaluates them at the vertices. If
-the stress is within yield at all vertices, it is within yield in the whole cell, also at the
+the stress is in the yield set at all vertices, it is in this set in the whole cell, including the
 surface of the bodies, where elastic stresses are largest. With linear shape functions λ_v and
 linear strain rates, the equation
 

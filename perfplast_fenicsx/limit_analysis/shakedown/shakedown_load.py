@@ -1,9 +1,10 @@
 """Compute the shakedown load for a domain of varying loads, and a Bree diagram of two such loads.
 
 The result holds for the mesh, because the elastic stresses and the equilibrium come from finite
-elements. For the bodies, the result is therefore an estimate and not a bound. Stresses are within
-yield everywhere in each straight cell (:mod:`elastic_stresses`). If elastic stresses are infinite,
-for example at a re-entrant corner, the load tends to zero as the mesh is refined.
+elements. For the bodies, the result is therefore an estimate and not a bound. Stresses satisfy the
+yield condition everywhere in each straight quadratic cell (:mod:`elastic_stresses`). If elastic
+stresses are infinite, for example at a re-entrant corner, the load tends to zero as the mesh is
+refined.
 
 A Bree diagram contains the shakedown loads for all ratios of two varying loads. J. Bree,
 Elastic-plastic behaviour of thin tubes subjected to internal pressure and intermittent high-heat

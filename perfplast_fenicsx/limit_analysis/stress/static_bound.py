@@ -1,17 +1,17 @@
 """Compute a lower bound on the body's limit load from a stress in equilibrium everywhere.
 
-The stress is linear in each cell (in 3D in each of its four parts), with continuous tractions, and
-nowhere exceeds yield. Contact surfaces transmit no tension, and no shear except by adhesion or by
+The stress is linear in each cell (in 3D in each of its four parts), has continuous tractions, and
+lies in the yield set. Contact surfaces transmit no tension, and no shear except by adhesion or by
 friction with associated slip. Because yield sets are convex, these conditions need to hold only at
 the vertices. The interior point method (:mod:`interior_iteration`) computes the stress, with the
 multipliers of equilibrium as velocities. At the end, the module scales the stress into the yield
 set. The load of the scaled stress is therefore a bound even if the method has not converged.
 
 :class:`BalancedStress` combines stresses in equilibrium by weighted means. With permanent loads, a
-stress that exceeds yield cannot be scaled down. However, the mean of two stresses in equilibrium is
-in equilibrium at the mean of their load factors, and yield sets are convex. The mean of a stress
-that slightly exceeds yield and a stress well within yield can therefore be within yield. Computing
-this mean is faster than a new search.
+stress outside the yield set cannot be scaled down. However, the mean of two stresses in equilibrium
+is in equilibrium at the mean of their load factors, and yield sets are convex. The mean of a stress
+slightly outside the yield set and a stress well inside can therefore be inside. Computing this mean
+is faster than a new search.
 """
 
 from collections.abc import Callable, Sequence
@@ -78,7 +78,7 @@ class BalancedStress:
         return BalancedStress(*(share * it for it in vars(self).values()))
 
     def over(self, static: StaticProgram) -> float:
-        """Return the relative excess of the stress over yield, negative within yield.
+        """Return the relative excess of the stress over the yield set, negative inside the set.
 
         Collective.
         """
@@ -88,12 +88,12 @@ class BalancedStress:
     def with_some_of(
         self, others: "Sequence[BalancedStress]", static: StaticProgram
     ) -> "BalancedStress":
-        """Return the best mean within yield of this stress and another stress.
+        """Return the best mean of this stress and another stress that is inside the yield set.
 
         Collective.
 
         Args:
-            others: Stresses that exceed yield, while this stress is within yield.
+            others: Stresses outside the yield set, while this stress is inside.
             static: The conditions.
 
         Returns:
@@ -102,7 +102,7 @@ class BalancedStress:
         best, room = self, -self.over(static)
         for other in others if room > 0 else ():
             beyond = other.over(static)
-            rounding = 1e-3  # additional share of the stress within yield, for rounding
+            rounding = 1e-3  # additional share of this stress, for rounding
             share = min(1.0, (1 + rounding) * beyond / (beyond + room))
             mean = self.mean(other, share)
             if mean.load > best.load and mean.over(static) <= 0:
@@ -330,8 +330,8 @@ def _search(
 ) -> tuple[StaticBound, Start | None]:
     """Search from a start; return the result, and the next start or None. Collective.
 
-    The list ``reached`` contains stresses of earlier searches that are in equilibrium but exceed
-    yield.
+    The list ``reached`` contains stresses of earlier searches that are in equilibrium but outside
+    the yield sets.
     """
     with ExitStack() as made:
         static = static_program(form, question, start.reserve)
@@ -498,8 +498,8 @@ def bound_by_stress(
 ) -> StaticBound:
     """Return a lower bound, or a result that shows which cells to refine. Collective.
 
-    With permanent loads, the mesh may allow no stress in equilibrium within yield at any load
-    factor, although the body has such a stress. The function then computes the multiple of the
+    With permanent loads, the mesh may allow no stress in equilibrium and in the yield sets at any
+    load factor, although the body has such a stress. The function then computes the multiple of the
     permanent loads that the mesh carries; the dissipation of this result shows which cells must be
     smaller.
 

@@ -211,8 +211,8 @@ class StaticCertificate:
         tension: Largest tensile traction on surfaces in contact.
         left_of_load: Sum of the magnitudes of all unbalanced forces, divided by the sum of the
             magnitudes of the loads of each kind at λ.
-        overstress: Largest relative excess of the stress over yield, negative if the stress is
-            below yield everywhere. On surfaces with friction, the excess of the shear traction over
+        overstress: Largest relative excess of the stress over the yield set, negative if the stress
+            is inside everywhere. On surfaces with friction, the excess of the shear traction over
             the strength counts.
     """
 
