@@ -106,8 +106,8 @@ def coulomb_limit(
         rtol: Largest relative difference between the carried and the refused load.
         solver: ALG3 or ALG4. Levels with prescribed loads use the same linear solvers.
         monitor: Called on every rank after each iteration.
-        on_level: Called on every rank after each level that carries its load, and after the level
-            of the permanent loads.
+        on_level: Called on every rank after each level that carries its load, and in any case after
+            the level of the permanent loads.
         search: Search of an earlier run, to continue.
         reached: Last converged state of the earlier run.
 
@@ -220,7 +220,7 @@ class _Path:
                 return
 
     def bracket(self) -> None:
-        """Try loads above the largest carried load until the solver refuses one. Collective."""
+        """Try loads until the carried and the refused load agree to the tolerance. Collective."""
         search, rtol = self.search, self.rtol
         direct = Newton(self.solver.problem, self.solver.options, lender=self.solver)
         # A ζ below this value counts as zero, because the given loads have a realistic size.
@@ -382,7 +382,7 @@ def _by_path(
     search: Search,
     reached: Reached | None,
 ) -> LimitLoad:
-    """Follow a loading path until the load levels off; see :func:`limit_load`. Collective."""
+    """Return the limit load at which a loading path levels off (:func:`limit_load`). Collective."""
     judge = Judge(problem, rtol, search)
     first = search.linear_solves - solver.linear.solves
     levels: list[Level] = []
@@ -428,7 +428,8 @@ def check_limit_load(problem: Problem, rtol: float, solver: WorkNewton | None) -
         solver: Solver of a path; None for the interior point method.
 
     Raises:
-        InputError: In the cases of :func:`limit_load`, except for loads that no stress can carry.
+        InputError: In the cases of :func:`limit_load`, except for loads that no stress can carry,
+            and for lack of memory.
     """
     check_tolerance(rtol)
     check_bodies_have_limits(problem)

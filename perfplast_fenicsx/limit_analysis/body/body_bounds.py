@@ -185,7 +185,8 @@ class BodyBounds(NotebookResult):
             body.
         static: The lower bound with its stress; None if it was not computed.
         stress: The stress of the lower bound, as Mandel vectors at the vertices of this rank's
-            cells of ``problem``, shape (num_cells, d + 1, m). None if there is no lower bound. Also
+            cells of ``problem``, shape (num_cells, d + 1, m). In axisymmetry, coefficients of rσ
+            (:mod:`stress_cells`), shape (num_cells, 6, 4). None if there is no lower bound. Also
             None in 3D if the cells are not split because they are curved or their elements are
             linear.
         shares: Contribution of each owned cell (before tetrahedra are split) to the gap
@@ -406,10 +407,11 @@ def designed(
 ) -> DesignFactor | None:
     """Return the multiple of the design load that the body carries, or ``None``.
 
-    The result is ``None`` without a design load, and if it is not known that the bodies carry the
-    constant loads alone. It is also ``None`` if the least load factor is above the design load,
-    because then the bodies need more load, not less. If bounds of the least load factor exist, the
-    result has a lower bound only if the least load factor is provably at most the design load.
+    The result is ``None`` without a design load, and if a multiple of the constant loads was
+    computed instead of a load factor. It is also ``None`` if the least load factor is above the
+    design load, because then the bodies need more load, not less. If bounds of the least load
+    factor exist, the result has a lower bound only if the least load factor is provably at most the
+    design load.
 
     Args:
         zeta: Load factor of the design load.

@@ -231,8 +231,9 @@ class FactorRoots:
 def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds) -> float:
     """Return the F for the next mesh, from the results on the previous meshes.
 
-    The next F is the approximate root of the lower bound. The factor lies between the largest F at
-    which the bodies provably stand and the least F at which the bodies provably fall. On coarse
+    The next F is the approximate root of the lower bound, or of the upper bound if there is no
+    lower bound. The factor lies between the largest F at which the bodies provably stand and the
+    least F at which the bodies provably fall. On coarse
     meshes this root is closer to the root of the body than the root of the upper bound is. On the
     last mesh this root is also nearly the final lower bound. On a mesh without a mechanism, F grows
     if the bodies provably carry the loads, and otherwise stays constant.

@@ -142,9 +142,9 @@ def _columns(*columns: Floats | float) -> Floats:
 
 
 def kinds_of_facets(tagged_mesh: TaggedMesh, given: Given) -> Longs:
-    """Return a number for each local facet, the same for facets with the same loads and supports.
+    """Return a number for each local facet, equal for facets with equal conditions. Collective.
 
-    Collective.
+    The conditions are loads, supports, rigid surfaces, obstacles, and whether there is a contact.
     """
     loads = [load for load in given.loads if not load.in_volume]
     tags = tagged_mesh.tags_of(tagged_mesh.surfaces)

@@ -369,7 +369,7 @@ class InterfaceFacets:
         self._dilate(pressed, interface.dilation)
 
     def _free(self, on: Ints, normal: Floats) -> Flags:
-        """Return flags of the facets that supports leave free along a normal."""
+        """Return flags of the facets that supports leave free along a normal; set ``oblique``."""
         along = 1e-10  # largest component of a unit normal that counts as zero
         part = np.linalg.norm(np.where(self.held[on], 0.0, normal), axis=1)
         free: Flags = part > along

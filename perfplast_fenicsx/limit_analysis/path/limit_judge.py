@@ -317,7 +317,10 @@ class Search:
 
     @property
     def apart(self) -> float:
-        """Return the relative difference between the bounds; ∞ without an upper bound."""
+        """Return the relative difference between the bounds; ∞ without an upper bound.
+
+        The result is also ∞ if the lower bound is not positive.
+        """
         if self.upper is None or not self.lower > 0:
             return float("inf")
         return (self.upper - self.lower) / self.lower
@@ -394,7 +397,7 @@ class Judge:
             search.reason = f"no further level could be solved: {why}{told}"
 
     def _give_up(self, before: State | None, last: State, plastic_cells: int) -> None:
-        """End a search after the last level that the limits allow. Collective."""
+        """End a search that reached the largest work or number of levels. Collective."""
         search, points, rtol = self._search, self._search.points, self._rtol
         self._conclude(collapse_mechanism(self._problem, before, last), last)
         search.ended = True

@@ -488,12 +488,13 @@ class SlipWork:
 
 
 def slip_work(problem: Problem, velocity: fem.Function, stress: Floats | None = None) -> SlipWork:
-    """Return the dissipation by slip of a velocity. Collective.
+    """Return the dissipation by slip of a velocity; zero on curved surfaces. Collective.
 
     Args:
         problem: The bodies and their contact, on straight cells.
         velocity: Velocity with updated ghosts.
-        stress: Mandel vectors at the vertices of the owned cells, shape (num_cells, d + 1, m).
+        stress: Mandel vectors at the vertices of the owned cells, shape (num_cells, d + 1, m); None
+            if the shares of cells in the gap are not needed.
     """
     topology = problem.tagged_mesh.mesh.topology
     shares = np.zeros(topology.index_map(topology.dim).size_local)

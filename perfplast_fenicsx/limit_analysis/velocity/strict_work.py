@@ -338,6 +338,8 @@ def gap_shares(
 ) -> Floats:
     """Return upper bounds on the shares η_T of the cells that this rank owns. Collective.
 
+    Except in axisymmetry, the share of a cell includes half of the slip at its facets.
+
     Args:
         problem: The bodies and their loads, on straight cells.
         mechanism: Admissible mechanism with L(v) = 1 and updated ghosts.
@@ -394,7 +396,8 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
     Under pressures of 1e5 times the strength, the work on a missing dilatancy of only 1e-11 exceeds
     the dissipation of the bodies. The work on the added motion is small. The motion is x − a along
     the axes in which supports allow it, with a at the supports. The function adds the motion only
-    if it is admissible and adds no penetration. Collective.
+    if it is admissible and adds no penetration. It adds no motion in axisymmetry, and with roller
+    supports or rigid surfaces. Collective.
 
     Args:
         problem: The bodies.
@@ -402,7 +405,7 @@ def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates)
         rates: Rates of the mechanism.
 
     Returns:
-        The rates of the changed mechanism.
+        The rates of the mechanism, whether it was changed or not.
     """
 
     def missing(of: MechanismRates) -> float:
