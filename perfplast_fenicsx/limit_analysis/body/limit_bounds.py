@@ -304,7 +304,7 @@ def bounds_of_mesh(problem: Problem, limit: LimitLoad) -> BodyBounds:
 def _of_mesh(problem: Problem, limit: LimitLoad) -> tuple[BodyBounds, MechanismRates | None]:
     """Return an upper bound without a lower bound, and the rates of its mechanism. Collective.
 
-    The rates are None if there is no mechanism, or if it cannot prove a bound.
+    Instead of rates, the function returns None without a mechanism that may prove a bound.
     """
     rates = None
     certificates = {} if limit.inadmissible is None else {"inadmissible": limit.inadmissible}
