@@ -93,7 +93,7 @@ class TrescaSet(CoulombSet):
 
 @dataclass(frozen=True)
 class CutOffSet(CoulombSet):
-    """The Mohr–Coulomb set with the second condition σ₁ ≤ f, where f lies below its apex.
+    """The Mohr–Coulomb set, cut off by σ₁ ≤ f below the apex of the Mohr–Coulomb cone.
 
     :class:`YieldSet` describes the methods.
 

@@ -144,7 +144,7 @@ class MohrCoulomb:
         """Refuse parameters that a spatially varying friction angle does not allow.
 
         Raises:
-            InputError: If there is such a parameter; the message names the first.
+            InputError: If there is such a parameter; the message names the first one.
         """
         for key in ("dilatancy_angle", "nonassociated", "tensile_strength"):
             if (given := getattr(self, key)) is not None:

@@ -93,7 +93,8 @@ class Problem:
         moved_to: ζ of the last :meth:`move_to`; if ``in_stages`` is True, levels are steps of a
             history.
         contact_tags: Tags of the surfaces of contacts and obstacles.
-        num_pairs: Number of contact pairs on all ranks; ``num_tied`` is the number of ``ties``.
+        num_pairs: Number of contact pairs on all ranks; ``num_tied`` is the number of rows in
+            ``ties``.
         ties: The equations B u = 0 of ties, rigid surfaces and, last, guides, in the form of
             contact rows.
         guides: Supports along the normals of their surfaces.

@@ -181,8 +181,9 @@ class LevelSolver(Stepper, ABC):
             subdivision: Subdivision of Total FETI; None for SNES-VI.
 
         Raises:
-            InputError: If Total FETI is selected but does not support the problem, if friction is
-                associated, or if a body is rigid or has a material that only bounds support.
+            InputError: If Total FETI is selected but does not support the problem, or if friction
+                is associated. Also raised if all bodies are rigid, if a rigid body has no rigid
+                motions (:meth:`Problem.with_rigid_motions`), or if only bounds support a material.
         """
         check_deforms(problem.given.materials)
         if problem.has_rigid and problem.rigid_bodies is None:

@@ -31,7 +31,8 @@ class Step:
         active_set_iterations: Number of linear solves in the contact quadratic program.
         beta: Step length.
         rho: Regularisation of the tangent.
-        finished: Whether the stopping criterion is satisfied.
+        finished: Whether the stopping criterion is satisfied by a full step with a settled active
+            set.
         extra: Additional values for :attr:`report.Iteration.extra`.
     """
 

@@ -182,7 +182,7 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
         bodies: Bodies with their rigid motions.
         v: Coefficients of the motion, shape (num_modes,).
         middle: Position of the body, shape (gdim,); a motion that hardly rotates there counts as a
-            translation. With None only an exact translation counts.
+            translation. If it is None, only an exact translation counts as one.
     """
     gdim = bodies.gdim
     if bodies.num_modes == 1:
@@ -292,7 +292,8 @@ class OneSidedMotions:
                 total gain for any of them.
 
         Returns:
-            The coefficients of the motion; None if the linear program has no solution.
+            The coefficients of the motion; None if a linear program has no solution, or if
+            ``most_programs`` programs are not enough.
         """
         comm = self.V.mesh.comm
         if not len(gain):

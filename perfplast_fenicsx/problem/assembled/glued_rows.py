@@ -43,7 +43,8 @@ class Guides:
     Attributes:
         surfaces: Surface of each guide.
         names: Names of the guides in results (:func:`supports.name_of`).
-        normals: Outward unit normals, the same on every rank, shape (num_guides, gdim).
+        normals: Outward unit normals, NaN for curved guides, the same on every rank, shape
+            (num_guides, gdim).
         host: Local block dof of each row's node, which this rank owns, shape (num_rows,).
         number: Number of the guide to which each row belongs.
         component: Component of the node that each row eliminates.
@@ -115,8 +116,8 @@ def find_guides(
             (2, num_nodes, gdim). The function adds the motion of guides.
 
     Raises:
-        InputError: If a surface without a motion is not flat, if a surface is nearly parallel to
-            another support, or if another support moves it differently.
+        InputError: If a surface without a motion is not flat, if other supports nearly fix its
+            normal, or if another support moves its nodes differently.
     """
     gdim, size = V.mesh.geometry.dim, V.dofmap.index_map.size_local
     told = [it for it in supports if isinstance(it, Support) and it.guides]
@@ -275,7 +276,7 @@ def _check_moves(
 
     Args:
         comm: Communicator of the ranks.
-        support: The guide's support.
+        support: The support that is the guide.
         off: Distances of nodes that other supports hold from the positions that the guide
             prescribes.
         wanted: Displacement along the normal that the guide prescribes.

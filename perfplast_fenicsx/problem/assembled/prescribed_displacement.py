@@ -196,8 +196,8 @@ class GivenMotion:
     Attributes:
         displacement: u_D at supports and 0 elsewhere (length): the constant part and the part times
             ζ, shape (2, num_nodes, gdim), at all local nodes including ghosts.
-        gap: Gaps of the pairs hosted by this rank (length), reduced by the closing that u_D causes:
-            the constant part and the part times ζ, shape (2, num_pairs).
+        gap: Gaps of the pairs hosted by this rank (length) after the prescribed motion: the
+            constant part and the part times ζ, shape (2, num_pairs).
         slide: Tangential jumps that the prescribed motion alone causes (length): the constant part
             and the part times ζ, shape (2, num_places, gdim − 1). Slip is counted from these jumps.
         sources: Prescribed motion of the opposite side at ζ = 1 (length) for each source of contact

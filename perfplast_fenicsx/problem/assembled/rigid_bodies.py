@@ -84,8 +84,8 @@ def rigid_bodies(
         supported: Components that supports hold, with their displacements.
 
     Raises:
-        InputError: If the mesh is axisymmetric, or if supports prescribe a motion of a body that is
-            not rigid.
+        InputError: If the mesh is axisymmetric, or if supports prescribe displacements of a body
+            that do not form a rigid motion.
     """
     if tagged_mesh.axisymmetric:
         raise InputError(

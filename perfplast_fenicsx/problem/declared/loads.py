@@ -256,7 +256,7 @@ class PorePressure(SpreadLoad):
             constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
 
         Raises:
-            InputError: As for ``field_of``.
+            InputError: As for :func:`perfplast_fenicsx.spatial_fields.field_of`.
         """
         field = LinearInCells(field_of(function))
         return FieldPores(on, f"the function '{function.name}'", name, constant, field)

@@ -87,8 +87,8 @@ def check_stages(
 
     Raises:
         InputError: If a stage names something other than temperatures, bolts, and loads and motions
-            that are not constant. Also raised if no stage names a load or motion that is not
-            constant, if two kinds of objects share a name, or if a bolt would push.
+            that are not constant. Also raised if a load or motion that is not constant is in no
+            stage, if two kinds of objects share a name, or if a bolt would push.
     """
     initial = list(initial)
     loaded = {called(load) for load in loads if not load.constant}

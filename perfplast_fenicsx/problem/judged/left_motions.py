@@ -198,8 +198,8 @@ def _held_nodes(problem: Problem, surface: str) -> tuple[Floats, Ints, int]:
     """Return the nodes of a surface, from all ranks, that supports hold along its normal.
 
     Returns:
-        Coordinates of the held nodes, shape (n, 3); the number of the support that holds each,
-        shape (n,); and the number of all nodes on the surface.
+        Coordinates of the held nodes, shape (n, 3); the index in ``support_names`` of the support
+        that holds each node, shape (n,); and the number of all nodes on the surface.
     """
     faces = face_nodes(problem.V, problem.tagged_mesh, surface)
     taken = np.abs(faces.normal) * (problem.held_by[faces.node] >= 0)

@@ -76,7 +76,7 @@ class Solution:
         accuracy: Largest allowed Euclidean norm of the residual, also for corrections.
         force_tolerance: Contact forces up to this size are solver or rounding errors, and do not
             affect the active set.
-        solves: Number of active sets solved since the last minimisation.
+        solves: Number of active sets solved since :meth:`EqualityProgram.begin`.
     """
 
     model: QuadraticModel

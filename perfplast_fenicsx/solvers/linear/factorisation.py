@@ -268,7 +268,7 @@ class Factorisation:
 
 
 class SupernodalFactors:
-    """Factors by CHOLMOD; used until a matrix turns out not to be positive definite."""
+    """Factors by CHOLMOD, which are used until CHOLMOD cannot factorise a matrix."""
 
     def __init__(self) -> None:
         """Start without factors."""

@@ -65,7 +65,7 @@ class Aggregates:
     """Aggregates of the nodes on one level; these aggregates are the nodes of the next level.
 
     Attributes:
-        members: Global number of each owned node's aggregate, or -1.
+        members: Global number of each owned node's aggregate, −1 if the node is in no aggregate.
         count: Number of owned aggregates.
         motions: Motions of the aggregate in the unknowns of each node, shape (nodes, unknowns per
             node, motions per aggregate).

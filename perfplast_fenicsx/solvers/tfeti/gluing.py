@@ -121,7 +121,7 @@ def _glue(place: Longs, copy: Longs, free: npt.NDArray[np.bool_]) -> tuple[Entri
 
     Args:
         place: Index of each copy among the copies of its node.
-        copy: Number of the copy.
+        copy: Global number of the torn node of each copy.
         free: Components that are glued, shape (num_copies, gdim).
 
     Returns:

@@ -162,7 +162,7 @@ class TfetiProgram:
     """A solver of the contact QPs of a problem; see :class:`contact_solver.ContactSolver`.
 
     Attributes:
-        multipliers: λ of the last solution, in units of force for contact; shape (num_rows,).
+        multipliers: λ of the last solution, for rows of unit length; shape (num_rows,).
     """
 
     def __init__(self, problem: Problem, pieces: Subdomains, linear: LinearSolver) -> None:
