@@ -35,8 +35,8 @@ class RefusedContacts:
 def refused_contacts(case: str, mesh: Path) -> RefusedContacts | None:
     """Return the contacts of a case that ``perfplast run`` would refuse, or None.
 
-    The result is None if the case has no contacts, if all contacts are accepted, or if a fault of
-    another kind ends the check.
+    The function returns None if the case has no contacts, if all contacts are accepted, or if a
+    fault of another kind ends the check.
 
     Not collective.
 

@@ -260,7 +260,8 @@ class Iterate:
     def _remembered(self, start: State | None) -> tuple[Floats, Floats] | None:
         """Return the strain and the stress of ``start``.
 
-        The result is None without ``start``, or if laws have no history or no support or gap moves.
+        The method returns None without ``start``, if laws have no history, or if neither supports
+        nor gaps move.
         """
         problem = self.problem
         moves = problem.motion.moves_supports or problem.motion.driven

@@ -182,7 +182,7 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
         bodies: Bodies with their rigid motions.
         v: Coefficients of the motion, shape (num_modes,).
         middle: Position of the body, shape (gdim,); a motion that hardly rotates there counts as a
-            translation. If it is None, only an exact translation counts as one.
+            translation. Without ``middle``, only an exact translation counts as one.
     """
     gdim = bodies.gdim
     if bodies.num_modes == 1:
