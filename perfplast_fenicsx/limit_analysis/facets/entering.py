@@ -392,10 +392,9 @@ def without_entering(problem: Problem) -> Problem | None:
         problem: The bodies and their contact.
 
     Returns:
-        A problem that shares everything except contact with the given problem. The result is the
-        given problem itself without contact, and with linear elements on flat surfaces; None if
-        nodes do not match, if surfaces are tied, or if :func:`with_facet_contact` does not support
-        the curved surfaces.
+        A problem that differs from the given problem only in contact; the given problem itself
+        without contact, and with linear elements on flat surfaces. None if nodes do not match, if
+        surfaces are tied, or if :func:`with_facet_contact` does not support the curved surfaces.
     """
     if problem.constraints.in_mean or problem.given.ties:
         return None
