@@ -229,7 +229,13 @@ class _Blocks:
         return (x.sum(axis=1) + x[np.arange(len(facets)), corners]) * Balls.part(self._body.dim + 1)
 
     def turned(self, of: Longs, places: Balls, forces: Balls) -> Balls:
-        """Return forces with their moments divided by the blocks' extents, shape (n, 3 or 6)."""
+        """Return forces with their moments divided by the blocks' extents, shape (n, 3 or 6).
+
+        Args:
+            of: Block of each force.
+            places: Points at which the forces act.
+            forces: The forces.
+        """
         arms = (places - Balls.exact(self._middle[of])) * Balls.exact(self._over[of])[:, None]
         parts = forces, crossed(arms, forces)
         return Balls(
@@ -237,7 +243,10 @@ class _Blocks:
         )
 
     def wrenches(self, of: Longs, places: Balls, forces: Balls) -> Balls:
-        """Return the resultant force and moment, divided by the extent, on each block."""
+        """Return the resultant force and moment, divided by the extent, on each block.
+
+        See :meth:`turned` for the arguments.
+        """
         each = self.turned(of, places, forces)
         order = np.argsort(of, kind="stable")
         of, each = of[order], each[order]
@@ -505,7 +514,7 @@ class _Anchors:
         return np.asarray(self.kind < 2)
 
     def room(self, joints: _Joints, parts: _Parts, size: float) -> Floats:
-        """Return the largest forces that anchors can exert.
+        """Return the largest forces that anchors can exert in addition to the forces ``parts``.
 
         Forces of supports have no limit. For them, the function returns the largest force at spots,
         or ``size`` if this force is zero, so that rounding loses no small numbers.

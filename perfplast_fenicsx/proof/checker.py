@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.verdict import ROUNDED, Checked, faults_of, roundin
 
 
 def overlapping(body: Body) -> int:
-    """Count outer facets with another cell just inside, up to the first batch that has any."""
+    """Return the number of outer facets with another cell just inside, in the first such batch."""
     slices, cells = _slices(body), body.vertices[body.cells]
     own = body.outer // (body.dim + 1)
     found = np.zeros(len(slices), dtype=bool)
@@ -177,7 +177,7 @@ def check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, C
 
 
 def _check_halves(halves: Mapping[str, Mapping[str, npt.NDArray]]) -> dict[str, Checked]:
-    """Check the bounds in arrays; unsuitable arrays raise errors of any type."""
+    """Return the verdicts on bounds in arrays; unsuitable arrays raise errors of any type."""
     judged: dict[str, _Half] = {}
     before: _Half | None = None
     for kind, judge in JUDGES.items():
@@ -203,6 +203,9 @@ def check_pair(
         below: The file with the stress.
         above: The file with the velocity.
         found: Results of :func:`check` for both files; None to check the files now.
+
+    Returns:
+        The verdict on both files together.
 
     Raises:
         ProofError: If a file cannot be read, is not a proof, has another half, or has no factor.
@@ -261,6 +264,9 @@ def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
     forces is ``inner_force``, ``inner_traction``, ``inner_factor`` and ``inner_any_factor``
     (:mod:`blocks`).
 
+    Returns:
+        The verdict on the stress or on the forces.
+
     Raises:
         ProofError: If the arrays do not fit together.
     """
@@ -270,6 +276,9 @@ def check_lower(arrays: Mapping[str, npt.NDArray]) -> Checked:
 
 def check_upper(arrays: Mapping[str, npt.NDArray]) -> Checked:
     """Check a velocity: ``velocity`` (num_nodes, d), ``nodes`` of cells, ``bound``, and the bodies.
+
+    Returns:
+        The verdict on the velocity.
 
     Raises:
         ProofError: If the arrays do not fit together.

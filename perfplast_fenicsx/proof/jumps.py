@@ -143,7 +143,13 @@ class Jumps:
         return np.where(side >= 0, ((self._units * free[side]) ** 2).sum(axis=1), 0.0)
 
     def parted(self, at: Balls, enters: Floats, free: Flags) -> Balls:
-        """Return the coefficients after moving free points out of penetrations."""
+        """Return the coefficients after moving free points out of penetrations.
+
+        Args:
+            at: The coefficients.
+            enters: Result of :meth:`enters` for these coefficients.
+            free: Flags of the components along which points may move, shape (num_points, d).
+        """
         bad = enters > 0
         if not bad.any():
             return at

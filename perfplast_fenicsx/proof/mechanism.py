@@ -354,7 +354,13 @@ class _Units:
         self._turns = np.asarray(self._turns + turns * self._free[:, d:])
 
     def lifted(self, at: Balls, jumps: "Jumps", units: "_Units") -> Balls:
-        """Return the coefficients after moving whole bodies out of penetrations."""
+        """Return the coefficients after moving whole bodies out of penetrations.
+
+        Args:
+            at: The coefficients.
+            jumps: Jumps of the coefficients in contact.
+            units: Rigid units, which move with the bodies that contain them.
+        """
         enters = jumps.enters(at)
         motions = self._lift(at, jumps, enters, np.ones(len(enters), dtype=bool))
         if motions is None:
@@ -366,7 +372,14 @@ class _Units:
         return units.moved(at + shift)
 
     def parted(self, at: Balls, jumps: "Jumps", enters: Floats, free: Flags) -> Balls:
-        """Return the coefficients after moving rigid bodies out of the remaining penetrations."""
+        """Return the coefficients after moving rigid bodies out of the remaining penetrations.
+
+        Args:
+            at: The coefficients.
+            jumps: Jumps of the coefficients in contact.
+            enters: Penetrations (:meth:`Jumps.enters`) of the coefficients.
+            free: Flags of the components along which single points may move.
+        """
         motions = self._lift(at, jumps, enters, jumps.alone(free))
         if motions is None:
             return at

@@ -90,6 +90,12 @@ def tree_of(body: Body, across: Longs, volumes: Floats, pieces: Longs) -> tuple[
     """Return the cells by their distance from the roots, and each cell's side towards its root.
 
     The side is −1 at a root, the largest cell of its piece. The tree prefers large facets.
+
+    Args:
+        body: The bodies.
+        across: Opposite side of each side; −1 where the tree must not pass.
+        volumes: Sizes of the cells, which determine the roots.
+        pieces: Index of the piece of each cell.
     """
     wide, count = body.dim + 1, len(body.cells)
     size = body.areas_of(np.arange(count * wide))

@@ -193,9 +193,9 @@ class _Ways:
                 self._unlike[here] = np.abs(1 + dots / self._sizes[here] ** 2) + 64 * U
 
     def _tree(self, roots: Longs) -> list[Longs]:
-        """Build the paths to the roots, which prefer large facets.
+        """Build paths to the roots through large facets; return cells by distance from the roots.
 
-        The function returns the cells by their distance from the roots.
+        The paths are stored in ``out``.
         """
         wide = self._body.dim + 1
         seen = ~self._keeps
@@ -272,7 +272,13 @@ def _sticks(body: Body) -> Flags:
 
 
 def sides_places(body: Body, of_cells: Longs, sides: Longs) -> Longs:
-    """Return the indices of the coefficients on sides, shape (n, 3 or 6)."""
+    """Return the indices of the coefficients on sides, shape (n, 3 or 6).
+
+    Args:
+        body: The bodies.
+        of_cells: Indices of each cell's coefficients (:class:`places.Places`).
+        sides: Indices of sides.
+    """
     d = body.dim
     corners, number = body.corners[sides % (d + 1)], numbers_in_cell(d)
     columns = [number[corners[:, a], corners[:, b]] for a in range(d) for b in range(a, d)]

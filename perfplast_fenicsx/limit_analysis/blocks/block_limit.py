@@ -206,7 +206,7 @@ class _Jumps:
 
 
 def _solve(blocks: RigidBlocks, question: Question, rtol: float) -> _Solution:
-    """Create and solve the linear programs on rank 0."""
+    """Create and solve the linear programs on rank 0, and return the solution."""
     facets = blocks.facets
     assert facets is not None
     none = np.zeros_like(blocks.live)

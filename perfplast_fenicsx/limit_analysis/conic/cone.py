@@ -259,7 +259,7 @@ class ScaledBlock(Protocol):
         ...
 
     def follow(self, aim: Any, rates: Rates, change: Borne) -> Members:
-        """Write the change of stress and forces for a change of velocity with these rates.
+        """Write the change of stress and forces that reaches the aim with these additional rates.
 
         Returns:
             The change of the members.
@@ -320,7 +320,14 @@ class Block(Protocol):
         ...
 
     def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Write stresses divided by strain rates; rates count as at least 1/``stiffer``."""
+        """Write the stress divided by the strain rate of each point of the block to ``out``.
+
+        Args:
+            now: Members at the iterate.
+            rates: Rates of the iterate's velocity.
+            stiffer: Strain rates count as at least 1/``stiffer``.
+            out: Values at all points, shape (count,).
+        """
         ...
 
 

@@ -103,7 +103,7 @@ def iterate(
     share: float = 1.0,
     least: float = 0.0,
 ) -> tuple[Verdict, str]:
-    """Perform steps until the limit load is known. Collective.
+    """Perform steps until the limit load is known; return the outcome and its reason. Collective.
 
     To first order, unbalanced forces r change λ by r·v, where v is the mechanism with L(v) = 1. The
     caller removes these residuals afterwards, because with residuals λ is not a bound.

@@ -454,7 +454,16 @@ def _of_numbers(
 
 
 def plain_cone(cone: Cone, law: Any, size: int) -> PlainCone:
-    """Return the numbers of a second-order cone of vectors with ``size`` components."""
+    """Return the numbers of a second-order cone.
+
+    Args:
+        cone: Cone that the law returns.
+        law: The law, for the message.
+        size: Number of components of stress, for the message.
+
+    Raises:
+        InputError: If the numbers do not describe a cone that contains zero stress.
+    """
     plain = PlainCone(
         float(numbers_of(cone.bound)), numbers_of(cone.slope), numbers_of(cone.matrix)
     )

@@ -242,7 +242,13 @@ def _write_stress(problem: Problem, iteration: InteriorIteration, function: fem.
 
 
 def limit_program(problem: Problem, question: Question, reserve: float) -> ConicProgram:
-    """Return the conic program of a problem's limit load. Collective."""
+    """Return the conic program of a problem's limit load. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        question: The loads whose factor is sought.
+        reserve: See :class:`ConicProgram`.
+    """
     points = PointStrains(problem)
     bodies = ConicStiffness(problem, points)
     strains: Strains = points

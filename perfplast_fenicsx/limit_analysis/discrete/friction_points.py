@@ -71,7 +71,10 @@ class SlipPlaces:
 
     @classmethod
     def that_slip(cls, index: Ints, shares: Floats, area: Floats, bound: Floats) -> "SlipPlaces":
-        """Return places at which the friction force does not depend on pressure."""
+        """Return places that cannot open, with a friction force independent of pressure.
+
+        See the attributes of the class for the arguments.
+        """
         return cls(index, shares, area, bound, np.full(len(area), -1), np.zeros(len(area)))
 
     def and_those(self, others: "SlipPlaces") -> "SlipPlaces":

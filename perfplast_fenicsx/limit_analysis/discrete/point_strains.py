@@ -492,6 +492,12 @@ def forces_of_pairs(
 
     If the points are not Bernstein coefficients, the function returns the result of
     :func:`~perfplast_fenicsx.problem.judged.certificate.contact_forces`.
+
+    Args:
+        problem: The bodies and their loads.
+        stress: Stress as Mandel vectors at the points.
+        zeta: Load factor ζ.
+        times: Factor of the permanent loads.
     """
     if not has_coefficients(problem):
         return contact_forces(problem, stress, zeta, times)

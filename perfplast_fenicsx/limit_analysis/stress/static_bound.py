@@ -88,7 +88,7 @@ class BalancedStress:
     def with_some_of(
         self, others: "Sequence[BalancedStress]", static: StaticProgram
     ) -> "BalancedStress":
-        """Return the best mean of this stress and another stress that is inside the yield set.
+        """Return the best mean, inside the yield set, of this stress and one of ``others``.
 
         Collective.
 
