@@ -160,7 +160,7 @@ def dissipated(body: Body, rates: Rates) -> Dissipated:
 
 
 def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
-    """Return ∫D from rates times volumes, and the number of terms in the sum."""
+    """Return an upper bound on ∫D from rates times volumes, and the number of terms in its sum."""
     cones, at, strength = body.cones, body.cone[plastic], body.cell_strength[plastic]
     linear, principal = cones.is_linear[at], cones.is_pointwise[at]
     total = _of_linear(cones.linear_power(at[linear], rates[linear]), strength[linear])
@@ -193,7 +193,7 @@ def _of_linear(values: Floats, strength: Floats) -> float:
 
 
 def _of_rings_in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
-    """Return ∫D from coefficients of r²ε, and the number of terms in the sum."""
+    """Return an upper bound on ∫D from coefficients of r²ε, and the number of terms in its sum."""
     cones, at, radii = body.cones, body.cone[plastic], radii_of(body)[plastic]
     linear, principal = cones.is_linear[at], cones.is_pointwise[at]
     parts, total = parts_of(2, SUBDIVISIONS), 0.0

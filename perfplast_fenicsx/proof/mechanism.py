@@ -150,7 +150,10 @@ def resting_in(body: Body, v: Floats) -> list[Longs]:
 
 
 def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
-    """Return velocities of unit rigid motions about a centre at points x, (n, d, 3 or 6)."""
+    """Return velocities at points x of unit rigid motions about a centre, shape (n, d, 3 or 6).
+
+    For bodies of revolution, the velocities are multiplied by r.
+    """
     d = x.shape[1]
     shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(d)]
     turns = [_turned(axis, x - centre) for axis in np.eye(2 * d - 3)]

@@ -112,7 +112,7 @@ def _edges(simplices: Floats) -> Floats:
 
 
 def _facing(simplices: Floats) -> Floats:
-    """Return normals of the facets, shape (n, d + 1, d)."""
+    """Return normals of the facets, not of unit length, shape (n, d + 1, d)."""
     sides = simplices[:, 1:] - simplices[:, :1]
     inner = np.linalg.inv(sides).transpose(0, 2, 1)
     return np.concatenate([inner.sum(axis=1, keepdims=True), inner], axis=1)

@@ -64,7 +64,7 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
 
 
 def _close(body: Body, facets: Longs) -> Floats:
-    """Return the distance below which each facet touches another facet."""
+    """Return the tangential distance that counts as zero at each facet."""
     x = body.vertices[body.facets[facets]]
     sizes = np.ptp(x, axis=1).max(axis=1)
     if body.is_revolved:  # the radius scales the difference of two rings

@@ -88,7 +88,7 @@ def rounding_of(bound: float, power: float) -> float:
 
 
 def share_of(part: float, whole: float) -> float:
-    """Return a part relative to a whole; ∞ if it is not a number or if the whole is zero."""
+    """Return ``part``/``whole``, or 0 if both are 0; ∞ if the ratio is not a finite number."""
     if part == 0:
         return 0.0
     return part / whole if math.isfinite(part) and whole > 0 else math.inf

@@ -96,7 +96,7 @@ class ScaledPairs:
         return replace(moduli, springs=self._springs)
 
     def products(self, change: Members | None = None) -> Floats:
-        """Return r·(−[v]), which needs no scaling; see :meth:`cone.ScaledBlock.products`."""
+        """Return r·(−[v]), or the product of the changes of both factors, without any scaling."""
         if change is None:
             return self._forces * self._rooms
         return change.static * change.kinematic

@@ -381,7 +381,7 @@ class PointStrains:
     """
 
     def __init__(self, problem: Problem, cones: BodyCones | None = None) -> None:
-        """Compile the expressions. Collective.
+        """Compile the expressions, and read the cones of the points. Collective.
 
         Args:
             problem: The bodies and the points.

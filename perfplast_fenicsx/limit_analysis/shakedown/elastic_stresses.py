@@ -139,12 +139,15 @@ class _Elastic:
     """The response of elastic bodies to loads and temperatures."""
 
     def __init__(self, known: Problem, bodies: ConicStiffness, strains: PointStrains) -> None:
-        """Store the factorised stiffness. Collective."""
+        """Store the factorised stiffness, and compute Hooke's tensor at the points. Collective."""
         self._problem, self._bodies, self._working = known, bodies, strains
         self._rates, self._hooke = RatesAtPoints(known), hooke_at_points(known)
 
     def stress(self, loads: Sequence[Load], warmed: Sequence[Temperature]) -> Floats:
-        """Return C(ε(u) − e₀) in equilibrium with loads, shape (count, m). Collective."""
+        """Return the stress C(ε(u) − e₀) in equilibrium with ``loads``, shape (count, m).
+
+        Collective. The strain e₀ is the thermal strain from ``warmed``.
+        """
         problem = self._problem
         load = work_vector(problem.V, problem.tagged_mesh, loads)
         fem_petsc.set_bc(load, problem.bcs)

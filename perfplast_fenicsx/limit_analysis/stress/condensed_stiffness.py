@@ -255,7 +255,7 @@ class CellCondensation:
         self._half = aligned(padded * inner)
 
     def condense(self, roots: Floats, more: Floats, ridge: Floats) -> tuple[Floats, bool]:
-        """Eliminate the inner unknowns from Σ (Bᵀ R)(Bᵀ R)ᵀ.
+        """Eliminate the inner unknowns from Σ (Bᵀ R)(Bᵀ R)ᵀ with the points' matrices Bᵀ.
 
         Args:
             roots: Roots R of the moduli times weights, shape (num_cells, num_points, 1 + m, 1 + m).
