@@ -214,7 +214,7 @@ class Cones:
 
     @property
     def weakness(self) -> Floats:
-        """Return upper bounds on the increase of :meth:`ratios` by a stress of size 1, for c > 0."""
+        """Return upper bounds on the increase of :meth:`ratios` by a stress of size 1 if c > 0."""
         found = 1 / self.radius + np.linalg.norm(self.slope, axis=1) / self.bound
         rounding = 1e-12  # relative error of singular values
         return np.asarray(found * (1 + rounding))
@@ -360,7 +360,7 @@ class Cones:
 
     @cached_property
     def alertness(self) -> Floats:
-        """Return upper bounds on the change of the lack of dilatancy (:meth:`short`) by a rate 1."""
+        """Return upper bounds on the change of the lack of dilatancy (:meth:`short`) at rate 1."""
         pull = np.where(np.abs(self._pull) > 0, np.abs(self._pull), 1.0)
         back = np.linalg.norm(self._back, ord=2, axis=(1, 2))
         found = 1 / pull + back * (1 + np.linalg.norm(self.slope, axis=1) / pull)

@@ -262,7 +262,7 @@ def _same_contacts(lower: Body, upper: Body) -> bool:
 
 
 def pair_of_radenkovic(lower: Body, upper: Body) -> bool:
-    """Return whether any cell has a smaller slope in the lower half than in the upper half."""
+    """Return whether a lower cell has a smaller slope than an upper cell in a common volume."""
     less, more = strengths_of(lower, upper)
 
     def flatter(a: Longs, b: Longs) -> Flags:
