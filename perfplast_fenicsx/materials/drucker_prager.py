@@ -151,9 +151,9 @@ class DruckerPragerLaw(Law):
         """Return the terms of :meth:`tangent`: bulk and a, shape (), and P and M, shape (m,).
 
         Σ°[d] is Cd for elastic strains and 0 at the apex. On the cone, with the reduced deviatoric
-        modulus a and M = (√2 μ n + κη δ)/√D, it is
+        modulus a, P = √(2μ − a) n and M = (√2 μ n + κη δ)/√D, it is
 
-            κ tr(d) δ + a dev d + (2μ − a)(n:d) n − (M:d) M.
+            κ tr(d) δ + a dev d + (P:d) P − (M:d) M.
         """
         size = _size(deviator(e))
         n = deviator(e) / ufl.max_value(size, TINY)

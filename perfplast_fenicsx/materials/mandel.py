@@ -58,7 +58,7 @@ def tensor(s: Expr) -> Expr:
 
 
 def numbers_of(expression: Expr) -> Floats:
-    """Return the values of a constant UFL expression, with an evaluation for each entry."""
+    """Return the values of a constant UFL expression, evaluated entry by entry."""
     plain = expand_derivatives(ufl.as_ufl(expression))  # once for all entries
     entries = [plain.evaluate((), {}, i, StackDict()) for i in np.ndindex(*plain.ufl_shape)]
     return np.array(entries, dtype=np.float64).reshape(plain.ufl_shape)

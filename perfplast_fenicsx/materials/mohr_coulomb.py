@@ -54,7 +54,7 @@ class MohrCoulombLaw(Law):
     def _normals(self) -> tuple[Sequence[Expr], ...]:
         """Return mean normals of the face, the left edge σ₁ = σ₂ and the right edge σ₂ = σ₃.
 
-        Each normal is a list of principal components in descending order.
+        Each normal has a component for each of the axes of σ₁, σ₂ and σ₃.
         """
         up, down = 1 + self.sine, self.sine - 1
         return (up, 0.0, down), (up / 2, up / 2, down), (up, down / 2, down / 2)
@@ -141,12 +141,12 @@ class MohrCoulombLaw(Law):
         return self._by_branch(e, [1.0, 1.0, 1.0, 1.0, 0.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
-        """Return the principal values of U/√μ in descending order; U is zero off the edges."""
+        """Return U/√μ on the axes of σ₁, σ₂ and σ₃; it is zero except on an edge."""
         left, right = (self._by_branch(e, one) for one in ([0.0, 0, 1, 0, 0], [0.0, 0, 0, 1, 0]))
         return [left, right - left, -right]
 
     def _pushes(self, e: Expr) -> list[Expr]:
-        """Return the principal values of M = Cn/√(n·Cn) in descending order."""
+        """Return M = Cn/√(n·Cn) on the axes of σ₁, σ₂ and σ₃; zero if elastic or at the apex."""
         found = []
         for k in range(3):
             pushes = [

@@ -119,7 +119,7 @@ class CutOffLaw(MohrCoulombLaw):
         return self._by_kind(e, super()._keeps(e), [1.0, 1.0, 0.0], [1.0, 1.0])
 
     def _merged(self, e: Expr) -> list[Expr]:
-        """Return the principal values of U/√μ in descending order."""
+        """Return U/√μ on the axes of σ₁, σ₂ and σ₃."""
         own = (0.0, 1.0, 1.0, 1.0), (0.0, -1.0, 0.0, -1.0), (0.0, 0.0, -1.0, 0.0)
         return [
             self._by_kind(e, a, [face, edge, 0.0], [between, corner])
@@ -127,7 +127,7 @@ class CutOffLaw(MohrCoulombLaw):
         ]
 
     def _pushes(self, e: Expr) -> list[Expr]:
-        """Return the principal values of M = Cn/√(n·Cn) in descending order."""
+        """Return M = Cn/√(n·Cn) on the axes of σ₁, σ₂ and σ₃."""
         lame, shear = self._lame, self.shear
         normals = (1.0, 0.0, 0.0), (0.5, 0.5, 0.0), (0.5, 0.0, 0.5)
         sizes = [ufl.sqrt(lame + 2 * shear * sum(x**2 for x in n)) for n in normals]

@@ -163,11 +163,11 @@ class Problem:
         self._hold(None)
 
     def _hold(self, rigid: Mapping[str, Material] | None) -> None:
-        """Create supports, rows and loads. Collective.
+        """Create supports, rows, the prescribed motion and loads. Collective.
 
         Args:
-            rigid: Material of each volume; bodies whose material is a :class:`Rigid` then follow
-                rigid motions. None if no body follows rigid motions.
+            rigid: Material of each volume, so that bodies whose material is a :class:`Rigid` follow
+                rigid motions; None if no body follows rigid motions.
         """
         self.bcs, displacement = self._supports(self.given.holding, rigid)
         given, tagged_mesh = self.given, self.tagged_mesh
@@ -362,7 +362,7 @@ class Problem:
         obstacles: Sequence[Obstacle],
         taken: npt.NDArray[np.bool_],
     ) -> JumpBasis:
-        """Create the contact rows, and return the basis in which they are bounds. Collective."""
+        """Create contact rows, friction and free motions, and return the jump basis. Collective."""
         V, tagged_mesh, fixed = self.V, self.tagged_mesh, self.fixed
         solid = () if self.rigid_bodies is None else (self.rigid_bodies.moving,)
         rows = find_constraints(V, tagged_mesh, contacts, obstacles, taken, *solid)

@@ -38,9 +38,9 @@ def solve_coulomb(
         largest_force: Function that returns the force to which rounding errors of contact forces
             are compared.
         start: Initial state; None for the unloaded bodies.
-        pushes: Contact forces in the initial state, shape (num_pairs,). If they are all zero, or if
-            the level fails with friction bounds from these forces, the first iteration allows no
-            slip.
+        pushes: Contact forces in the initial state, shape (num_pairs,). If the friction bounds from
+            these forces are all zero, or if the first level with these bounds fails, the iteration
+            begins with a level without slip.
     """
     first = _bounds(problem, pushes)
     if start is not None and problem.comm.allreduce(float(first.sum())) > 0:

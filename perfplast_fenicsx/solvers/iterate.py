@@ -83,10 +83,10 @@ def step_length(
     longest: Callable[[], float] | None = None,
     kinked: bool = False,
 ) -> float:
-    """Return the β that minimises the energy over (0, 1], or up to ``longest`` if φ'(1) is steep.
+    """Return the β that minimises the energy over (0, 1], or up to ``longest`` if it falls at 1.
 
-    β = 1 is accepted if φ'(1) is not positive, or if it is so small, relative to φ'(0) or to its
-    terms, that a shorter step gains nothing. Collective.
+    β = 1 is accepted if φ'(1) is so small, relative to φ'(0) or to its terms, that another β gains
+    nothing. Without ``longest``, β = 1 is also accepted if φ'(1) is negative. Collective.
 
     Args:
         slope: Function that returns φ'.
@@ -210,7 +210,7 @@ class Iterate:
         history of the state.
 
         Returns:
-            The active set of the state, or the first active set of the problem.
+            The active set of the state; without a state, the first active set of the problem.
         """
         problem, basis, u = self.problem, self.problem.basis, self.fields.u
         problem.remember(start.history if start else {})
@@ -371,7 +371,8 @@ class Iterate:
 
         If ``work`` is smaller than ten times the work at u, the function considers ten times the
         work at u. If J_ζ falls at this point, it falls along the whole segment, because J_ζ is
-        convex. The ray must stay in K_h, so pairs that δu would close keep their gaps.
+        convex. The ray must stay in K_h, so pairs that δu would close keep their gaps. The result
+        is False if the loads do no positive work on δu.
         """
         direction, basis = self.direction, self.problem.basis
         jump = self._delta_y.array_r[basis.index]
@@ -389,8 +390,8 @@ class Iterate:
         """Advance by β δu, and return the size of the step in the criterion ``stopping``.
 
         Remark 1 of the paper defines the criteria. The criterion "energy" is the relative change of
-        J_ζ; with prescribed work ζ = 0, and J_ζ is Ψ − L₀. With constant loads the change is
-        relative to at least |Ψ| + ½‖σ‖².
+        J_ζ; with prescribed work ζ = 0, and J_ζ is Ψ − L₀. If bodies are loaded at ζ = 0, or if
+        laws have history, the change is relative to at least |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)

@@ -126,7 +126,7 @@ def newton_direction(
     rho: float,
     work: float | None = None,
 ) -> ContactStep:
-    """Minimise the quadratic model of J_ζ at the iterate. Collective.
+    """Return the step that minimises the quadratic model of J_ζ at the iterate. Collective.
 
     Args:
         solver: Solver with the iterate.
@@ -312,7 +312,12 @@ class WorkNewton(LevelSolver):
         return State(state.u, scale * state.zeta, scale * state.alpha, state.active)
 
     def _yielding(self, rtol: float, rounds: int | None) -> State:
-        """Return the multiple of an elastic state at which the first point yields."""
+        """Return the multiple of an elastic state at which the first point yields. Collective.
+
+        Args:
+            rtol: Relative tolerance of the linear solves.
+            rounds: Largest number of changes of the active set; None to find the correct set.
+        """
         iterate = self.iterate
         closed = np.zeros_like(self.problem.basis.gap)
         iterate.begin(None)

@@ -103,7 +103,7 @@ def in_basis(comm: MPI.Intracomm, hosts: Facets, found: Integrals, gap: Floats) 
     Args:
         comm: Communicator of the ranks.
         hosts: The host facets on this rank.
-        found: The covered parts of the facets.
+        found: Integrals over the overlaps, with the covered length or area of each facet.
         gap: The gap at the owned nodes of the host surface (length), inf where it is unknown.
     """
     each, gdim = hosts["node"].shape[1], hosts["x"].shape[2]

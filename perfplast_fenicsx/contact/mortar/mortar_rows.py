@@ -517,7 +517,7 @@ def _terms(
 def _handed_on(
     terms: npt.NDArray[np.void], heirs: npt.NDArray[np.void]
 ) -> tuple[npt.NDArray[np.void], npt.NDArray[np.integer]]:
-    """Return the terms of retired nodes, divided equally among their heirs."""
+    """Return the terms of retired nodes, divided equally among heirs, and the heirs' ranks."""
     begin = np.searchsorted(heirs["place"], terms["place"], side="left")
     count = np.searchsorted(heirs["place"], terms["place"], side="right") - begin
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

@@ -204,10 +204,10 @@ def make_constraints(
         gap: Initial gaps (length).
         normal: Unit normals.
         surface: Numbers of the sources.
-        terms: Lists of terms; each list has nodes of one side only. It contains local rows, shape
-            (n,), global block dofs of the nodes, shape (n,), and coefficients c, shape (n, gdim).
-            If coefficients are not parallel to the row's normal, it also contains the shares of
-            :class:`Constraints`, shape (n,).
+        terms: Lists of terms; each list has nodes of one side only. Each list contains local rows,
+            shape (n,), global block dofs of the nodes, shape (n,), and coefficients c, shape (n,
+            gdim). If coefficients are not parallel to the row's normal, the list also contains the
+            shares of :class:`Constraints`, shape (n,).
         area: See :class:`Constraints`; without areas, friction is not possible.
         sources: See :class:`Constraints`.
     """

@@ -113,9 +113,8 @@ class Friction:
     def slope(self, slip: Floats, change: Floats, beta: float) -> float:
         """Return the derivative of the energy on this rank along a change of slip.
 
-        The derivative is at ``slip`` + β ``change``.
-
-        At a kink the result is the left derivative; at β = 0 it is the right derivative.
+        The derivative is at ``slip`` + β ``change``. At a kink it is the left derivative, or the
+        right derivative if β = 0.
         """
         moves = (norms(change) > 0) & np.isfinite(self.bound)
         d, at = change[moves], slip[moves] + beta * change[moves]

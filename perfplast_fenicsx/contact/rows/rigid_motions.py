@@ -203,7 +203,12 @@ def motion_name(bodies: Bodies, v: Floats, middle: Floats | None = None) -> str:
 
 
 def _direction(d: Floats, axis: str) -> str:
-    """Return a direction in words, with a positive largest component; an axis by its letter."""
+    """Return a direction in words, with a positive largest component; an axis by its letter.
+
+    Args:
+        d: Vector in the direction, of any length.
+        axis: Preposition before the letter of an axis, "in" or "about".
+    """
     d = d / np.linalg.norm(d)
     d *= np.sign(d[np.argmax(np.abs(d))])
     rounded = np.round(d, 2) + 0.0

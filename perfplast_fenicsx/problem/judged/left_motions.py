@@ -22,7 +22,7 @@ STILL = 1e-6
 
 
 def left_motions(problem: Problem) -> tuple[list[list[str]], list[str]]:
-    """Return the rigid motions that supports leave free, without regard to contact. Collective.
+    """Return in words the rigid motions that supports leave free; contact is ignored. Collective.
 
     Returns:
         The first list has an entry for each of ``problem.given.holding``. The entry names the

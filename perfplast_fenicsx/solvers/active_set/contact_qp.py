@@ -279,7 +279,8 @@ class ContactProgram:
         """Find the active set by a QP condensed to the pairs that cycle. Collective.
 
         Returns:
-            The result of SNES-VI from this active set, and the number of solved systems.
+            The result of SNES-VI from this active set, or ``found`` itself if too many pairs cycle;
+            and the number of solved systems.
         """
         solution, iterations = found.solution, found.solution.solves
         model, held = solution.model, solution.held & ~circling

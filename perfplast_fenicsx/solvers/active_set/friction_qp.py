@@ -353,8 +353,8 @@ class FrictionProgram:
             asked: The data of the QP.
             active: Initial active set.
             slip: Initial linearisation.
-            most_sets: Solve only one linearisation, with at most this number of active sets; None
-                to continue until linearisation and active set are correct.
+            most_sets: Largest number of active sets in a single linearisation; None to continue
+                until linearisation and active set are correct.
 
         Raises:
             LinearFailure: If a linear system cannot be solved.

@@ -55,7 +55,7 @@ class ContactRows:
 
 
 def every_column(A: PETSc.Mat) -> PETSc.IS:
-    """Return all columns of a matrix, distributed like the matrix, to select rows of it."""
+    """Return the index set of all columns of a matrix, distributed like them, to select rows."""
     return PETSc.IS().createStride(
         A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.comm
     )

@@ -275,7 +275,7 @@ class SupernodalFactors:
         self._ksp: PETSc.KSP | None = None
 
     def take_over(self, ksp: PETSc.KSP, analysis: Analysis | None, prefix: str) -> None:
-        """Use CHOLMOD from now on if it is faster. Collective.
+        """Use CHOLMOD from now on if it is faster and the user chose no solver. Collective.
 
         Args:
             ksp: MUMPS solver with its operators.

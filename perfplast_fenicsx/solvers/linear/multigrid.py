@@ -57,7 +57,7 @@ class Multigrid:
 
     @phase("linear set-up")
     def prepare(self, operator: ContactOperator) -> bool:
-        """Create the aggregates in the first call, before other matrices: this needs most memory.
+        """Create the aggregates in the first call, before other matrices take memory.
 
         Returns:
             Whether aggregates exist; a small problem has none, and multigrid does not suit it.

@@ -333,7 +333,7 @@ class CoarseSpaces:
             things.clear()
 
     def add(self, motion: PETSc.Vec, stiffness: Callable[[], PETSc.Mat]) -> None:
-        """Create all levels again, with one motion in addition to rigid motions. Collective.
+        """Replace the aggregates of all levels by aggregates with one more motion. Collective.
 
         Args:
             motion: Motion in the jump basis.
@@ -356,7 +356,7 @@ class CoarseSpaces:
         K.destroy()
 
     def _set(self, levels: list[Aggregates], stiffness: PETSc.Mat) -> None:
-        """Store the finest aggregates; a set-up creates the coarser interpolations. Collective."""
+        """Store the aggregates of all levels, and create the finest interpolation. Collective."""
         self._aggregates = levels
         M = self._problem.basis.M
         if self._linear is None:
