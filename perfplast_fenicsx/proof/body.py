@@ -242,7 +242,7 @@ class Body:
 
     @cached_property
     def steepness(self) -> Floats:
-        """Return each cell's largest dissipation per volume at a unit rate; 0 if it is elastic."""
+        """Return upper bounds on the cells' dissipation per volume at a unit rate; 0 if elastic."""
         strongest = self.cell_strength.max(axis=1)
         return np.asarray(np.append(self.cones.steepness, 0.0)[self.cone] * strongest)
 
