@@ -217,7 +217,7 @@ def best_of_joints(
 def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None:
     """Return forces strictly inside their limits, at a factor near the best factor, or None.
 
-    The result is None if the linear program has no solution.
+    If the linear program has no solution, the function returns None.
 
     A linear program maximises a weighted sum of the distances of the forces from the sides of the
     cones. Each distance is a sum of parts. The limit of each part is a tenth of the previous limit,
