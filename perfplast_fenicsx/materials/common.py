@@ -257,7 +257,7 @@ def _known(
     table: Sequence[Common | Soil],
     system: Name,
 ) -> Common | Soil | None:
-    """Return the table entry with the given numbers in a system of units; None without a match."""
+    """Return the table entry with the given numbers in a system of units; None if none matches."""
     # Allowed relative difference for numbers that are copied with six digits from a table.
     copied = 1e-5
     for one in table:

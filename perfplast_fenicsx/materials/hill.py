@@ -238,7 +238,7 @@ class Hill:
 
     @property
     def coefficients(self) -> tuple[float, float, float, float, float, float]:
-        """Return F, G, H, L, M, N."""
+        """Return the coefficients F, G, H, L, M and N of Hill's condition."""
         x, y, z = (1 / ratio**2 for ratio in (self.r11, self.r22, self.r33))
         yz, xz, xy = (1.5 / ratio**2 for ratio in (self.r23, self.r13, self.r12))
         return ((y + z - x) / 2, (z + x - y) / 2, (x + y - z) / 2, yz, xz, xy)

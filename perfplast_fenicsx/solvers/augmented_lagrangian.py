@@ -295,7 +295,10 @@ class AugmentedLagrangian(LevelSolver):
         )
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return a message if J_ζ is unbounded below, else None. Collective."""
+        """Return a message if the last step shows that J_ζ is unbounded below, else None.
+
+        The method looks at every tenth step only. Collective.
+        """
         due = len(history) % CHECK_EVERY == 0
         if not due or not self.iterate.descends_until(BEYOND * self._first_work, zeta):
             return None

@@ -101,7 +101,10 @@ class Newton(LevelSolver):
         return Step(zeta, increment, found.active, found.iterations, finished, beta, rho)
 
     def ended(self, zeta: float, history: Sequence[Iteration]) -> str | None:
-        """Return a message if J_ζ is unbounded below, else None. Collective."""
+        """Return a message if a direction shows that J_ζ is unbounded below, else None. Collective.
+
+        The direction is the last step or, at every fifth step, the whole displacement.
+        """
         if len(history) < 3:
             return None
         far = BEYOND * self._first_work

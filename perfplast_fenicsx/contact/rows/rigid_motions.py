@@ -46,7 +46,7 @@ class RigidMotions:
         constraints: Constraints,
         ties: Constraints | None = None,
     ) -> None:
-        """Compute B R, the jumps of the rows in the rigid motions of all bodies. Collective.
+        """Compute the jumps B R of the rows, and the conditions of supports and ties. Collective.
 
         Args:
             V: Displacement space.

@@ -110,7 +110,9 @@ class LoadingPath(NotebookResult):
 
 
 def slipped(problem: Problem, state: State) -> Floats:
-    """Return the slip since the start (length), shape (num_places, gdim − 1). Collective.
+    """Return the slip from the initial position (length), shape (num_places, gdim − 1).
+
+    Collective.
 
     Args:
         problem: Problem with friction.

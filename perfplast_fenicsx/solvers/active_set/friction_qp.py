@@ -265,7 +265,9 @@ def condense_friction(
 
 
 def moves_of(S: Floats, G: Floats, bound: Floats, is_place: np.ndarray) -> Floats:
-    """Return the openings of pairs (as negative numbers) and the slips of points, shape (n,).
+    """Return scaled openings of pairs (negative) and slips of points, shape (n,).
+
+    Only the signs of the result matter.
 
     Args:
         S: Force on each unknown for a unit jump of each unknown, shape (n, n).

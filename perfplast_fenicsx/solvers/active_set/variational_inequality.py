@@ -246,7 +246,7 @@ class VariationalInequality:
         return bool(off.norm(PETSc.NormType.NORM_INFINITY) > rounding)
 
     def _judge(self, pull: Floats) -> PairFlags:
-        """Return pairs in the wrong state: held pairs in tension, and open pairs that penetrate."""
+        """Return which pairs are in the wrong state: held in tension, or open and penetrating."""
         solution, index = self._solution, self._program.index
         excess = self._delta.array_r[index] - solution.model.jumps
         least = ROUNDING * self._delta.norm(PETSc.NormType.NORM_INFINITY)
@@ -314,7 +314,7 @@ class VariationalInequality:
         return True
 
     def _changing(self, circle: list[PairFlags]) -> PairFlags:
-        """Return pairs whose state differs between these sets, or is wrong in the last set."""
+        """Return which pairs differ between these sets, or are wrong in the last set."""
         held = self._solution.held
         changing: PairFlags = np.any([other != held for other in circle], axis=0) | self._wrong
         return changing

@@ -296,7 +296,7 @@ class TfetiProgram:
         work: float | None,
         first: float,
     ) -> Asked:
-        """Return the data of a QP with its scales. Collective."""
+        """Return the data of a QP, and set the border if work is prescribed. Collective."""
         if work is not None:
             row = self._bodies.shares(self._problem.loads.live)
             self._unit = float(np.sqrt(self._comm.allreduce(float(row @ row))))
@@ -395,7 +395,7 @@ class TfetiProgram:
             rtol *= max(better * asked.accuracy / left, best)
 
     def _wrong(self, asked: Asked, closed: PairFlags, margin: float) -> PairFlags:
-        """Return pairs that are wrong by more than ``margin`` of the largest force or jump.
+        """Return which pairs are wrong by more than ``margin`` of the largest force or jump.
 
         Collective.
         """
