@@ -372,7 +372,7 @@ def _passed(
 def _reactions(
     body: Body, left: Remainder, acting: _Acting, plates: Plates
 ) -> tuple[Floats | None, str | None]:
-    """Return the sizes of the additional forces of supports, contact and plates on each facet.
+    """Return upper bounds on the additional forces of supports, contact and plates on facets.
 
     Args:
         body: The bodies.
@@ -381,7 +381,7 @@ def _reactions(
         plates: Rigid surfaces.
 
     Returns:
-        The sizes and None, or None and the reason why no such forces are known.
+        The bounds and None, or None and the reason why no such forces are known.
     """
     d, pieces, anchors = body.dim, acting.pieces, left.anchors
     count = int(pieces.max()) + 1

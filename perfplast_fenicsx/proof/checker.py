@@ -142,7 +142,11 @@ def numbers_digest(path: str | Path) -> str:
 
 
 def _of_file(path: str | Path, of: Callable[[dict[str, dict[str, npt.NDArray]]], Told]) -> Told:
-    """Return the result of ``of`` for the arrays and numbers of each half of a file."""
+    """Return the result of ``of`` for the arrays and numbers of each half of a file.
+
+    Raises:
+        ProofError: If the file cannot be read, is not a proof, or is too large.
+    """
     try:
         with stored_file(path) as file:
             halves = {kind: stored_arrays(file, kind) for kind in JUDGES if kind in file}

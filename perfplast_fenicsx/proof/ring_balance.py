@@ -194,7 +194,7 @@ class _Acting:
 def _reactions(
     body: Body, acting: _Acting, anchors: Anchors, plates: Plates, idle: Flags
 ) -> tuple[Floats | None, str | None]:
-    """Return the sizes of the additional forces of supports, contact and plates on each facet.
+    """Return upper bounds on the additional forces of supports, contact and plates on facets.
 
     Args:
         body: The bodies.
@@ -204,7 +204,7 @@ def _reactions(
         idle: Pieces on which nothing acts along the axis.
 
     Returns:
-        The sizes and None, or None and the reason why no such forces are known.
+        The bounds and None, or None and the reason why no such forces are known.
     """
     pieces = acting.pieces[body.outer // 3]
     first = np.append(anchors.facets, plates.first)

@@ -45,7 +45,7 @@ LOST = "volume of cells has no outlet, as at"
 
 @dataclass(frozen=True)
 class Undone:
-    """The size of a velocity w that undoes volume changes.
+    """Upper bounds on the size of a velocity w that undoes volume changes.
 
     Attributes:
         gradients: The largest ‖∇w‖ in each cell times its volume, shape (num_cells,).
@@ -63,7 +63,7 @@ class Undone:
 def undone(
     body: Body, mechanism: Mechanism, change: Balls, kinds: tuple[Flags, Flags], shapes: Shapes
 ) -> Undone:
-    """Return the size of a velocity that undoes volume changes.
+    """Return upper bounds on the size of a velocity that undoes volume changes.
 
     Args:
         body: The bodies.

@@ -191,6 +191,9 @@ class NewtonDirections:
         """Return the direction that to first order changes the products by ``change``.
 
         Collective.
+
+        Raises:
+            SingularStiffness: If the loads do no work on any flow.
         """
         program, work, jumps = self._program, self._work, self._program.jumps
         aims = [it.aim(part) for it, part in zip(self._scaled, change.parts, strict=True)]

@@ -252,6 +252,9 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
     Args:
         problem: The bodies.
         flat: Whether the out-of-plane stress is in no equation.
+
+    Raises:
+        InputError: If the interior point method does not support a body's yield set.
     """
     tagged_mesh, materials = problem.tagged_mesh, materials_of(problem)
     topology = tagged_mesh.mesh.topology
@@ -373,6 +376,9 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
         size: Number of components of Mandel vectors.
         flat: Whether the out-of-plane stress is in no equation.
         thin: Whether the out-of-plane stress is zero; only with ``flat``.
+
+    Raises:
+        InputError: If the method does not support the spatial variation of a parameter.
     """
     given = material.parameters()
     sines = [one for one in given.values() if isinstance(one, FrictionSine)]
@@ -417,7 +423,13 @@ def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
 def _of_numbers(
     kind: type[Any], given: Mapping[str, float], of: tuple[int, bool, bool]
 ) -> BodyCone | None:
-    """Return the cone of a law with constant numbers; see :func:`_cone_of`."""
+    """Return the cone of a law with constant numbers, or None; see :func:`_cone_of`.
+
+    Args:
+        kind: The law.
+        given: Parameters of the law by name.
+        of: The arguments ``size``, ``flat`` and ``thin`` of :func:`_cone_of`.
+    """
     size, flat, thin = of
     law: Any = kind(**{name: ufl.as_ufl(value) for name, value in given.items()})
     cones = None if law.carries_any_load else law.yields.cones(size)
@@ -483,7 +495,15 @@ def _parabola(cone: ParabolicCone) -> Parabola:
 
 
 def _principal(cone: PrincipalCone, law: Any) -> PlainPrincipal:
-    """Return the numbers of a cone of principal stresses."""
+    """Return the numbers of a cone of principal stresses.
+
+    Args:
+        cone: Cone that the law returns.
+        law: The law, for the message.
+
+    Raises:
+        InputError: If the numbers do not describe a set that contains zero stress.
+    """
     tension = np.inf if cone.tension is None else float(numbers_of(cone.tension))
     found = PlainPrincipal(float(numbers_of(cone.bound)), float(numbers_of(cone.sine)), tension)
     least = 0.0 if found.sine > 0 else TINY

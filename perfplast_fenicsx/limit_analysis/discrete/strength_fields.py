@@ -84,6 +84,8 @@ def steepness_in(cones: BodyCones, numbers: Longs, simplices: Floats, side: Side
 def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
     """Return the factors of :func:`steepness_in` in this rank's cells, shape (num_cells,).
 
+    If no slope varies, the function returns None.
+
     Args:
         problem: The bodies, on straight cells.
         side: "below" for the smallest factors, "above" for the largest factors.
@@ -96,7 +98,7 @@ def steepness_of_cells(problem: Problem, side: Side) -> Floats | None:
 def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
     """Return the linear functions of :func:`profiles_in` in this rank's cells.
 
-    The result has the shape (num_cells, d + 1).
+    The result has the shape (num_cells, d + 1). If no bound varies, the function returns None.
 
     Args:
         problem: The bodies, on straight cells.
@@ -113,7 +115,7 @@ def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     If the points are the vertices v of a cell (:mod:`stress_cells`), the value is (c_v + Σ_w
     c_w)/(d + 2). Here c is a linear function that is nowhere below the profile, and the sum is over
     all vertices of the cell. For any linear function f, the mean over the vertices of this value
-    times f then equals the mean of c f in the cell.
+    times f then equals the mean of c f in the cell. If no bound varies, the function returns None.
 
     Args:
         problem: The bodies.
@@ -130,7 +132,7 @@ def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
     """Return factors of the slopes at the points of this rank, shape (num_points,). Collective.
 
     Points at the vertices of a cell have the largest factor in the cell, because upper bounds need
-    the largest factor.
+    the largest factor. If no slope varies, the function returns None.
 
     Args:
         problem: The bodies.

@@ -105,7 +105,11 @@ class Weakening:
 
 
 def _reduced(materials: Mapping[str, Any], factor: float) -> dict[str, Material]:
-    """Return the materials with strengths divided by a factor, unless ``reduced = false``."""
+    """Return the materials with strengths divided by a factor, unless ``reduced = false``.
+
+    Raises:
+        InputError: If the strength of a material cannot be divided.
+    """
     found = {}
     for name, material in materials.items():
         divided_by = getattr(material, "divided_by", None)

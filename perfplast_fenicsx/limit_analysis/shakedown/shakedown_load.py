@@ -292,7 +292,11 @@ def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
 
 
 def _check_bonds(problem: Problem) -> None:
-    """Check that supports do not move, and that elastic stresses can be superposed."""
+    """Check that supports do not move, and that elastic stresses can be superposed.
+
+    Raises:
+        InputError: If supports or obstacles move, or if bodies may separate or slide.
+    """
     if problem.num_pairs or problem.friction.count:
         raise InputError(
             "shakedown superposes the elastic stresses of the separate loads, so bodies may "
