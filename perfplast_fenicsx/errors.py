@@ -182,7 +182,7 @@ def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
     """Refuse a value that is not one of the choices.
 
     Raises:
-        InputError: If the value is refused; the message has the field, the value and the choices.
+        InputError: If the value is refused; the message names the field, the value and the choices.
     """
     if value not in choices:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(choices)}.")

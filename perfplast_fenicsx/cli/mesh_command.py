@@ -108,7 +108,7 @@ def address_of(folder: str) -> str:
 
 
 def open_page(folder: str) -> str:
-    """Open the page on which the user sets up a case in a browser, if there is a screen.
+    """Open the setup page in a browser, if there is a screen.
 
     Args:
         folder: The output folder of ``perfplast mesh``.

@@ -234,7 +234,10 @@ def _smallest_around(
     areas: Sequence[float],
     own: set[int],
 ) -> int | None:
-    """Return the index of the smallest loop around a point that has no corner in ``own``."""
+    """Return the index of the smallest loop around a point that has no corner in ``own``.
+
+    Return None if there is no such loop.
+    """
     found = None
     for k, (loop, area) in enumerate(zip(corners, areas, strict=True)):
         if area <= 0 or own & {*loop} or (found is not None and area >= areas[found]):

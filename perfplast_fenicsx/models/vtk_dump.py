@@ -17,7 +17,7 @@ import pyvista
 
 
 def limit(size: int) -> None:
-    """Limit the memory of this process, for a file of ``size`` bytes."""
+    """Limit the memory of this process for a file of ``size`` bytes, and forbid core dumps."""
     least_memory, memory_per_byte = 8 << 30, 100  # limits of the address space (bytes)
     memory, most = least_memory + memory_per_byte * size, resource.getrlimit(resource.RLIMIT_AS)[1]
     if most == resource.RLIM_INFINITY or memory < most:

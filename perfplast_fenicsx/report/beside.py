@@ -161,7 +161,7 @@ def _difference(a: float | None, b: float | None) -> str:
 
 
 def _pictures(readers: Sequence[ResultReader]) -> str:
-    """Return the stored pictures; each picture is next to the picture of the other run."""
+    """Return the stored pictures; each is beside or above the picture of the other run."""
     text = ""
     for figure in figures():
         words, files = figure.title, [reader.path / figure.file for reader in readers]

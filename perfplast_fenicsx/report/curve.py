@@ -207,7 +207,7 @@ def _drawn(
     left: int,
     curved: bool,
 ) -> str:
-    """Return a curve with a mark at each point; the point's text appears under the pointer."""
+    """Return a curve, its entry in the legend, and marks whose texts appear under the pointer."""
     colour, shape = COLOURS[number % len(COLOURS)], MARKS[number % len(MARKS)]
     points = [place(x, y) for x, y in zip(line.x, line.y, strict=True)]
     along = [place(x, y) for x, y in zip(*between(line.x, line.y), strict=True)]

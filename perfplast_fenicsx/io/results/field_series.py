@@ -265,7 +265,7 @@ class FieldSeries:
         return self._folder.file(level_file(number)).is_file()
 
     def _list_levels(self) -> None:
-        """Replace ``fields.vtkhdf.series``, the list of levels. Collective."""
+        """Replace the series files, which list the levels (``*.vtkhdf.series``). Collective."""
 
         def write() -> None:
             self._list(SERIES, {level_file(number): time for number, time in self._times.items()})
