@@ -159,7 +159,7 @@ class _Told:
             self.lines.append(f"  {name}: {told}")
 
     def supports(self, single: Sequence[list[str]], together: list[str]) -> None:
-        """Add a line on each support: place, components, free rigid motions."""
+        """Add lines on supports and rigid surfaces: places, components, remaining rigid motions."""
         holding = self.problem.given.holding
         self.lines.append("Supports:" if holding else "Supports: none")
         axes = self.problem.kinematics.axes

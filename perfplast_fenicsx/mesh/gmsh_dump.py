@@ -18,7 +18,7 @@ import numpy as np
 
 
 def limit(size: int) -> None:
-    """Limit the memory and the processor time of this process, for a file of ``size`` bytes."""
+    """Limit memory and processor time for a file of ``size`` bytes, and forbid core dumps."""
     # processor time for gmsh; undamaged files need less than a tenth of it
     least_seconds, seconds_per_mb = 30, 5
     seconds = least_seconds + seconds_per_mb * (size >> 20)

@@ -167,7 +167,7 @@ def _run(
 
 
 def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool) -> str:
-    """Return the cause of a failure, taken from the last line of the program's output."""
+    """Return the cause of a failure: a time limit, no X server, or the last line of the output."""
     complaints.seek(0)
     last = (complaints.read().strip().splitlines() or [f"exit status {status}"])[-1]
     if status == REFUSED:

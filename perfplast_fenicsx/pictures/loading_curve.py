@@ -125,7 +125,7 @@ def draw_curve(
     unit: str = "",
     now: LevelReport | None = None,
 ) -> None:
-    """Draw ζ over α at the converged levels, and a line at each ζ without a solution.
+    """Draw ζ over α at solved levels, the elastic line, the limit, and each ζ without a solution.
 
     For a history, the function draws the factors of loads (:func:`draw_history`).
     """

@@ -157,7 +157,7 @@ class CaseWords:
         return f"{one} is {', '.join(live[:most_named])}{more}."
 
     def contacts(self) -> list[Row]:
-        """Return a row for each pair of surfaces in contact or tied."""
+        """Return the rows of contacts, obstacles and ties."""
         rows = []
         for contact in self._given.get("contacts", []):
             gap = contact["gap"]

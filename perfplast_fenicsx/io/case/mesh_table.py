@@ -23,7 +23,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 
 
 def _kept(comm: MPI.Intracomm, mesh: Path, keep: Callable[[], object]) -> TaggedMesh:
-    """Return the mesh with remarks on it; rank 0 makes the mesh if necessary. Collective.
+    """Return the mesh in a file, which rank 0 makes first if necessary. Collective.
 
     The mesh also has the names of surfaces that are glued, and the areas of surfaces in the
     drawing.
