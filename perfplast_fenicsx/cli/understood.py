@@ -188,7 +188,7 @@ class _Told:
     def interfaces(
         self, gaps: dict[str, tuple[int, float, float]], against: Sequence[HeldAgainst]
     ) -> None:
-        """Add lines on contacts, obstacles and ties: areas, pairs of nodes, gaps."""
+        """Add lines on contacts, obstacles and ties: areas, gaps of pairs of nodes, friction."""
         contacts, ties = self.case.contacts, self.problem.given.ties
         if contacts or self.case.obstacles:
             self.lines.append("Contacts:")

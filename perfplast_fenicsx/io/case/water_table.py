@@ -218,7 +218,7 @@ class _Given:
         }
 
     def check_names(self) -> None:
-        """Raise an error for unknown bodies, and for bodies with several pore pressures."""
+        """Raise an error for no water, unknown bodies, or keys that contradict each other."""
         said = self.said
         if not (len(self.table) or said.piezometric or said.ru):
             raise InputError("no water is defined; give table = [[x, y], ...], piezometric or ru.")
