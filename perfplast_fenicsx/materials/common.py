@@ -60,7 +60,7 @@ def _concrete(strength: float, cube: float, modulus: float) -> Common:
 
 
 def _clay(name: str, shear_strength: float) -> Common:
-    """Return an undrained clay from c_u (MPa); von Mises' law yields at σ_y/√3 in plane strain."""
+    """Return undrained clay of strength c_u (MPa), which is σ_y/√3 in plane strain (von Mises)."""
     what = f"clay, undrained, c_u {1e3 * shear_strength:g} kPa, in plane strain"
     return Common(name, 300 * shear_strength, 0.49, math.sqrt(3) * shear_strength, what, CLAY)
 

@@ -217,8 +217,8 @@ def check_tension(tension: float | None, cohesion: Strength) -> None:
         return
     if isinstance(cohesion, SpatialField):
         raise InputError(
-            f"tensile_strength = {tension:g} with a cohesion that varies in space is not "
-            "supported; remove it, or give each body a cohesion that is a number."
+            f"tensile_strength = {tension:g} is not supported with a cohesion that varies in "
+            "space; remove tensile_strength, or give each body a constant cohesion."
         )
     if not (tension > 0 and math.isfinite(tension)):
         raise InputError(

@@ -136,7 +136,7 @@ def _sines_of(body: Body) -> Floats:
 
 
 def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
-    """Return sentences on the factor that divides strengths, and on the undivided strengths.
+    """Return sentences on the factor, and on strengths before or without division by it.
 
     Args:
         body: The bodies with divided strengths.

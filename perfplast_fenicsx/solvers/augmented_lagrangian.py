@@ -260,7 +260,7 @@ class AugmentedLagrangian(LevelSolver):
         active: PairFlags,
         history: Sequence[Iteration],
     ) -> Step:
-        """Perform steps 1 to 3, and extrapolate e. Collective."""
+        """Perform steps 1 to 3, with Anderson extrapolation of e if it is enabled. Collective."""
         options, iterate = self.options, self.iterate
         if history and len(history) % CHECK_EVERY == 0:
             self._balance(history[-1].extra["primal"], history[-1].extra["dual"])

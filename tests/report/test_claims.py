@@ -104,7 +104,7 @@ def test_a_claim_without_its_proof(honest: Halves, tmp_path: Path, which: str) -
         path.write_text("proven")
     elif which == "link":
         path.symlink_to(write(tmp_path / "other.h5", halves))
-    with pytest.raises(InputError, match=r"does not prove|not a proof|is a link"):
+    with pytest.raises(InputError, match=r"does not prove|not a proof|is a symbolic link"):
         proofs_of(reader_of(tmp_path, low, None))
 
 

@@ -283,7 +283,7 @@ class _Given:
                 return []
         elif self.said.on is None:
             raise InputError(
-                "on is missing, and the case does not draw the ground; give on = the name of the "
+                "'on' is missing, and the case does not draw the ground; give on = the name of the "
                 'surface under water, or on = "" if there is no water above the ground.'
             )
         elif not self.said.on:

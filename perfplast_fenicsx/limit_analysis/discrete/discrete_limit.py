@@ -11,7 +11,7 @@ of the projected velocity show the bodies whose mesh is too coarse for a mechani
 The module also computes Drucker's bounds on the limit load with Coulomb's friction. No limit
 theorem holds for Coulomb's friction, because slip is not normal to the friction cone. However, the
 load at collapse is at least the limit load without friction, and at most the limit load of bodies
-whose surfaces with friction can neither slip nor separate. Both bounds are limit loads of perfect
+whose surfaces with friction can neither slip nor separate. Both bounds are limit loads in perfect
 plasticity (D. C. Drucker, Coulomb friction, plasticity, and limit loads, J. Appl. Mech. 21 (1954),
 71).
 """

@@ -304,7 +304,8 @@ def _check_bonds(problem: Problem) -> None:
         )
     if problem.motion.moves_supports or problem.motion.driven:
         raise InputError(
-            "shakedown supports only loads and temperatures; remove the motions of supports."
+            "shakedown supports only loads and temperatures, but a support or a rigid surface"
+            " moves; remove this motion."
         )
 
 

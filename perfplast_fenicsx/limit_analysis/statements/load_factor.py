@@ -183,7 +183,9 @@ def check_design(design: float | None) -> None:
         InputError: If the load factor is not a positive finite number.
     """
     if design is not None and not (design > 0 and math.isfinite(design)):
-        raise InputError(f"design = {design} is not a load factor; give a positive one, often 1.0.")
+        raise InputError(
+            f"design = {design} is not a load factor; give a positive number, usually 1."
+        )
 
 
 @dataclass(frozen=True)

@@ -248,7 +248,7 @@ def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[Princip
 def dissipation_of_cells(
     problem: Problem, rates: MechanismRates, subdivisions: int = SUBDIVISIONS
 ) -> Floats:
-    """Return upper bounds on the dissipation of cells, from rates in coordinates of the cones.
+    """Return upper bounds on the dissipation of cells, from strain rates in the cones' coordinates.
 
     Not collective. The dissipation is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε in dilating bodies
     (:mod:`standard_cones`). For sets of principal stresses, see :mod:`semidefinite_cones`. A volume

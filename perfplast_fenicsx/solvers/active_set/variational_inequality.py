@@ -303,7 +303,7 @@ class VariationalInequality:
         return None
 
     def _repeats(self, held: PairFlags) -> bool:
-        """Store an active set, and return whether it occurred before. Collective."""
+        """Store an active set, and return whether it has occurred before. Collective."""
         again = np.array([(earlier == held).all() for earlier in self._seen], dtype=np.int32)
         self._seen.append(held)
         if again.size:
