@@ -211,7 +211,7 @@ def check_deforms(materials: Mapping[str, object]) -> None:
 def require_not_negative(field: str, value: Strength) -> None:
     """Refuse a material parameter that is negative or not finite.
 
-    The function also refuses the numbers that :func:`check_magnitude` refuses. It accepts a value
+    The function also refuses the numbers that ``check_magnitude`` refuses. It accepts a value
     that varies in space; :mod:`law_on_cells` checks such a value on the mesh.
 
     Raises:
@@ -227,7 +227,7 @@ def require_not_negative(field: str, value: Strength) -> None:
 def require_positive(field: str, value: Strength) -> None:
     """Refuse a material parameter that is not positive and finite.
 
-    The function also refuses the numbers that :func:`check_magnitude` refuses. It accepts a value
+    The function also refuses the numbers that ``check_magnitude`` refuses. It accepts a value
     that varies in space; :mod:`law_on_cells` checks such a value on the mesh.
 
     Raises:

@@ -159,7 +159,7 @@ class HoekBrownLaw(Law):
 
         The number i multiplies the elastic mean stress. On the parabola Σ°[d] is β (w:d) w, with
         w = (2R' + k) i − √2 k n and β = μK/(K k² x + μ(2R' + k)²). Here i is the vector of
-        :meth:`_unit`, and n is the unit in-plane deviator of the stress. Perpendicular to n the
+        ``_unit``, and n is the unit in-plane deviator of the stress. Perpendicular to n the
         deviatoric modulus is 2μR'/R. Plastic flow does not change the part of σ_zz that depends
         on ε_zz but not on p.
         """

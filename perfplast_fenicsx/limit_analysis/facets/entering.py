@@ -153,7 +153,7 @@ def with_facet_contact(problem: Problem) -> Problem | None:
 
     Returns:
         A problem that shares everything except contact with the given problem. None if there are
-        obstacles, friction, ties or facets that do not match, or if :func:`_rows` finds no host.
+        obstacles, friction, ties or facets that do not match, or if ``_rows`` finds no host.
     """
     others = problem.given.obstacles or problem.friction.count or problem.num_tied
     matched = None if others or problem.constraints.in_mean else matched_facets(problem)
