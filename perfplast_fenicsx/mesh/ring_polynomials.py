@@ -132,7 +132,7 @@ def weights_of_rates(radii: Floats, areas: Floats) -> Floats:
 
 
 def equal_parts(count: int) -> list[Floats]:
-    """Return the vertices of n² equal parts of a triangle, in barycentric coordinates; n = count."""
+    """Return the barycentric coordinates of the vertices of n² equal parts; n = count."""
     parts = []
     for i, j in product(range(count), repeat=2):
         low = np.array([[i, j], [i + 1, j], [i, j + 1]])
