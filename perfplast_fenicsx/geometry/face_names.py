@@ -265,7 +265,7 @@ class _Choice:
             found |= {*known[name]} & {*own}
         if not found:
             raise InputError(
-                f"the face '{wanted.name}': none of its faces belongs to '{wanted.body}'; give "
+                f"the face '{wanted.name}': no face listed for it belongs to '{wanted.body}'; give "
                 "another body, or remove body."
             )
         return list(found)

@@ -432,7 +432,7 @@ class _Units:
         return np.asarray((scale * motion / size).reshape(self._free.shape) * self._free)
 
     def _middles(self) -> Floats:
-        """Return the coordinates of the points; the point of an edge is its middle."""
+        """Return the coordinates of vertices and of midpoints of edges."""
         x = self._body.vertices
         return np.concatenate([x, x[self._places.ends].mean(axis=1)])
 

@@ -145,7 +145,7 @@ def test_stages_tighten_anew(
     assert main(["run", str(case), "--restart", str(parts)]) == BAD_INPUT
     said = capfd.readouterr().err
     if comm.rank == 0:
-        assert "the bolt 'anchor' was tightened again" in said
+        assert "the bolt 'anchor' is tightened again" in said
         assert "--force" in said
 
 

@@ -532,7 +532,7 @@ def _handed_on(
 def _compressed(
     terms: npt.NDArray[np.void],
 ) -> tuple[Longs, npt.NDArray[np.bool_], Longs, Floats, Floats]:
-    """Return place, side, node, value and along of the terms, summed by row and node."""
+    """Return place, ``own``, node and the sums of value and ``along``, for each row and node."""
     span = int(terms["node"].max(initial=0)) + 1
     key = (terms["place"] * 2 + terms["own"]) * span + terms["node"]
     keys, group = np.unique(key, return_inverse=True)

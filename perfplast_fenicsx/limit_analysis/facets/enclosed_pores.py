@@ -69,7 +69,7 @@ def on_kinks(
     loads: Sequence[Load],
     strengths: Sequence[tuple[str, SpatialField]] = (),
 ) -> npt.NDArray[np.bool_]:
-    """Return flags of local vertices at which the gradient of a pressure or a strength jumps.
+    """Return a flag for each local vertex: whether a pressure's or strength's gradient jumps.
 
     Collective.
 

@@ -227,8 +227,9 @@ class LoadingHistory:
         for name in self._preloads:
             if any(name in stage.factors for stage in begun):
                 raise InputError(
-                    f"the bolt '{name}' was tightened again in an earlier stage, so a run cannot"
-                    " continue from this level; run the case from its beginning, with --force."
+                    f"the bolt '{name}' is tightened again in this or an earlier stage, so a run"
+                    " cannot continue from this level; run the case from its beginning, with"
+                    " --force."
                 )
 
     def works(self, u: PETSc.Vec) -> dict[str, float]:
