@@ -90,24 +90,33 @@ def read(shared_tmp_path: Path) -> Read:
         if MPI.COMM_WORLD.rank == 0:
             write(path, **arguments)
         MPI.COMM_WORLD.barrier()
-        return read_gmsh(comm, path)
+        with pytest.MonkeyPatch.context() as patch:
+            patch_reader(patch)
+            return read_gmsh(comm, path)
 
     return read
 
 
-READ_APART = ("tests/mesh", "hostile", "fuzz")
-"""Parts of the paths of tests that read meshes in a separate process, as users do."""
+READ_APART = ("mesh/", "hostile", "fuzz")
+"""Parts of the paths, relative to ``tests``, of tests that read mesh files as users do."""
 
 
 @pytest.fixture(autouse=True)
 def mesh_files_read_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Read mesh files in this process, because a separate process needs 0.35 s to load gmsh.
+    """Read mesh files in this process, except in tests of damaged files.
 
-    Damaged files may make gmsh crash; their tests keep the separate process.
+    Damaged files may make gmsh crash, so these tests keep the separate process. Their fixture
+    ``read`` reads valid files in this process.
     """
-    if not any(part in str(request.path) for part in READ_APART):
-        here = SimpleNamespace(run=read_here, DEVNULL=subprocess.DEVNULL)
-        monkeypatch.setattr(gmsh_reader, "subprocess", here)
+    path = request.path.relative_to(Path(__file__).parent).as_posix()
+    if not any(part in path for part in READ_APART):
+        patch_reader(monkeypatch)
+
+
+def patch_reader(patch: pytest.MonkeyPatch) -> None:
+    """Let gmsh read in this process, because a separate process needs 0.35 s to load gmsh."""
+    here = SimpleNamespace(run=read_here, DEVNULL=subprocess.DEVNULL)
+    patch.setattr(gmsh_reader, "subprocess", here)
 
 
 def read_here(command: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
