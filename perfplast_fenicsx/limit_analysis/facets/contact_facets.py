@@ -176,7 +176,7 @@ def face_jumps(problem: Problem, velocity: fem.Function) -> Iterator[FaceJumps]:
         return
     facets = contact_facets(problem)
     nodes, fixed = facets.nodes, problem.fixed
-    paired, jumps = has_pair(problem), jump_vectors(problem, velocity)
+    paired, jumps = has_pair(problem), _jump_vectors(problem, velocity)
     beside = _speeds_of_pairs(problem, velocity)
     sizes = np.abs(velocity.x.array.reshape(fixed.shape)).max(axis=1, initial=0.0)
     for face in faces:
@@ -204,7 +204,7 @@ def has_pair(problem: Problem) -> PairFlags:
     return at_nodes(problem, np.zeros(len(every)), every)[1]
 
 
-def jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
+def _jump_vectors(problem: Problem, velocity: fem.Function) -> Floats:
     """Return the jump vectors of pairs, shape (num_pairs, d). Collective.
 
     Along the normal, a jump is positive where a pair penetrates.
