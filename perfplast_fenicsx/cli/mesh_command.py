@@ -24,6 +24,7 @@ from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey, listed
 from perfplast_fenicsx.io.case.case_schema import case_schema
+from perfplast_fenicsx.io.case.units_table import HEAVIEST, LIGHTEST
 from perfplast_fenicsx.materials.common import MATERIALS, SOILS, find
 from perfplast_fenicsx.models.bdf_file import read_bdf
 from perfplast_fenicsx.models.foreign_model import ForeignModel, told_of_shared_nodes, with_material
@@ -403,6 +404,7 @@ def _page(
             | {"density": one.density, "newtons": one.pascals / one.metres}
             for name, one in SYSTEMS.items()
         },
+        "weights": [LIGHTEST, HEAVIEST],
         "library": {name: library(name) for name in SYSTEMS},
     }
     rows = [_face_row(face, survey) for face in survey.faces]

@@ -76,8 +76,8 @@ def setup_page(
             ``cells``, and the number up to which bounds are ``affordable``; ``faces``, ``sets``
             and ``joints`` with their names; the contacts that a run has ``refused``, or None; the
             text of the initial ``case``; the JSON ``schema`` of case files; ``systems`` of units,
-            each with the ``newtons`` per m³ of its force per volume; the ``library`` of materials
-            for each system.
+            each with the ``newtons`` per m³ of its force per volume; plausible ``weights`` (N/m³);
+            the ``library`` of materials for each system.
         tables: Additional tables by heading. Their rows have equal length; the first row has the
             column heads.
         size: Heading of the column with the sizes of faces.

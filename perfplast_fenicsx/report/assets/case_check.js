@@ -329,16 +329,14 @@ const loadNames = (value) => [
   ...(value.water || value.seepage ? ["water"] : []), ...(value.earthquake ? ["earthquake"] : []),
 ].filter(Boolean);
 
-const WEIGHTS = [100, 1e7]; // plausible weights of materials on earth, with foam and with gold (N/m³)
-
 /** Warnings of weights that no material has, which come from numbers in other units. */
-function weightFaults({ gravity, units }, { systems, dim }, add) {
+function weightFaults({ gravity, units }, { systems, weights, dim }, add) {
   const { newtons, density: unit, length } = systems[units?.system] ?? {};
   const { acceleration, density } = gravity ?? {};
   if (!newtons || acceleration?.length !== dim || typeof density !== "object") return;
   for (const [body, one] of Object.entries(density)) {
     const weight = one * Math.hypot(...acceleration) * newtons;
-    if (!(weight > 0) || (weight >= WEIGHTS[0] && weight <= WEIGHTS[1])) continue;
+    if (!(weight > 0) || (weight >= weights[0] && weight <= weights[1])) continue;
     add(["gravity", "density"], `'${body}' weighs ${Number((weight / 1e3).toPrecision(3))} kN/m³, and steel weighs 77 kN/m³; give densities in ${unit}, and accelerations in ${length}/s²`, true);
   }
 }
