@@ -107,7 +107,7 @@ def coulomb_limit(
         solver: ALG3 or ALG4. Levels with prescribed loads use the same linear solvers.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level that carries its load, and in any case after
-            the level of the permanent loads.
+            the level of the constant loads.
         search: Search of an earlier run, to continue.
         reached: Last converged state of the earlier run.
 

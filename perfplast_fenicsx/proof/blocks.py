@@ -44,7 +44,7 @@ UNIT = 2e-12
 """Twice the largest error of the length of unit vectors in a file."""
 
 Factors = tuple[float, float, float]
-"""Factors of the sought loads, of permanent loads and of free loads."""
+"""Factors of the sought loads, of constant loads and of free loads."""
 
 
 @dataclass(frozen=True)

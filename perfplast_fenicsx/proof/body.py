@@ -56,7 +56,7 @@ class Body:
         cell_strength: Positive factor of c at the vertices of each cell, linear in the cell, shape
             (num_cells, d + 1); 1 for a uniform strength.
         sought: The loads whose factor λ is bounded, at λ = 1.
-        constant: Permanent loads, which λ does not multiply.
+        constant: Constant loads, which λ does not multiply.
         others: Free loads, which may have any factor, at factor 1.
         facets: Vertices of the outer facets, shape (num_facets, d).
         surface: Tag of each facet's surface; 0 if the facet is on no surface.

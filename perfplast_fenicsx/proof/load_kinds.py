@@ -15,7 +15,7 @@ NAMES = ("body_force", "traction", "pore_pressure", "rigid_force", "rigid_moment
 """Names of the arrays that describe loads of one kind."""
 
 KINDS = ("", "constant_", "any_")
-"""Prefixes of the arrays by kind: sought loads (their factor is bounded), permanent loads, and free
+"""Prefixes of the arrays by kind: sought loads (their factor is bounded), constant loads, and free
 loads (of any factor). A file without the arrays of a kind has no such loads."""
 
 EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)

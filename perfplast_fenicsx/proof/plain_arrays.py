@@ -96,11 +96,11 @@ def bound_of(values: Any, with_constant: bool) -> float:
 
     Args:
         values: The value in the file.
-        with_constant: Whether there are permanent loads. Without permanent loads, the bodies carry
+        with_constant: Whether there are constant loads. Without constant loads, the bodies carry
             the loads at factor zero, so a negative bound is not valid.
 
     Raises:
-        ProofError: If the value is not one finite real number, or is negative without permanent
+        ProofError: If the value is not one finite real number, or is negative without constant
             loads.
     """
     bound = number_of("bound", values)

@@ -1,7 +1,7 @@
 """Check whether a velocity, continuous and quadratic in each cell, proves an upper bound.
 
 (∫D(ε(v)) − L₀(v))/L(v) is an upper bound on the limit load if v = 0 at supports, ε(v) = 0 in
-elastic bodies, and v causes no penetration. L₀(v) is the work of permanent loads, and L(v) is the
+elastic bodies, and v causes no penetration. L₀(v) is the work of constant loads, and L(v) is the
 work of the sought loads. D is the supremum of σ:ε over the cone of each cell (:mod:`cones`); ε is
 admissible if D is finite (kinematic theorem, W. Prager, P. G. Hodge, Theory of Perfectly Plastic
 Solids, 1951). The checker corrects the stored velocity until these conditions hold
@@ -111,7 +111,7 @@ class Flow:
         bound: The upper bound; None if nothing is proven.
         reasons: Reasons why nothing is proven.
         cost: Part of the bound that is due to undone volume changes and rounding.
-        power: The larger of the dissipation and |dissipation − work of the permanent loads|,
+        power: The larger of the dissipation and |dissipation − work of the constant loads|,
             divided by ``work``.
         work: Lower bound on the work of the sought loads.
         others: Largest possible work of the free loads at factor 1.

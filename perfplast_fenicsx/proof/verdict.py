@@ -78,7 +78,7 @@ def rounding_of(bound: float, power: float) -> float:
     """Return the difference from the proven upper bound that counts as rounding.
 
     Args:
-        bound: Dissipation minus the work of permanent loads, relative to the work of the sought
+        bound: Dissipation minus the work of constant loads, relative to the work of the sought
             loads.
         power: Total dissipation over the work of the sought loads; rounding errors of the sums
             scale with this ratio.

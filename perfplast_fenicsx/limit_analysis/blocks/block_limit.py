@@ -33,7 +33,7 @@ ROUNDING = 1e-15
 """Load factors below this value differ from zero only by rounding, in the same units."""
 
 ENOUGH = 2.0
-"""Multiple of the permanent loads up to which joint forces are sought if no load grows. If joints
+"""Multiple of the constant loads up to which joint forces are sought if no load grows. If joints
 without adhesion carry the loads, they also carry any multiple of the loads."""
 
 
@@ -69,7 +69,7 @@ class BlockLimit:
             found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs that were solved.
-        resists: Whether there are permanent loads or adhesion, or λ is positive.
+        resists: Whether there are constant loads or adhesion, or λ is positive.
     """
 
     lower: tuple[Outcome, float]
@@ -282,7 +282,7 @@ class _Placed:
         jumps: Velocity jumps at the vertices of these facets.
         sticky: Points at which adhesive tractions act.
         units: Unit of forces, and unit of each kind of load.
-        loads: Loads of each kind: with the unknown factor, permanent, and free.
+        loads: Loads of each kind: with the unknown factor, constant, and free.
     """
 
     blocks: RigidBlocks

@@ -88,7 +88,7 @@ class JointProgram:
             dissipation, for the motions.
         sought: Work of the loads with the unknown factor, for each unknown motion, shape
             (num_motions,).
-        constant: Work of the permanent loads for each unknown motion.
+        constant: Work of the constant loads for each unknown motion.
         others: Work of the free loads for each unknown motion. Free loads may have any factor.
         most: The largest λ for which forces are sought. It is finite if the joints may carry the
             loads at any factor, because forces for one factor are then enough for a proof.

@@ -117,7 +117,7 @@ class RigidBlocks:
         gram: Gram matrices of the held directions, shape (num_blocks, modes, modes).
         live: Forces from the live loads, and their moments divided by the extents, shape
             (num_blocks · modes,).
-        dead: Forces from the permanent loads, and their moments divided by the extents, same shape.
+        dead: Forces from the constant loads, and their moments divided by the extents, same shape.
         facets: Joint facets; None on ranks other than 0.
     """
 

@@ -7,7 +7,7 @@ contributions to the gap or to this dissipation. See M. Ciria, J. Peraire and
 J. Bonet, doi:10.1002/nme.2310.
 
 The module also bounds the least load factor that the bodies carry, by reversing the live loads.
-With permanent loads, the load factors that the bodies carry form an interval, because the set of
+With constant loads, the load factors that the bodies carry form an interval, because the set of
 admissible stresses is convex. The interval need not contain 0: a wall may need the force of a prop.
 If the interval does not contain 0, a bound of the largest load factor alone would be misleading.
 """
@@ -305,13 +305,13 @@ def least_load(
 
 
 def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:
-    """Return whether the bodies may collapse under the permanent loads alone.
+    """Return whether the bodies may collapse under the constant loads alone.
 
     Collective.
 
     The function seeks a lower bound for the reversed live loads on the mesh of the problem. If
     there is no lower bound of at least 0, the bodies may collapse. The result is False if the
-    question does not arise: without permanent or live loads, for live loads that cannot be
+    question does not arise: without constant or live loads, for live loads that cannot be
     reversed, and if ``body`` contains no strict bound of a load factor.
 
     Args:

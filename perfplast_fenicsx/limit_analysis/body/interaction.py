@@ -1,6 +1,6 @@
 """Compute interaction diagrams: the multiples of two or three loads that the bodies carry.
 
-The bodies carry a·A + b·B together with the permanent loads for a convex set of pairs (a, b), or of
+The bodies carry a·A + b·B together with the constant loads for a convex set of pairs (a, b), or of
 triples for three loads. Strict lower bounds prove points of this set, and the convex hull of these
 points lies inside the set. A mechanism v of a strict upper bound dissipates D(v), which bounds the
 work of *all* loads that the bodies carry:
@@ -79,7 +79,7 @@ class Envelope(NotebookResult):
 
     Attributes:
         carried: Pairs or triples that the bodies provably carry, shape (n, d): one for each
-            direction with a strict lower bound. Without permanent loads, the first row is zero. The
+            direction with a strict lower bound. Without constant loads, the first row is zero. The
             bodies also carry all points of their convex hull.
         sides: Half-spaces n·x ≤ r with rows (n, r), |n| = 1, shape (m, d + 1). The bodies carry no
             point outside any half-space.

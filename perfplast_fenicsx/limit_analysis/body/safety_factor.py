@@ -155,7 +155,7 @@ def factor_of_safety(
     steps: Callable[[InteriorStep], None] | None = None,
     estimates: Estimates | None = None,
 ) -> FactorOfSafety:
-    """Return strict bounds on the factor of safety of permanent loads. Collective.
+    """Return strict bounds on the factor of safety of constant loads. Collective.
 
     Args:
         problem: The bodies and their loads; all loads are constant.
@@ -276,7 +276,7 @@ def _of_blocks(
 ) -> FactorOfSafety:
     """Return the factor of safety of bodies that cannot yield, from their joints. Collective.
 
-    Joints without adhesion carry every multiple of the permanent loads, or no multiple. The
+    Joints without adhesion carry every multiple of the constant loads, or no multiple. The
     function therefore bisects F between a factor at which the joints carry the loads and a factor
     at which they do not.
     """

@@ -39,7 +39,7 @@ class ConeProgram:
 
     Attributes:
         A: Matrix of the equations of equilibrium, shape (num_velocities, num_unknowns).
-        b: Permanent loads L₀, shape (num_velocities,).
+        b: Constant loads L₀, shape (num_velocities,).
         c: 1 for λ and 0 for all other unknowns, shape (num_unknowns,).
         cones: Rows of the cones, one entry for each block of the program.
         columns: The columns of the unknowns of each block.

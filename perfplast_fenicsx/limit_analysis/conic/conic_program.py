@@ -6,7 +6,7 @@ At points with weights w, the problems are
     min Σ γ z₀ − L₀(v)  with  L(v) = 1,   αz₀ = w tr ε(v),   z₀ ≥ w‖dev ε(v)‖,   [v] ≤ 0,
 
 in the coordinates of each point's cone (:mod:`standard_cones`). For yield sets whose centre is not
-zero stress, s + γt replaces dev σ. L₀ is the work of the permanent loads, [v] the jump at contact
+zero stress, s + γt replaces dev σ. L₀ is the work of the constant loads, [v] the jump at contact
 pairs and obstacles, r the contact force and p the mean stress. If α = 0, bodies preserve their
 volume; otherwise they dilate, tr ε(v) ≥ α‖dev ε(v)‖. In elastic bodies ‖dev σ‖ is not bounded, and
 ε(v) = 0. Contact gaps do not affect the limit load, because unlimited motion closes or opens every
@@ -78,7 +78,7 @@ rounding in double precision would spoil the equilibrium of the weak points.
 
 
 RESERVES = (1e-5, 1e-3, 1e-2)
-"""Shares of the strengths that are kept in reserve for rounding if there are permanent loads or
+"""Shares of the strengths that are kept in reserve for rounding if there are constant loads or
 points without cohesion. The first share is the initial share, unless a tenth of the tolerance is
 smaller. The second is the largest share if the excess over the yield set is not known; the third is
 the largest share if this excess is known.
@@ -99,7 +99,7 @@ class Start:
             determines this radius.
         pushed: Whether contact carries most of the loads. In this case the flow with soft contact
             springs gives no information.
-        reserve: Share of the strengths that is kept in reserve if there are permanent loads or
+        reserve: Share of the strengths that is kept in reserve if there are constant loads or
             points without cohesion.
     """
 
@@ -145,17 +145,17 @@ class ConicProgram:
         free: Loads with a free factor, which may help to balance the other loads. These loads do no
             work on v.
         has_free: Whether there are loads with a free factor.
-        has_dead: Whether there are permanent loads L₀.
+        has_dead: Whether there are constant loads L₀.
         jumps: Indices of the owned entries of velocities that are jumps of contact pairs;
             ``num_pairs`` on all ranks together.
         plastic: Flags of the points of this rank that can yield, shape (count,); the program treats
             other points as elastic.
         weights: Weights w with mean 1, shape (count,).
         sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress from the
-            permanent loads if this product is much larger; ∞ in elastic bodies.
+            constant loads if this product is much larger; ∞ in elastic bodies.
         loose: Whether any point of any rank has no cohesion.
         keeps: Whether scaling cannot bring a stress within the yield sets, because there are
-            permanent loads or points without cohesion.
+            constant loads or points without cohesion.
         strengths: Sizes of the strengths of plastic points, about 1 in the bodies that carry the
             loads, and 0 at points that are not plastic, shape (count,).
         dilates: Whether any plastic point of any rank dilates.

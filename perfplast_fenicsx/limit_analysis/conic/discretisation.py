@@ -134,7 +134,7 @@ class Discretisation:
         strains: Strain rates of velocities.
         stiffness: Stiffness of the same velocities.
         load: Vector of L, the loads with the unknown factor λ, in the user's units.
-        dead: Vector of L₀, the permanent loads, in the user's units.
+        dead: Vector of L₀, the constant loads, in the user's units.
         free: Vector of the loads with a free factor.
         jumps: Indices of the owned entries of velocities that are jumps [v] of contact pairs.
         proves_stress: Whether the stress has to prove a bound. In this case, without cohesion, the

@@ -356,7 +356,7 @@ class InteriorIteration:
         The inadmissible part is the volume change in plastic bodies and the strain rate in elastic
         bodies. In bodies that dilate, it is the amount by which tr ε(v) is too small.
 
-        Bodies that only permanent loads hold together may separate rigidly. With permanent loads,
+        Bodies that only constant loads hold together may separate rigidly. With constant loads,
         ‖ε(v)‖ therefore counts as at least :data:`AT_REST`.
         """
         wrong, rate = self.rates()

@@ -316,17 +316,17 @@ def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
 
 
 def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
-    """Subtract the part of the permanent loads that unbounded stresses balance. Collective.
+    """Subtract the part of the constant loads that unbounded stresses balance. Collective.
 
     The function uses the present factors of K. If no flow remains, unbounded stresses balance all
-    permanent loads.
+    constant loads.
 
     Args:
         program: The bodies and their loads.
         springs: Springs of contact that the factors contain.
 
     Returns:
-        Contact forces that help to balance the permanent loads (:func:`_forces_beside_dead`).
+        Contact forces that help to balance the constant loads (:func:`_forces_beside_dead`).
     """
     flow = program.create_vector()
     try:
@@ -339,7 +339,7 @@ def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
 
 
 def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats) -> Floats:
-    """Return contact forces at which unbounded stresses balance most of the permanent loads.
+    """Return contact forces at which unbounded stresses balance most of the constant loads.
 
     The growing loads act with the factor, at least zero, that gives the least flow. Bodies that
     preserve volume may touch under pressures of 100 times their strength. A search for such bodies
@@ -348,7 +348,7 @@ def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats)
 
     Args:
         program: The bodies and their loads.
-        dead: Flow under the permanent loads.
+        dead: Flow under the constant loads.
         springs: Springs of contact that the factors contain.
 
     Returns:

@@ -48,7 +48,7 @@ class StaticLoad:
 
     Attributes:
         value: The bound; None if equilibrium was not reached, or if the stress leaves the yield
-            sets and cannot be scaled, because of permanent loads or points without cohesion.
+            sets and cannot be scaled, because of constant loads or points without cohesion.
         unbalanced: Largest unbalanced force, relative to the largest load.
     """
 
@@ -58,7 +58,7 @@ class StaticLoad:
 
 @dataclass(frozen=True)
 class KinematicLoad:
-    """The dissipation of a mechanism with L(v) = 1, minus the work of permanent loads.
+    """The dissipation of a mechanism with L(v) = 1, minus the work of constant loads.
 
     Attributes:
         value: The bound; None if no admissible mechanism was reached.

@@ -148,7 +148,7 @@ def discrete_result(
 ) -> LimitLoad:
     """Return the limit load of an iterate, with bounds computed from its fields. Collective.
 
-    In the result, ``lower`` is the load of a stress, or −∞. Without permanent loads, the caller
+    In the result, ``lower`` is the load of a stress, or −∞. Without constant loads, the caller
     replaces a negative ``lower`` by 0.
     """
     mechanism = fem.Function(problem.V, name="mechanism")
@@ -300,7 +300,7 @@ def interior_point(
 
 
 def _or_none(problem: Problem, found: LimitLoad) -> LimitLoad:
-    """Return the result; without permanent loads, its lower bound is at least 0."""
+    """Return the result; without constant loads, its lower bound is at least 0."""
     return found if problem.loads.has_dead() else replace(found, lower=max(found.lower, 0.0))
 
 
@@ -323,7 +323,7 @@ def _searched(
 
 
 def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
-    """Return the result with the multiple of the permanent loads that the bodies can carry."""
+    """Return the result with the multiple of the constant loads that the bodies can carry."""
     told = _of_dead_loads(stands)
     standing = told.standing
     if standing is not None and not standing.falls:
@@ -333,7 +333,7 @@ def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
 
 
 def _of_dead_loads(stands: LimitLoad) -> LimitLoad:
-    """Return the result as a multiple of the permanent loads, without a load factor."""
+    """Return the result as a multiple of the constant loads, without a load factor."""
     times = stands.lower if np.isfinite(stands.lower) else None
     standing = Standing(times, stands.upper)
     return replace(

@@ -38,7 +38,7 @@ class LimitLoad(NotebookResult):
         method: The method that found the result.
         lower: Static side of the mesh, not a bound of the body. It is the load factor of a stress
             that is in equilibrium and in the yield sets on the mesh, or the largest ζ(α) of a path.
-            With permanent loads, it is −∞ if no stress of this kind is known.
+            With constant loads, it is −∞ if no stress of this kind is known.
         estimate: Limit load of the mesh, between both sides, as an estimate for the body. None
             without a result, or if there is neither a kinematic side nor a plateau.
         residual: Relative change of the estimate at the last level; None without two estimates.
@@ -71,10 +71,10 @@ class LimitLoad(NotebookResult):
         drucker: Drucker's two bounds with Coulomb's friction; None if they were not computed.
         locked: Bodies whose locking prevented a mechanism, if the interior point method found no
             mechanism.
-        question: The loads with the unknown factor. These are the permanent loads if no load grows,
-            or if the bodies cannot carry the permanent loads at any load factor. The mechanism then
-            belongs to the permanent loads.
-        standing: Multiple of the permanent loads that the bodies can carry; None if not computed.
+        question: The loads with the unknown factor. These are the constant loads if no load grows,
+            or if the bodies cannot carry the constant loads at any load factor. The mechanism then
+            belongs to the constant loads.
+        standing: Multiple of the constant loads that the bodies can carry; None if not computed.
     """
 
     method: LimitMethod

@@ -498,7 +498,7 @@ def forces_of_pairs(
         problem: The bodies and their loads.
         stress: Stress as Mandel vectors at the points.
         zeta: Load factor ζ.
-        times: Factor of the permanent loads.
+        times: Factor of the constant loads.
     """
     if not has_coefficients(problem):
         return contact_forces(problem, stress, zeta, times)

@@ -374,7 +374,7 @@ def check_cohesion(problem: Problem) -> None:
     """Check that constant loads determine the strength of ground without cohesion. Collective.
 
     Raises:
-        InputError: If no body has cohesion, unless some loads are permanent and others grow.
+        InputError: If no body has cohesion, unless some loads are constant and others grow.
     """
     grows, stays = problem.loads.grows(), problem.loads.has_dead()
     if body_cones(problem).all_loose and not (grows and stays):

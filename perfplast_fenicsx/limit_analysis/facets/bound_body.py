@@ -323,7 +323,7 @@ class BoundBody:
         guided: Unit vectors along which roller supports hold facets, shape (num_facets, d); 0 on
             other facets.
         live: Loads that ζ multiplies, at ζ = 1.
-        dead: Permanent loads.
+        dead: Constant loads.
         rigid: Facets of free rigid surfaces.
         interfaces: Contacts, followed by obstacles.
         facets: Supports and interfaces of the facets, including facets of rigid surfaces.

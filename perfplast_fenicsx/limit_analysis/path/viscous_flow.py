@@ -352,7 +352,7 @@ class ViscousFlow:
         return np.concatenate(parts)
 
     def dead_work(self) -> float:
-        """Return the work L₀(v) of the permanent loads on the velocity. Collective."""
+        """Return the work L₀(v) of the constant loads on the velocity. Collective."""
         return float(self._problem.loads.dead.dot(self.velocity.x.petsc_vec))
 
     def _solve(self, force: PETSc.Vec, y: PETSc.Vec, left: float = 1e-2) -> None:
@@ -363,7 +363,7 @@ class ViscousFlow:
         self.solves += 1
 
     def _combine(self) -> None:
-        """Combine the flows under permanent and live loads to a flow with L₁(v) = 1. Collective."""
+        """Combine the flows under constant and live loads to a flow with L₁(v) = 1. Collective."""
         self._move_to(self._rest)
         share = (1 - self._problem.loads.alpha(self.velocity.x.petsc_vec)) / self._work
         self._rest.axpy(share, self._live)

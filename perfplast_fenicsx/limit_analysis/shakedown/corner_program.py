@@ -2,7 +2,7 @@
 
 The domain contains the factors of the varying loads (:class:`elastic_stresses.LoadDomain`).
 
-Let σ_k be the elastic stress at corner k, σ₀ the elastic stress from permanent loads, and ρ a
+Let σ_k be the elastic stress at corner k, σ₀ the elastic stress from constant loads, and ρ a
 residual stress in equilibrium with zero loads. Melan's theorem leads to the problem
 
     max λ    with  τ_k = λσ_k + σ₀ + ρ in the yield set of each point, for each corner k = 0, 1, ….
@@ -16,7 +16,7 @@ The shakedown load is therefore the limit load of a body with the velocities y =
 Each point occurs once for each corner, with the strain rate ε(v) − p₁ − p₂ − … at corner 0 and p_k
 at corner k > 0. The loads do the work L(y) = Σ w σ_k:p_k. Equilibrium for all p_k makes τ_k − λσ_k
 the same at all corners, and equilibrium for all v makes this stress self-equilibrated up to the
-permanent loads. With alternating plasticity, v is zero.
+constant loads. With alternating plasticity, v is zero.
 
 The plastic strains of a point do not occur in the equations of other points, and the stiffness
 eliminates them. With the moduli D_k of a point at the corners, the modulus (Σ D_k⁻¹)⁻¹ remains for

@@ -97,7 +97,7 @@ def stress_points(problem: Problem) -> StressPoints:
 def elastic_stresses(
     problem: Problem, names: Sequence[str], points: StressPoints, strains: PointStrains
 ) -> tuple[Floats, Floats]:
-    """Return the elastic stresses from varying loads and from permanent loads. Collective.
+    """Return the elastic stresses from varying loads and from constant loads. Collective.
 
     The stresses from varying loads are for the factor 1. Stresses from temperatures without a name
     in ``names``, and initial stresses, are in equilibrium with zero loads; the residual stress

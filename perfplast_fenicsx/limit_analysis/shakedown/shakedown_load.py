@@ -100,7 +100,7 @@ class ShakedownLoad(NotebookResult):
         over: Largest yield ratio over all corners and points, 1 up to rounding.
         unbalanced: Largest unbalanced force of the residual stress, relative to the largest load.
         first_yield: Factor of the domain at which the first point yields at a corner, without
-            residual stress; None with permanent loads.
+            residual stress; None with constant loads.
         accumulated: Share of the plastic flow in a cycle that remains at the end of the cycle.
         failure: Kind of failure above the load.
         mechanism: Displacement that remains after a cycle, up to a factor.
@@ -311,14 +311,14 @@ def _check_bonds(problem: Problem) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Varying:
-    """The points of the bodies, and the elastic stresses from varying and permanent loads.
+    """The points of the bodies, and the elastic stresses from varying and constant loads.
 
     Attributes:
         domain: Factors of varying loads and temperatures.
         points: Points of the stresses.
         working: Strain rates at the points at which stresses do work.
         live: Elastic stresses at the corners, Mandel vectors, shape (num_corners, count, m).
-        dead: Elastic stress from permanent loads, shape (count, m).
+        dead: Elastic stress from constant loads, shape (count, m).
     """
 
     domain: LoadDomain

@@ -15,7 +15,7 @@ from perfplast_fenicsx.tables import NotebookResult, Row
 class Question(StrEnum):
     """The load factor that a limit analysis computes.
 
-    If the permanent loads L₀ are too large, the bodies cannot carry them with any factor of the
+    If the constant loads L₀ are too large, the bodies cannot carry them with any factor of the
     live loads L₁. A second limit load measures the excess: the largest μ for which the bodies carry
     μL₀ + λL₁ with some λ. Mechanisms of this second limit load have L₀(v) = 1 and L₁(v) = 0. If μ <
     1, the strengths are too small by the factor 1/μ.
@@ -28,7 +28,7 @@ class Question(StrEnum):
     def enough(self) -> float:
         """Return the load factor up to which a search does not report an unbounded load.
 
-        The bodies carry the permanent loads if their factor is at least 1. Below a factor of 1, the
+        The bodies carry the constant loads if their factor is at least 1. Below a factor of 1, the
         search must distinguish a small strength from no strength.
         """
         return 4.0 if self is Question.STANDS else 0.0
@@ -51,10 +51,10 @@ class Question(StrEnum):
 
 @dataclass(frozen=True)
 class Standing:
-    """Bounds of the multiple of the permanent loads that bodies carry at the best live load factor.
+    """Bounds of the multiple of the constant loads that bodies carry at the best live load factor.
 
     The multiple is the largest μ for which the bodies carry μL₀ + λL₁ with some λ
-    (:class:`Question`). If μ < 1, the bodies cannot carry the permanent loads at any load factor.
+    (:class:`Question`). If μ < 1, the bodies cannot carry the constant loads at any load factor.
     Yield stresses and cohesions are then too small by the factor 1/μ.
 
     Attributes:
@@ -67,12 +67,12 @@ class Standing:
 
     @property
     def falls(self) -> bool:
-        """Return whether a mechanism shows that the permanent loads are too large."""
+        """Return whether a mechanism shows that the constant loads are too large."""
         return self.upper is not None and self.upper < 1
 
     @property
     def stands(self) -> bool:
-        """Return whether a stress shows that the bodies carry the permanent loads."""
+        """Return whether a stress shows that the bodies carry the constant loads."""
         return self.lower is not None and self.lower >= 1
 
     @property
@@ -301,13 +301,13 @@ def measure_of(dissipation: float, load: float, loose: bool = False) -> float:
     """Return the size by which differences of load factors are divided.
 
     Args:
-        dissipation: Dissipation of a mechanism with L(v) = 1; without permanent loads it equals λ.
+        dissipation: Dissipation of a mechanism with L(v) = 1; without constant loads it equals λ.
         load: Load factor λ.
         loose: Whether some ground without cohesion, or a joint without adhesion, dissipates
             nothing.
     """
     # Least size, relative to the load factor. The dissipation is zero without cohesion, and if
-    # bodies separate that only permanent loads hold together.
+    # bodies separate that only constant loads hold together.
     least_share = 1.0 if loose else 1e-3
     return max(abs(dissipation), least_share * abs(load))
 

@@ -7,7 +7,7 @@ the vertices. The interior point method (:mod:`interior_iteration`) computes the
 multipliers of equilibrium as velocities. At the end, the module scales the stress into the yield
 set. The load of the scaled stress is therefore a bound even if the method has not converged.
 
-:class:`BalancedStress` combines stresses in equilibrium by weighted means. With permanent loads, a
+:class:`BalancedStress` combines stresses in equilibrium by weighted means. With constant loads, a
 stress outside the yield set cannot be scaled down. However, the mean of two stresses in equilibrium
 is in equilibrium at the mean of their load factors, and yield sets are convex. The mean of a stress
 slightly outside the yield set and a stress well inside can therefore be inside. Computing this mean
@@ -348,7 +348,7 @@ def _search(
         if not limited:
             found = no_stress(body, Verdict.UNBOUNDED, UNLIMITED)
             return found, next_start(start, program, None, found.verdict, rtol)
-        none = None  # with permanent loads, zero stress is not admissible even at load factor 0
+        none = None  # with constant loads, zero stress is not admissible even at load factor 0
         if not program.has_dead:
             none = Bound(0.0, "lower", Scope.MESH if why_not else Scope.BODY, why_not)
         if not static.can_carry():
@@ -498,9 +498,9 @@ def bound_by_stress(
 ) -> StaticBound:
     """Return a lower bound, or a result that shows which cells to refine. Collective.
 
-    With permanent loads, the mesh may allow no stress in equilibrium and in the yield sets at any
+    With constant loads, the mesh may allow no stress in equilibrium and in the yield sets at any
     load factor, although the body has such a stress. The function then computes the multiple of the
-    permanent loads that the mesh carries; the dissipation of this result shows which cells must be
+    constant loads that the mesh carries; the dissipation of this result shows which cells must be
     smaller.
 
     Args:

@@ -160,7 +160,7 @@ class StaticForm:
         areas: Area of each node of an owned facet, shape (num_facets, num_nodes).
         sections: Section V^((d − 1)/d) of each cell, by which forces in the cell are divided.
         live: Loads that ζ multiplies, in the user's units.
-        dead: Permanent loads.
+        dead: Constant loads.
         open_jumps: Owned unknowns that are contact jumps and can open.
         jumps: Flags of owned facet unknowns that are contact jumps, shape (num_unknowns,).
         pressed: Flags of jumps along the normal at the vertices of facets, or of the first of two

@@ -23,7 +23,7 @@ class StaticProgram:
         program: Program whose velocities are the multipliers of equilibrium.
         form: Form of the bodies, which several programs can share.
         load: Loads L before scaling, in the user's units.
-        dead: Permanent loads L₀, in the same units.
+        dead: Constant loads L₀, in the same units.
         free: Loads with a free factor, in the same units.
         before: Number of factorisations of the form's stiffness before this program was created.
     """

@@ -84,7 +84,7 @@ def strict_upper_bound(
     question: Question = Question.LIMIT,
     rates: MechanismRates | None = None,
 ) -> Bound:
-    """Return the upper bound (dissipation − work of permanent loads)/L₁(v). Collective.
+    """Return the upper bound (dissipation − work of constant loads)/L₁(v). Collective.
 
     Args:
         problem: The bodies and their loads.
