@@ -20,7 +20,8 @@ and push; a linear system keeps ``held`` pairs closed."""
 
 
 SHEARS = {4: ((0, 1),), 6: ((1, 2), (0, 2), (0, 1))}
-"""Off-diagonal components, which follow the diagonal ones, by the length of a Mandel vector."""
+"""Indices (i, j) of the off-diagonal components in a Mandel vector, by its length. These
+components follow the diagonal ones."""
 
 
 def matrices(mandel: Floats) -> Floats:

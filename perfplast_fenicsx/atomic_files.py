@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def replace(path: Path, content: bytes) -> None:
-    """Write a file such that a reader finds either the old or the new content after any crash.
+    """Write ``content`` to a file; after a crash, the file has either its old or its new content.
 
     Raises:
         OSError: If a file operation fails. If the new file could not be written, the old file is
@@ -25,7 +25,9 @@ def replace(path: Path, content: bytes) -> None:
 
 
 def put(part: Path, path: Path, before: Path | None = None) -> None:
-    """Rename the complete file ``part`` to ``path``; an existing ``path`` becomes ``before``.
+    """Rename the complete file ``part`` to ``path``, and first an old ``path`` to ``before``.
+
+    Without ``before``, the old file is replaced.
 
     Raises:
         OSError: If a file operation fails.

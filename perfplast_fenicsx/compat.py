@@ -32,7 +32,7 @@ from perfplast_fenicsx.parallel import lasting
 
 
 def interpolation_points(element: Any) -> Floats:
-    """Return the points of the reference cell at which an ``Expression`` is evaluated.
+    """Return the interpolation points of an element, at which an ``Expression`` is evaluated.
 
     Args:
         element: ``V.element`` of a function space.
@@ -88,8 +88,8 @@ def entity_nodes(mesh: Mesh, dim: int, entities: Ints) -> Ints:
 def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
     """Return a zero vector for the unknowns of a space. Collective.
 
-    DOLFINx has ``dolfinx.la.create_petsc_vector`` in 0.9, and ``dolfinx.la.petsc.create_vector``
-    from 0.10 on.
+    The function calls PETSc itself, because DOLFINx's own function is
+    ``dolfinx.la.create_petsc_vector`` in 0.9, but ``dolfinx.la.petsc.create_vector`` from 0.10 on.
 
     Args:
         V: The space.
@@ -107,7 +107,7 @@ def interpolation_matrix(V: fem.FunctionSpace, W: fem.FunctionSpace) -> PETSc.Ma
 
     Collective.
 
-    The interpolation matrix of DOLFINx itself is on the communicator of the mesh.
+    DOLFINx makes the matrix on the communicator of the mesh, so the function copies the matrix.
 
     Args:
         V: Space of the interpolated functions, for the columns.

@@ -1,7 +1,7 @@
-"""Find faults of the environment before compiled modules are imported, and prepare processes.
+"""Find faults of the environment before compiled modules are imported, and set up child processes.
 
-A process needs exactly one version of DOLFINx, PETSc and MPI. A mixture of two versions ends in a
-crash or a hang far from its cause. So this module first checks the metadata of installed packages.
+A process needs exactly one version of each of DOLFINx, PETSc and MPI. A mixture of two versions
+ends in a crash or a hang far from its cause. So this module checks which packages are installed.
 It needs only the standard library.
 """
 
@@ -212,7 +212,7 @@ def environment_for_gmsh(home: Path) -> dict[str, str]:
 
 
 def environment_with_package(environment: dict[str, str] | None = None) -> dict[str, str]:
-    """Return ``environment``, or else :func:`environment_apart`, with this package on the path."""
+    """Return ``environment``, or :func:`environment_apart`, with this package in PYTHONPATH."""
     environment = environment_apart() if environment is None else environment
     places = [environment.get("PYTHONPATH"), str(Path(__file__).parents[1])]
     return environment | {"PYTHONPATH": os.pathsep.join(filter(None, places))}

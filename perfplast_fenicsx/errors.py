@@ -1,8 +1,8 @@
 """Report wrong input in one sentence that is the same on every rank.
 
-Every mistake of a user raises an :class:`InputError`. If only some ranks can see a fault,
-:func:`raise_together` shares it first. So no rank raises an error while another rank waits in a
-collective call.
+Every fault of the input raises an :class:`InputError`. If only some ranks can see a fault,
+:func:`raise_together` raises the error on all ranks. So no rank raises an error while another rank
+waits in a collective call.
 
 Every place that refuses input or warns has a code in ``codes.csv``, which ``docs/refusals.py``
 maintains.
@@ -45,7 +45,7 @@ NAMED_FIELD = re.compile(r"(\w+) = |.*?(?<!\w)'([^']+)'(?!\w)")
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message is one sentence with place, value and remedy.
+    """An error for input that cannot be used: one sentence with place, value and remedy.
 
     A message may quote any text. The class therefore replaces control characters by escapes, and
     cuts very long messages.
@@ -79,7 +79,7 @@ class InputError(ValueError):
 
     @property
     def remedy(self) -> str:
-        """Return the last part of the message, which names a remedy; empty if there is none."""
+        """Return the part after the last semicolon, which is a remedy; empty if there is none."""
         _, mark, remedy = str(self).rpartition("; ")
         return remedy.rstrip(".") if mark else ""
 
@@ -90,7 +90,9 @@ class InputError(ValueError):
 
 
 def code_of(module: str, function: str, message: str) -> str:
-    """Return the code of a message: that of the most similar text for the same function.
+    """Return the code of the text in ``codes.csv`` that is most similar to a message.
+
+    Only texts of the same function are compared.
 
     Args:
         module: Name of the module, without the package.
@@ -199,7 +201,7 @@ def check_finite(what: str, value: float) -> None:
 
 
 def check_end(tolerance: float, max_iterations: int) -> None:
-    """Refuse a tolerance or number of iterations with which no iteration could end.
+    """Refuse a tolerance outside (0, 1), and a number of iterations below 1.
 
     Raises:
         InputError: If a limit is refused; the message has the field and the value.

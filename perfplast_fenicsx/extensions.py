@@ -1,8 +1,8 @@
 """Load laws, loads, controls and other parts that installed packages add to the program.
 
-A package names a module under the entry points of the group ``GROUP``. The program imports this
-module before a command reads its case. The module adds its classes to the tables from which case
-files choose, such as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
+A package names a module as an entry point of the group ``GROUP``. The program imports this module
+before a command reads its case. The module adds its classes to the tables from which case files
+choose, such as :data:`~perfplast_fenicsx.materials.laws.MATERIALS`.
 """
 
 from collections.abc import Iterator

@@ -5,9 +5,11 @@ evaluate its syntax tree; Python itself never evaluates the formula.
 
 The enclosure consists of a linear function below and a linear function above the formula in each of
 several simplices. Such a pair, given by values at the vertices, encloses each part of a formula.
-The maximum of two linear functions is convex: its chord lies above it, and both functions lie below
-it. A product of two linear functions differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, and λᵢλⱼ
-is at most a quarter. A formula that is linear in a simplex is its own enclosure.
+The chord of a part is the linear function with the same values at the vertices. The maximum of two
+linear functions is convex: its chord lies above it, and both functions lie below it. A product of
+two linear functions f and g differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, i < j, and the
+product λᵢλⱼ of barycentric coordinates is at most a quarter. Sums and multiples of linear functions
+are their own enclosures.
 """
 
 import ast
@@ -139,7 +141,7 @@ def evaluate(formula: float | str, x: Floats, place: str) -> Floats:
 
 
 def check(formula: str, place: str) -> None:
-    """Refuse a formula with parts that are not allowed.
+    """Refuse a formula that is too long or has parts that are not allowed.
 
     Raises:
         InputError: If a part is not allowed; the message names the first such part and the allowed
@@ -234,15 +236,15 @@ in simplices in which the sign of the difference changes between vertices.
 """
 
 Pair = tuple[Floats, Floats]
-"""Values at the vertices of two linear functions, one nowhere above and one nowhere below a
-formula.
+"""Two linear functions by their values at vertices: one nowhere above a formula, and one nowhere
+below it.
 """
 
 TRUE, SOMETIMES, FALSE = 1.0, 0.5, 0.0
 
 
 class _UnknownFormula(Exception):
-    """A part of a formula has no enclosure."""
+    """Raised if no enclosure of a part of a formula is known."""
 
 
 def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
@@ -279,7 +281,7 @@ def enclosed(formula: float | str, corners: Floats, place: str) -> Pair | None:
 
 
 def _enclosed_value(node: ast.AST, names: dict[str, Any]) -> Any:
-    """Return a number for a constant part, and a pair for other parts."""
+    """Return a number for a constant part of a formula, and an enclosure for another part."""
     match node:
         case ast.Constant(value=number):
             return float(number)
@@ -315,7 +317,7 @@ def _function(name: str, values: list[Any]) -> Any:
 
 
 def _combined(sign: ast.operator, one: Any, other: Any) -> Any:
-    """Return the sum, difference, product, quotient or power of two values, or its enclosure."""
+    """Return the result of an operation on two numbers, or its enclosure if one is a pair."""
     numbers = not isinstance(one, tuple) and not isinstance(other, tuple)
     if numbers and type(sign) in OPERATORS:
         with np.errstate(all="ignore"):
@@ -387,7 +389,7 @@ def linear_product(f: Floats, g: Floats) -> Pair:
 
 
 def _holds(node: ast.AST, names: dict[str, Any]) -> Any:
-    """Return whether a condition holds in a whole simplex, in a part of it, or nowhere."""
+    """Return whether a condition holds everywhere, in a part or nowhere in each simplex."""
     match node:
         case ast.Compare(left=left, ops=[sign], comparators=[right]):
             one, other = _enclosed_value(left, names), _enclosed_value(right, names)

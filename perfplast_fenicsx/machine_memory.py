@@ -33,7 +33,7 @@ def physical_memory() -> int:
 
 
 def spare_memory(comm: MPI.Intracomm) -> float:
-    """Return the memory that each rank may use if all ranks use equally much (MB). Collective.
+    """Return the free memory of a machine divided by its number of ranks (MB). Collective.
 
     The result is the least value over all machines; ∞ if it is not known.
     """

@@ -4,11 +4,11 @@ The limit load of a mesh is an estimate for the body, not a bound. A mesh has a 
 load of a stress that is in equilibrium and satisfies the yield condition at certain points. Its
 kinematic side is the power of a mechanism. The two sides bound the limit load of the finite element
 model from below and above, but bound the limit load of the body on neither side. So the program
-prints only the distance between the sides, and the estimate with few digits.
+prints the estimate with few digits, and not the sides but the distance between them.
 
-A loading path loses equilibrium between two of its levels. If no limit theorem holds, as with
-Coulomb's friction, only two levels bound this load. The highest solved level bounds it from
-below. The lowest level that ended with the verdict that no equilibrium exists bounds it from above.
+A loading path loses equilibrium at a load factor between those of two levels. If no limit theorem
+holds, as with Coulomb's friction, only the levels bound this factor. The highest solved level
+bounds it from below. The lowest level for which no equilibrium exists bounds it from above.
 """
 
 import math
@@ -29,7 +29,7 @@ def force_rows(
     moments: bool = False,
     zeta: str = "zeta",
 ) -> list[Row]:
-    """Return rows for loads at ζ = 1 and at collapse, and for supports at the lower bound.
+    """Return forces or moments of loads at ζ = 1 and at bounds, and of supports at the limit.
 
     Args:
         loads: Tables of :class:`resultants.LoadResultant`.
@@ -123,7 +123,7 @@ class MeshEstimate:
         return f"{self.estimate:.{digits - wide}g}"
 
     def in_words(self, zeta: str = "") -> str:
-        """Return the estimate and its reliability, as a predicate for the mesh.
+        """Return the estimate and its reliability in words, to follow "limit load of the mesh:".
 
         Args:
             zeta: Text before load factors, such as "ζ = ".
@@ -176,7 +176,7 @@ class PathBracket:
     refused: float | None
 
     def in_words(self, zeta: str = "") -> str:
-        """Return the load at which equilibrium is lost, as a predicate for the path.
+        """Return the load at which equilibrium is lost, in words that follow "the path".
 
         Args:
             zeta: Text before load factors, such as "ζ = ".
@@ -190,7 +190,7 @@ class PathBracket:
 
 
 def factor_so_far(lower: float | None, upper: float | None, estimate: bool) -> str:
-    """Return the proven bounds of a factor of safety during its search, without a full stop.
+    """Return, in words, the bounds that a search for the factor of safety has found so far.
 
     Args:
         lower: Largest factor with which the bodies stand; None if it is not known.
@@ -212,7 +212,7 @@ def factor_so_far(lower: float | None, upper: float | None, estimate: bool) -> s
 def factor_words(
     lower: float | None, upper: float | None, estimate: bool, many: bool = False
 ) -> list[str]:
-    """Return a clause for each known factor: whether the bodies stand or fall with it.
+    """Return a clause for each known bound: with which factor the bodies stand or fall.
 
     Args:
         lower: Factor with which the bodies stand; None if it is not known.

@@ -46,7 +46,7 @@ def drop_garbage(comm: MPI.Intracomm) -> None:
 def send_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, destination: npt.NDArray[np.integer]
 ) -> npt.NDArray:
-    """Send each row to a rank. Collective.
+    """Send each row to a rank, and return the rows that arrive at this rank. Collective.
 
     Args:
         comm: The ranks.
@@ -64,7 +64,7 @@ class Exchange:
     """An exchange of rows between ranks, with one answer for each row."""
 
     def __init__(self, comm: MPI.Intracomm, destination: npt.NDArray[np.integer]) -> None:
-        """Exchange the numbers of rows between ranks. Collective.
+        """Send each rank the number of rows that it will receive. Collective.
 
         Args:
             comm: The ranks.
@@ -91,7 +91,9 @@ class Exchange:
 def exchange_rows(
     comm: MPI.Intracomm, rows: npt.NDArray, sent: Longs, received: Longs
 ) -> npt.NDArray:
-    """Send rows, if the number of rows from and to each rank is known. Collective.
+    """Send rows to ranks, and return the rows that arrive at this rank. Collective.
+
+    The number of rows to and from each rank must be known.
 
     Args:
         comm: The ranks.

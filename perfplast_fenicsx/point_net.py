@@ -44,7 +44,7 @@ class Triangulation:
     def __init__(
         self, name: str, points: Floats, values: Floats, cells: Longs | None = None
     ) -> None:
-        """Store the simplices of a file, or compute a Delaunay triangulation.
+        """Store the simplices of a file, or compute a Delaunay triangulation if it has none.
 
         Args:
             name: Name of the file.
@@ -97,7 +97,7 @@ class Triangulation:
         self.corners = x[kept]
 
     def _check_cells(self) -> None:
-        """Refuse cells of a file that have no area or overlap, and coinciding points.
+        """Refuse flat or overlapping cells of a file, and coinciding points with unequal values.
 
         Raises:
             InputError: If there is such a cell or point; the message names the first place.
@@ -298,7 +298,7 @@ class PointArray:
 
 
 def read_vtu_points(path: Path, name: str) -> PointArray:
-    """Return an array of a ``.vtu`` file. Not collective.
+    """Return the array ``name`` of a ``.vtu`` file, with points and cells. Not collective.
 
     Args:
         path: The file.

@@ -1,8 +1,8 @@
 """Define numbers that vary in space: formulas, tables over depth, and values at scattered points.
 
-A strength that varies is evaluated at each point. Strict bounds need two linear functions in each
-cell: one nowhere above the field, and one nowhere below it (:meth:`SpatialField.between`). Both
-equal the field where the field is linear in the cell.
+A strength that varies is evaluated at each quadrature point. Strict bounds need two linear
+functions in each cell: one nowhere above the field, and one nowhere below it
+(:meth:`SpatialField.between`). In a cell in which the field is linear, both equal the field.
 """
 
 import csv

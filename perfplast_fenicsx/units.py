@@ -121,7 +121,7 @@ class Units:
 
     @property
     def known(self) -> System | None:
-        """Return the system with the name ``name``; None if there is no such name."""
+        """Return the system of units called :attr:`name`; None if :attr:`name` is None."""
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:

@@ -313,7 +313,7 @@ def _apart(trial: str) -> Finding:
 def _run(
     command: list[str], variables: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str] | None:
-    """Run a command outside MPI; return None if it does not end in time."""
+    """Run a command, and return its result; None if it does not end within :data:`PATIENCE`."""
     variables = environment_with_package(environment_apart() if variables is None else variables)
     try:
         return subprocess.run(

@@ -115,7 +115,7 @@ FIELDS = {
 
 @dataclass
 class Answer:
-    """The answer of a command, which adds values to it.
+    """The answer of a command; the command adds its values.
 
     Attributes:
         command: Name of the command; empty until the arguments are read.

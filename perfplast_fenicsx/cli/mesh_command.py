@@ -94,7 +94,7 @@ def fill(output: Path, made: Path, case: str) -> None:
 
 
 def written(output: Path) -> str:
-    """Return the names of the files in a folder that ``perfplast mesh`` writes, as text."""
+    """Return, as text, the files that ``perfplast mesh`` has written, except the schema."""
     return ", ".join(name for name in (MESH, PICTURE, PAGE, CASE) if (output / name).exists())
 
 

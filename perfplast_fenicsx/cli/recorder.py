@@ -330,7 +330,7 @@ class Recorder:
             self._run.terminal.say(line)
 
     def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
-        """Show and log the bounds with strengths divided by a factor. Collective.
+        """Show and log bounds on the load multiple for strengths divided by F. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.
@@ -350,7 +350,7 @@ class Recorder:
         self._run.interrupts.check()
 
     def estimate(self, factor: float, times: float | None, cells: int) -> None:
-        """Show and log an estimate with strengths divided by a factor. Collective.
+        """Show and log an estimate of the load multiple for strengths divided by F. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.

@@ -203,7 +203,7 @@ def admitted_solver(case: Case, problem: Problem, method: str) -> Any:
     Collective.
 
     Both ``check`` and ``run`` call this function. So ``check`` finds every error that ``run`` would
-    report before its first solve.
+    report before its first solve, except a lack of memory.
 
     Args:
         case: The case.

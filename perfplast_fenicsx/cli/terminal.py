@@ -1,7 +1,6 @@
 """Print the progress of a run: a header, a line for each level, and a live line meanwhile.
 
-Only rank 0 prints. The output is plain ASCII, which every terminal can show. The live line appears
-only if the output is a terminal.
+Only rank 0 prints. The live line appears only if the output is a terminal.
 """
 
 import os

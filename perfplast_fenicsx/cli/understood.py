@@ -315,7 +315,7 @@ class _Told:
         return "; ".join(found)
 
     def _held_on(self, name: str, pushed: npt.NDArray[np.bool_]) -> str:
-        """Return the axes of a surface along which a load pushes and supports hold, in words."""
+        """Return the axes along which a load pushes a surface and a support holds it, in words."""
         gdim, axes = self.problem.bodies.gdim, self.problem.kinematics.axes
         held = {
             number
