@@ -324,9 +324,8 @@ def limit_load(
 
     The interior point method (:func:`discrete_limit.interior_point`) finds both bounds with 10 to
     20 factorisations. A loading path with prescribed work also gives the load-work curve, and
-    continues until ζ(α) has levelled off. With Coulomb's friction no limit theorem holds. The
-    result is then the load at which the path loses equilibrium
-    (:func:`limit_search.coulomb_limit`).
+    continues until ζ(α) has levelled off. With Coulomb's friction no limit theorem holds; the
+    result is the load at which the path loses equilibrium (:func:`coulomb_limit`).
 
     Args:
         problem: The bodies and their loads.

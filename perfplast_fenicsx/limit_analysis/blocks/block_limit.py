@@ -57,7 +57,7 @@ class FoundForces:
 
 @dataclass(frozen=True, eq=False)
 class BlockLimit:
-    """The best joint forces and the best motion of blocks.
+    """The joint forces with the largest load factor, and the motion with the smallest bound.
 
     All ranks have the same data, except for arrays by facet.
 

@@ -196,7 +196,7 @@ def _directions(angle: Floats, across: int) -> Floats:
 def best_of_joints(
     inner: JointProgram, outer: JointProgram, rtol: float
 ) -> tuple[JointForces, BlockMotion, int]:
-    """Return the best forces of one linear program and the best motion of another program.
+    """Return the joint forces with the largest λ, and the motion with the smallest bound on λ.
 
     Args:
         inner: Linear program for the forces.

@@ -236,11 +236,11 @@ def _sizes(
 
 
 def held_directions(body: BoundBody) -> Floats:
-    """Return the directions in which supports hold the owned exterior facets; 0 if free.
+    """Return the directions in which supports hold the owned exterior facets; zero if free.
 
     Returns:
         Directions, shape (num_outer, d + 1, d). The first d rows are Cartesian axes; the last row
-        is the normal of a roller support.
+        is the normal of a roller support. A row is zero if supports do not hold its direction.
     """
     outer = body.geometry.exterior
     held, guided = body.supported[outer], body.guided[outer]
@@ -255,7 +255,7 @@ def held_directions(body: BoundBody) -> Floats:
 def _held(
     comm: MPI.Intracomm, body: BoundBody, frames: Frames, of_outer: Longs, corners: Floats
 ) -> Floats:
-    """Return the Gram matrix of the held directions of each block. Collective."""
+    """Return the Gram matrix of each block's motions, in its held directions. Collective."""
     d = corners.shape[2]
     directions = held_directions(body)
     found = np.zeros((len(frames.extent), frames.modes, frames.modes))

@@ -124,7 +124,7 @@ class AdaptiveBounds(NotebookResult):
         return self.body.in_words()
 
     def rows(self) -> list[Row]:
-        """Return a table row for each mesh: fields of :class:`Round`, two for ``not_proven``."""
+        """Return a row for each mesh: fields of :class:`Round`, ``not_proven`` as two columns."""
         rows = [asdict(one) for one in self.rounds]
         for row in rows:
             row["lower, not proven"], row["upper, not proven"] = row.pop("not_proven")

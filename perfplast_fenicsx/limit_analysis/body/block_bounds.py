@@ -25,8 +25,8 @@ from perfplast_fenicsx.problem.problem import Problem
 log = logging.getLogger(__name__)
 
 ROUNDING = 1e-12
-"""Largest relative excess of the lower bound over the upper bound that counts as rounding. The
-program then raises the upper bound to the lower bound."""
+"""Largest relative excess of the lower bound over the upper bound that counts as rounding. If the
+excess is not larger, the program raises the upper bound to the lower bound."""
 
 MET = "forces on the joints and a mechanism of the blocks were found"
 

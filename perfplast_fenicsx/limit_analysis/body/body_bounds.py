@@ -41,7 +41,7 @@ def sentence(words: str) -> str:
 
 
 def sentences(clauses: Iterable[str]) -> str:
-    """Return clauses as sentences to be appended to a text; an empty string without clauses."""
+    """Return clauses as sentences to append to a text; empty if there are no clauses."""
     return "".join(f" {sentence(words)}." for words in clauses)
 
 
@@ -405,7 +405,7 @@ def standing_in_words(limit: LimitLoad, body: BodyBounds | None = None) -> str |
 def designed(
     zeta: float | None, name: str, limit: LimitLoad, body: BodyBounds | None
 ) -> DesignFactor | None:
-    """Return the multiple of the design load that the body carries, or ``None``.
+    """Return the multiple of the design load ``zeta`` that the body carries, or ``None``.
 
     The result is ``None`` without a design load, and if a multiple of the constant loads was
     computed instead of a load factor. It is also ``None`` if the least load factor is above the
@@ -525,7 +525,7 @@ def _times(many: tuple[int, int], seconds: float) -> str:
 
 
 def clock(seconds: float) -> str:
-    """Return a duration with its unit, rounded to two digits."""
+    """Return a duration with its unit, rounded to two significant digits."""
     if seconds < 90:
         return f"{max(seconds, 1):.2g} s"
     if seconds < 90 * 60:
@@ -534,6 +534,6 @@ def clock(seconds: float) -> str:
 
 
 def _rounded(cells: int) -> int:
-    """Return the number of cells, rounded up to two digits."""
+    """Return the number of cells, rounded up to two significant digits."""
     step = 10 ** max(len(str(cells)) - 2, 0)
     return -(-cells // step) * step

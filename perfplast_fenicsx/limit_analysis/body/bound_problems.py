@@ -126,7 +126,7 @@ def of_displacements(
 
 
 def _at_points(problem: Problem, flow: Problem, stress: fem.Function) -> fem.Function:
-    """Return a stress at the quadrature points, from coefficients of rσ. Collective.
+    """Return a stress σ at the quadrature points, from a stress at Bernstein points. Collective.
 
     Args:
         problem: Problem with the quadrature points.

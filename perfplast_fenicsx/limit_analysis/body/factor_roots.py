@@ -29,7 +29,8 @@ None if it was not found, and ∞ if μ seems to be unbounded.
 """
 
 STEP = 1.3
-"""Ratio of consecutive F while μ is unknown. A secant changes F at most by its third power."""
+"""Ratio of consecutive F while μ is unknown. A secant changes F at most by the third power of this
+ratio."""
 
 
 @dataclass
@@ -62,13 +63,13 @@ class FactorRoots:
 
     @property
     def rough(self) -> float:
-        """Return the relative tolerance for the mesh's own μ, and for the distance of μ from 1."""
+        """Return the relative tolerance of the mesh's own μ, and of its root μ = 1."""
         most = 0.1
         return min(10 * self.tolerance, most)
 
     @property
     def rtol(self) -> float:
-        """Return the largest relative distance of a bound from the best bound on its mesh."""
+        """Return the permitted relative distance of a bound from the best bound on its mesh."""
         finer = 0.1  # ratio of the tolerance of μ to the tolerance of F
         return finer * self.tolerance
 
@@ -232,11 +233,11 @@ def next_factor(curves: Sequence[FactorRoots], factor: float, bounds: BodyBounds
     """Return the F for the next mesh, from the results on the previous meshes.
 
     The next F is the approximate root of the lower bound, or of the upper bound if there is no
-    lower bound. The factor lies between the largest F at which the bodies provably stand and the
-    least F at which the bodies provably fall. On coarse
-    meshes this root is closer to the root of the body than the root of the upper bound is. On the
-    last mesh this root is also nearly the final lower bound. On a mesh without a mechanism, F grows
-    if the bodies provably carry the loads, and otherwise stays constant.
+    lower bound. On coarse meshes, the root of the lower bound is closer to the root of the body
+    than the root of the upper bound is. On the last mesh, the root of the lower bound is also
+    nearly the final result. The next F lies between the largest F at which the bodies provably
+    stand and the least F at which they provably fall. On a mesh without a mechanism, F grows if the
+    bodies provably carry the loads, and otherwise stays constant.
 
     Args:
         curves: Results on the meshes so far.

@@ -113,7 +113,7 @@ def _in_all(comm: MPI.Intracomm, shares: Floats) -> Floats:
 
 
 def directions_of_change(found: BodyBounds) -> Floats:
-    """Return cellwise gradients of velocity and stress deviator, scaled to the norms 1 and 1/2.
+    """Return the gradients of velocity and stress deviator in cells, scaled to norms of 1 and 1/2.
 
     Collective.
 
@@ -195,7 +195,7 @@ def _in_their_size(comm: MPI.Intracomm, gradients: Floats) -> Floats:
 
 
 def edge_metric(found: BodyBounds) -> Floats | None:
-    """Return a matrix M for each owned cell, with which an edge e has length √(e·M e). Collective.
+    """Return a matrix M for each owned cell; the length of an edge e is then √(e·M e). Collective.
 
     M = GᵀG + 3 SᵀS. G is the gradient of the mechanism in the middle of the cell, and S is the
     gradient of the in-plane stress deviator. Both gradients are scaled to a largest squared

@@ -44,8 +44,8 @@ from perfplast_fenicsx.problem.variant import variant
 from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 Angles = tuple[float, ...]
-"""A direction (degrees): the angle from the axis of the first number to that of the second. For
-three numbers also the angle from the plane of both axes towards the third axis."""
+"""A direction (degrees): the angle from the axis of the first load towards the axis of the second
+load. For three loads, also the angle from the plane of these axes towards the third axis."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Proven:
     side: tuple[float, ...] | None
 
     def is_at(self, angles: Angles) -> bool:
-        """Return whether the bounds are in this direction."""
+        """Return whether the bounds belong to the direction ``angles``."""
         return bool(np.allclose(self.angles, angles, rtol=0, atol=1e-9))
 
 
@@ -85,8 +85,8 @@ class Envelope(NotebookResult):
             point outside any half-space.
         directions: Directions of the search, in order.
         gap: Largest relative distance between the polytopes along a ray; inf if a polytope is
-            missing on a ray. Rays are half a degree apart for two numbers, and 3 degrees for three.
-        signed: For each number, whether it may be negative.
+            missing on a ray. Rays are half a degree apart for two loads, and 3 degrees for three.
+        signed: For each load, whether its multiple may be negative.
         last: The result in the last direction of the search.
     """
 
@@ -114,7 +114,7 @@ class Envelope(NotebookResult):
         return float(outer_along(self.sides, rays_at(np.array([angles])))[0])
 
     def in_words(self) -> str:
-        """Return a sentence on the proven result."""
+        """Return a sentence on the loads that are provably carried."""
         pairs, polygon, number = (
             ("pairs", "polygon", "two")
             if len(self.signed) == 2
@@ -133,7 +133,7 @@ class Envelope(NotebookResult):
     def rows(self) -> list[Row]:
         """Return a table row for each ray, with the distances at which it leaves both polytopes.
 
-        Rays are a degree apart for two numbers, and 5 degrees for three.
+        Rays are a degree apart for two loads, and 5 degrees for three.
         """
         angles = spread(self.signed, 1.0 if len(self.signed) == 2 else 5.0)
         rays = rays_at(angles)

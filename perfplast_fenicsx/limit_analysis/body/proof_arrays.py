@@ -230,7 +230,7 @@ class ForceProof:
 
     @property
     def aside(self) -> float:
-        """Return the factor of the live loads if λ multiplies the constant loads."""
+        """Return the factor of the loads that have a free factor."""
         return self.joints.best.aside
 
     @property
@@ -367,7 +367,7 @@ def _stress(proof: StressProof) -> Blocks:
 
 
 def _forces(proof: ForceProof) -> Blocks:
-    """Return forces at the vertices of outer facets, and adhesive tractions if any. Collective."""
+    """Return forces at the vertices of outer facets, and any adhesive tractions. Collective."""
     places, found = _places(proof.problem), {}
     for prefix, of in (("joint", proof.joints.best), ("inner", proof.joints.inner)):
         if of is None:
@@ -591,7 +591,7 @@ def _judged(
 def _answered(
     ask: Ask, lower: LowerProof | None, upper: VelocityProof | None
 ) -> tuple[dict[str, Refusal], dict[str, float | None]]:
-    """Return the reasons for refused halves, and the bounds that the halves prove, both by kind."""
+    """Return the refusals of halves, and the bounds that the halves prove, both by kind."""
     try:
         found = ask(lower, upper)
     except ProofError as error:

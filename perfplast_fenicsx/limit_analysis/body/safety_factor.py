@@ -293,7 +293,8 @@ def _of_blocks(
     def edge(holds: Callable[[BodyBounds], bool]) -> tuple[float, float]:
         """Return two close factors; a condition holds at the first and not at the second.
 
-        A factor that was not tested is 1 / FAR or FAR.
+        If the condition holds at no tested factor, the first factor is 1 / FAR, which was not
+        tested. If it holds at all of them, the second factor is FAR.
         """
         low, high, factor = 1 / FAR, FAR, 1.0
         while math.log(high / low) > tolerance:
@@ -360,7 +361,7 @@ def _from_joints(
 def times_in_words(
     factor: float, lower: Bound, upper: Bound, cells: int, estimate: bool = False
 ) -> str:
-    """Return a sentence on how many times the bodies carry the loads with divided strengths.
+    """Return a sentence on the multiple of the loads that bodies with divided strengths carry.
 
     Args:
         factor: F.
@@ -391,7 +392,7 @@ def times_in_words(
 
 
 def estimate_in_words(factor: float, times: float | None, cells: int) -> str:
-    """Return an estimate of how many times the mesh carries the loads, in a sentence.
+    """Return a sentence on an estimate of the multiple of the loads that the mesh carries.
 
     Args:
         factor: Factor F that divides the strengths.
@@ -442,7 +443,7 @@ def _compute_curves(
 ) -> str:
     """Append the results on each mesh to a list, and return why there is no finer mesh. Collective.
 
-    The reason is empty if the bounds are close enough. The caller then seeks the roots on the last
+    If the bounds are close enough, the reason is empty, and the caller seeks the roots on the last
     mesh.
 
     The function seeks F again on each mesh. At a fixed F, a coarse mesh may carry the loads with

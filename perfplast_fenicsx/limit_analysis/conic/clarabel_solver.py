@@ -102,7 +102,7 @@ def by_clarabel(
 
 
 def check_clarabel(ranks: int) -> Any:
-    """Import and return the module of Clarabel. Not collective.
+    """Return the module ``clarabel`` after checking that it can run on these ranks. Not collective.
 
     Args:
         ranks: Number of ranks.

@@ -130,7 +130,7 @@ class Start:
 
 PRESSED = 10.0
 """Ratio of the frictional strength under the constant loads to the cohesion, above which the
-frictional strength is the size of a point's strength."""
+frictional strength replaces the cohesion as the size of a point's strength."""
 
 
 class ConicProgram:
@@ -285,7 +285,7 @@ class ConicProgram:
         return least if np.isfinite(least) else None
 
     def range(self, values: Floats) -> tuple[float, float]:
-        """Return the smallest value, and the largest value or 0, over all ranks. Collective."""
+        """Return the smallest of the values, and the largest of the values and 0. Collective."""
         least, largest = float(values.min(initial=np.inf)), float(values.max(initial=0.0))
         return self.comm.allreduce(least, MPI.MIN), self.comm.allreduce(largest, MPI.MAX)
 

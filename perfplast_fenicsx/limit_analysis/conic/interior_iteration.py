@@ -483,10 +483,10 @@ def _balance(iteration: InteriorIteration, springs: Floats) -> None:
     """Correct the stress and the contact forces with the present factors. Collective.
 
     The method is conjugate residuals with the factors as preconditioner. If edges nearly cross,
-    rows of equilibrium nearly depend on each other. The ridge of the factors
-    (:data:`condensed_stiffness.RIDGE`) then exceeds K for a few motions, and simple refinement
-    hardly corrects these motions. Conjugate gradients would finally diverge if no stress satisfies
-    equilibrium to the last bit. The function keeps the correction with the smallest residual.
+    rows of equilibrium are nearly linearly dependent. For a few motions, the ridge of the factors
+    (:data:`condensed_stiffness.RIDGE`) then exceeds K, and iterative refinement hardly corrects
+    these motions. Conjugate gradients would finally diverge if no stress satisfies equilibrium to
+    the last bit. The function keeps the correction with the smallest residual.
     """
     program, units = iteration.program, iteration.row_units()
     direction, product = program.create_vector(), program.create_vector()

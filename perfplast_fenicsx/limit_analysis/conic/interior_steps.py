@@ -292,7 +292,8 @@ def _dissipation(program: ConicProgram, flow: PETSc.Vec) -> float:
 def _measure_by(program: ConicProgram, flow: PETSc.Vec) -> bool:
     """Set the unit of stress to the mean strength of the points at which the flow dissipates.
 
-    The unit remains if all strengths are similar, or if it is near this mean. Collective.
+    If all strengths are similar, the function does not change the unit. It also keeps a unit near
+    this mean if the largest strength is at most :data:`CONTRAST` times the mean. Collective.
 
     Returns:
         Whether the units have changed.

@@ -410,7 +410,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
 
 
 def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
-    """Return whether ``one`` has the shape of ``other`` and twice its bound."""
+    """Return whether ``one`` has the shape of ``other`` and twice the bound of ``other``."""
     if one is None or other.other is not None or (one.plain is None) != (other.plain is None):
         return False
     if one.plain is not None and other.plain is not None:

@@ -3,7 +3,7 @@
 The matrix of a cell is Σ (Bᵀ R)(Bᵀ R)ᵀ over its points. B contains the strain rates of the nodal
 unknowns in the coordinates of the point's cone. R is a factor of the moduli RRᵀ at the point. A
 compiled kernel adds the cell matrices to blocks of nodes; PETSc adds the blocks of the ranks. In
-3D, a DOLFINx form takes more than twice as long.
+3D, the assembly of a DOLFINx form takes more than twice as long.
 
 The module also generates the C source of the kernel. The kernel processes four cells at once, and
 stores corresponding entries of these cells side by side. Compilers can therefore use the vector

@@ -310,7 +310,7 @@ def _searched(
     monitor: Callable[[InteriorStep], None] | None,
     question: Question,
 ) -> LimitLoad:
-    """Return the result of a search and of repetitions from other starts that may improve it.
+    """Return the best result of a search and of its repetitions from other starts.
 
     Collective.
     """

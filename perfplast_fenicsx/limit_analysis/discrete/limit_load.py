@@ -24,7 +24,7 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
 class LimitMethod(StrEnum):
-    """Method of the search: interior points, or a loading path that levels off."""
+    """Method of the search: an interior point method, or a loading path that levels off."""
 
     INTERIOR_POINT = "interior-point"
     PATH = "path"
@@ -127,7 +127,7 @@ class LimitLoad(NotebookResult):
         return [asdict(step) for step in self.steps]
 
     def draw_into(self, axes: Any) -> None:
-        """Plot the load factor over the work or the steps, and both sides of the mesh."""
+        """Plot the load factor over the work or the steps, and the mesh's lower and upper load."""
         if self.method is LimitMethod.PATH:
             LoadingPath(self.levels).draw_into(axes)
         else:

@@ -126,7 +126,7 @@ def facet_type(gdim: int) -> np.dtype:
 
 @dataclass(frozen=True)
 class FacetPairs:
-    """Pairs of opposite facets on this rank: a host, and a guest to which its jump is relative.
+    """Pairs of opposite facets on this rank: hosts, whose jumps are relative to guests.
 
     Attributes:
         host: Owned facets whose normal velocity unknown becomes a jump, shape (num_pairs,).

@@ -279,7 +279,7 @@ def _knots(problem: Problem, pairs: FacingNodes, glued: Flags) -> _Knots:
 
 
 def _ties(problem: Problem, knots: _Knots) -> Constraints:
-    """Return constraints that tie each group's free components to a held or else the first node."""
+    """Return constraints that tie each group's free components to a held node or to the first."""
     V = problem.V
     first, last = V.dofmap.index_map.local_range
     parts = []

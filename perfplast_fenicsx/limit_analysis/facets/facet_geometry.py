@@ -201,7 +201,7 @@ class FacetVelocities:
         return self._add_up(forces, np.einsum("nol,no->l", at.shares, forces[at.cells]))
 
     def meet(self, sizes: Floats, across: bool = True) -> Floats:
-        """Return the sum of the cells' positive numbers at each unknown; at leads, their mean.
+        """Return sums of the cells' positive numbers at each unknown; means at leads.
 
         Collective.
 

@@ -1,14 +1,14 @@
 """Compute the slow flow of viscous bodies under loads.
 
 The velocity v minimises ½∫ η‖ε(v)‖² − L₀(v) over all velocities with L₁(v) = 1 and without
-penetration. A penalty makes ε(v) nearly admissible for the laws. Further flows under stresses that
-are proportional to the inadmissible part then remove it by the method of conjugate residuals.
-These flows do not need exact solutions. The method also removes parts whose pressures an element
-can hardly resolve.
+penetration. A penalty makes ε(v) nearly admissible for the laws. The method of conjugate residuals
+removes the inadmissible part that remains, by further flows under stresses that are proportional to
+this part. These flows do not need exact solutions. The method also removes parts whose pressures an
+element can hardly resolve.
 
-A few solves remove the inadmissible part that the penalty leaves. With reusable factors, a large
-penalty and few solves are fastest. With conjugate gradients, a smaller penalty is better, because
-each solve takes longer with a larger penalty.
+A few solves are sufficient. With reusable factors, a large penalty and few solves are fastest. With
+conjugate gradients, a smaller penalty is better, because each solve takes longer with a larger
+penalty.
 """
 
 from typing import Protocol

@@ -56,7 +56,7 @@ def check_friction_has_limits(problem: Problem) -> None:
 
 
 def check_bodies_have_limits(problem: Problem) -> None:
-    """Check that all bodies are perfectly plastic, and that no material is a pair for bounds.
+    """Check that no body hardens, and that no material represents a pair that only bounds can use.
 
     Raises:
         InputError: If a body hardens, or if the material of ground stands for a pair of materials
@@ -72,7 +72,7 @@ def check_bodies_have_limits(problem: Problem) -> None:
 
 
 def check_flat_guides(problem: Problem) -> None:
-    """Check that no support moves a curved surface along its normals.
+    """Check that no support prescribes motions of a curved surface along its normals.
 
     Raises:
         InputError: If a support moves such a surface, because bounds do not support this motion.

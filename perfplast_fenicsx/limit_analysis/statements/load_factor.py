@@ -26,10 +26,10 @@ class Question(StrEnum):
 
     @property
     def enough(self) -> float:
-        """Return the load factor up to which a search does not report an unbounded load.
+        """Return the load factor that a search must exceed before it reports an unbounded load.
 
-        The bodies carry the constant loads if their factor is at least 1. Below a factor of 1, the
-        search must distinguish a small strength from no strength.
+        For ``STANDS``, the bodies carry the constant loads if their factor is at least 1. Below
+        this factor, a search must therefore not end because the load seems to be unbounded.
         """
         return 4.0 if self is Question.STANDS else 0.0
 

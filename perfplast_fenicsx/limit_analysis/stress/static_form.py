@@ -272,7 +272,7 @@ def static_form(problem: Problem) -> StaticForm:
 
 
 def _idle(strains: MultiplierStrains) -> tuple[PairFlags, PairFlags]:
-    """Return flags of owned facet unknowns that have a stress, or lack one at a jump. Collective.
+    """Return flags of owned facet unknowns with a stress, and of jumps without one. Collective.
 
     Returns:
         Flags of unknowns with a stress in their row of equilibrium; flags of jumps without a stress

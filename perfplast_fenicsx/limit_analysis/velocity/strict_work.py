@@ -393,11 +393,11 @@ def _of_rings(
 def let_dilate(problem: Problem, mechanism: fem.Function, rates: MechanismRates) -> MechanismRates:
     """Add a slow motion that dilates everywhere, if cells dilate too little because of rounding.
 
-    Under pressures of 1e5 times the strength, the work on a missing dilatancy of only 1e-11 exceeds
-    the dissipation of the bodies. The work on the added motion is small. The motion is x − a along
-    the axes in which supports allow it, with a at the supports. The function adds the motion only
-    if it is admissible and adds no penetration. It adds no motion in axisymmetry, and with roller
-    supports or rigid surfaces. Collective.
+    Under pressures of 1e5 times the strength, a dilatancy that is too small by only 1e-11 can cost
+    more work than the bodies dissipate. The work on the added motion is small. The motion is x − a
+    along the axes in which supports allow it, with a at the supports. The function adds the motion
+    only if it is admissible and adds no penetration. It adds no motion in axisymmetry, and with
+    roller supports or rigid surfaces. Collective.
 
     Args:
         problem: The bodies.
