@@ -524,7 +524,7 @@ def _middles(body: Body, pieces: Longs, count: int) -> tuple[Floats, Floats]:
 
 
 def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return the force and moment over extent on each piece, and errors, shape (count, 3 or 6)."""
+    """Return each piece's unbalanced force and moment over extent, and errors, (count, 3 or 6)."""
     d, pieces, count = body.dim, acting.pieces, len(about[1])
     arms = acting.middles - about[0][pieces]
     turns = acting.moments + moments(arms, acting.forces)
@@ -573,7 +573,7 @@ def _of_plates(
 def _matrix(
     body: Body, anchors: Anchors, of_facets: Longs, about: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
-    """Return unit forces and moments of anchors on pieces, and errors, (count, 3 or 6, n)."""
+    """Return forces and moments of unit anchor forces on pieces, and errors, (count, 3 or 6, n)."""
     d, count, columns = body.dim, len(about[1]), len(anchors.facets)
     rows = d + 2 * d - 3
     mid, rad = np.zeros((2, count, rows, columns))

@@ -5,8 +5,8 @@ double. The radius of a number bounds its error: every result contains the exact
 numbers within the radii. Sums and products of two doubles are exact as pairs of doubles (T. J.
 Dekker, doi:10.1007/BF01397083). Each operation rounds only the second double, by at most U times
 its size, and increases the radius by this amount. Radii are rounded too, and enlarged accordingly.
-Stored arrays have entries between 1e-60 and 1e60 in size, so products do not overflow. Numbers
-below 1e-75 become zero with the radius 1e-75, which covers underflow.
+The entries of stored arrays are zero or between 1e-60 and 1e60 in size, so products do not
+overflow. Numbers below 1e-75 become zero with the radius 1e-75, which covers underflow.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,7 +27,7 @@ TINY = 1e-75
 
 
 def upwards(values: Floats, terms: int = 16) -> Floats:
-    """Return rounded sums or products of ``terms`` non-negative numbers, enlarged to bounds."""
+    """Return rounded sums or products of ``terms`` non-negative numbers as upper bounds."""
     return np.asarray(values * (1 + 4 * terms * U))
 
 

@@ -15,7 +15,7 @@ AT_ONCE = 300_000
 """Number of pairs that are processed together, limited by memory."""
 
 MOST_PAIRS = 1000
-"""Allowed number of pairs for each box; cells of two meshes in 3D have about 300 pairs."""
+"""Allowed number of compared pairs for each box; a cell of two 3D meshes has about 300 pairs."""
 
 FEW_PAIRS = 20_000_000
 """Number of pairs that is always allowed."""
@@ -83,7 +83,7 @@ class _Tree:
 
     @classmethod
     def of(cls, boxes: Floats, depth: int) -> "_Tree":
-        """Return the tree of some boxes with a given depth. A leaf has ``IN_LEAF`` boxes."""
+        """Return a tree of the given depth for ``boxes``. A leaf has ``IN_LEAF`` boxes."""
         _, count, d = boxes.shape
         size = IN_LEAF * 2**depth
         middle = boxes.sum(axis=0)

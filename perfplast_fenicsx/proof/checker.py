@@ -41,7 +41,7 @@ from perfplast_fenicsx.proof.verdict import ROUNDED, Checked, faults_of, roundin
 
 
 def overlapping(body: Body) -> int:
-    """Return the number of outer facets with another cell just inside, in the first such batch."""
+    """Return the number of outer facets with another cell just inside; at least one of several."""
     slices, cells = _slices(body), body.vertices[body.cells]
     own = body.outer // (body.dim + 1)
     found = np.zeros(len(slices), dtype=bool)

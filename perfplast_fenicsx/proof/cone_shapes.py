@@ -37,8 +37,8 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
     """Return flags of cells whose cones in ``lower`` may lie partly outside those in ``upper``.
 
     For slopes α < α' and the same axis, a cone with slope α lies within a cone with slope α' if the
-    apex of the first cone is not higher, c/α ≤ c'/α'. This apex lies within the second cone, and
-    below the apex the second cone opens faster.
+    apex of the first cone is not higher, c/α ≤ c'/α'. The apex of the first cone lies within the
+    second cone, and below the apex the second cone opens faster.
 
     Args:
         lower: Strengths of n cells.

@@ -221,7 +221,7 @@ class Cones:
 
     @cached_property
     def growth(self) -> Floats:
-        """Return the largest increase of :meth:`excess` by a stress of size 1."""
+        """Return upper bounds on the increase of :meth:`excess` by a stress of size 1."""
         values = np.linalg.svd(self.matrix, compute_uv=False)[:, 0]
         rounding = 1e-12  # relative error of singular values
         return np.asarray((values + np.linalg.norm(self.slope, axis=1)) * (1 + rounding))

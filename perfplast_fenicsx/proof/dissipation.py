@@ -47,7 +47,7 @@ class Rates:
         errors: Error of each cell, shape (num_cells,).
         change: div v times the volume at vertices, shape (num_cells, d + 1).
         reach: Integral of a unit rate over its cell, divided by the volume: 1, or in axisymmetry
-            ∫1/r.
+            the mean of 1/r, bounded from above.
         of_gradient: Largest rate for ‖∇w‖ = 1 in a cell, without ``reach``.
     """
 
@@ -88,11 +88,11 @@ def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
 def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change: Balls) -> Rates:
     """Return coefficients of r²ε, and their largest change for ‖∇w‖ = 1.
 
-    The norm of r²ε is at most r‖∇w‖ + √2 |w|, and w = 0 at vertices. In a cell of size h at a
-    distance of at least r₀ from the axis, |w| ≤ h‖∇w‖ ≤ (h/r₀) r‖∇w‖. In a cell that touches the
-    axis, |w| ≤ κr‖∇w‖. Here κ bounds the distances of the other vertices from the vertices on the
-    axis, divided by the radii of the other vertices. From each point of the cell, a line of length
-    at most κr leads to a vertex or edge on the axis.
+    For a velocity w in place of v, the norm of r²ε is at most r‖∇w‖ + √2 |w|, and w = 0 at
+    vertices. In a cell of size h at a distance of at least r₀ from the axis, |w| ≤ h‖∇w‖ ≤ (h/r₀)
+    r‖∇w‖. In a cell that touches the axis, |w| ≤ κr‖∇w‖. Here κ bounds the distances of the other
+    vertices from the vertices on the axis, divided by the radii of the other vertices. From each
+    point of the cell, a line of length at most κr leads to a vertex or edge on the axis.
     """
     radii, volumes = radii_of(body), body.volumes
     sizes = own.mid + own.low
@@ -117,7 +117,7 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
 
 
 def _worst(body: Body) -> Floats:
-    """Return 1 + h^d/V of each cell with its largest extent h, to scale rounding errors."""
+    """Return 1 + h^d/V for cells of extent h and volume V, to scale rounding errors."""
     x = body.vertices[body.cells]
     size = np.ptp(x, axis=1).max(axis=1)
     return np.asarray(1 + size**body.dim / body.volumes)

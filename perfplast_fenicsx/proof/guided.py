@@ -42,7 +42,7 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
 
 
 def differ(one: Floats, other: Floats) -> Flags:
-    """Return flags of directions that differ by more than rounding and their sign, shape (n,)."""
+    """Return flags of directions that differ, except by rounding or by their sign, shape (n,)."""
     rounding = 1e-9
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
     return np.asarray(np.minimum(*apart) > rounding)

@@ -221,9 +221,9 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
 def bare_vertices(body: Body, kinds: Sequence[tuple[float, Loads]]) -> Flags:
     """Return flags of cell vertices at which only zero stress is admissible, (num_cells, d + 1).
 
-    On a free surface, one principal stress is zero. In 2D with c = 0, the other principal stress is
-    zero too. Therefore the stress at a vertex of a free surface is zero in all cells with c = 0
-    around this vertex.
+    On a free surface, one principal stress is zero. In 2D with c = 0 and without a pore pressure,
+    the other principal stress is zero too. Therefore the stress at a vertex of a free surface is
+    zero in all cells with c = 0 around this vertex.
 
     Args:
         body: The bodies.

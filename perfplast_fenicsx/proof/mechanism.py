@@ -7,11 +7,11 @@ exact numbers (:class:`balls.Balls`), and all results use the corrected coeffici
 - Coefficients are zero along the directions that supports hold.
 - Elastic cells that share a point, and the rigid surfaces that share points with them, move as one
   rigid body.
-- In contact, a coefficient w of the jump must separate the surfaces by −w·n ≥ μ‖w_t‖. Then the
-  surfaces separate everywhere, because Bernstein polynomials are non-negative and this set is a
-  convex cone. If surfaces separate too little, points move along the normals. Points of deformable
-  cells move one by one, and rigid bodies by motions that separate them from all bodies in contact
-  with them.
+- In contact, each coefficient w of the jump must separate the surfaces by −w·n ≥ μ‖w_t‖. If all
+  coefficients do, the surfaces separate everywhere, because Bernstein polynomials are non-negative
+  and this set is a convex cone. If surfaces separate too little, points move along the normals.
+  Points of deformable cells move one by one, and rigid bodies by motions that separate them from
+  all bodies in contact with them.
 """
 
 from collections.abc import Iterator, Sequence

@@ -47,7 +47,7 @@ def gauges(curvature: Floats, tension: Floats, stress: Floats) -> Floats:
 
 
 def most_gauge(curvature: Floats, tension: Floats) -> Floats:
-    """Return the largest gauge of a stress of size 1, for which σ₁ ≤ 1 and R ≤ 1/√2."""
+    """Return upper bounds on the gauge of a stress of size 1, for which σ₁ ≤ 1 and R ≤ 1/√2."""
     root = np.sqrt(curvature**2 + 2 * curvature * tension)
     return np.asarray((curvature + root) / (2 * curvature * tension))
 
@@ -62,7 +62,7 @@ def powers(curvature: Floats, tension: Floats, rates: Floats) -> Floats:
 
 
 def steepest(curvature: Floats, tension: Floats) -> Floats:
-    """Return the Lipschitz constant of :func:`powers`.
+    """Return upper bounds on the Lipschitz constant of :func:`powers`.
 
     The derivatives with respect to v and γ are at most f + k/4δ² and k/2δ + fδ in size, and |dv|
     and |dγ| are at most √2 |dε|.

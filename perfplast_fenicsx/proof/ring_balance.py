@@ -6,7 +6,8 @@ equilibrium, so only axial forces and jumps of tractions remain unbalanced.
 1. Supports and contact exert additional axial forces, which bring each piece into equilibrium.
 2. Each cell transfers the axial forces of all cells beyond it, by tractions that are zero on the
    axis.
-3. Radial forces that are linear in a cell balance the cell as a plane body. They are hoop stresses.
+3. Radial forces that are linear in a cell balance the cell as a plane body; hoop
+   stresses exert these forces.
 4. Consider tractions that are quadratic on each side of a triangle and in equilibrium with body
    forces that are linear in the triangle. Some stress with these tractions is quadratic in
    each of the three parts into which the centre divides the triangle (D. N. Arnold, J. Douglas, C.

@@ -132,11 +132,11 @@ def _each_other(body: Body, a: Longs, b: Longs) -> tuple[Longs, Longs]:
 
 
 def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
-    """Return the number of facets of ``a`` that overlap the box of an opposing facet of ``b``.
+    """Return the number of facets of ``a`` that overlap an opposing facet of ``b``.
 
-    Facets overlap if their projections along the normal overlap. The function stops at the first
-    batch of ``a`` with an overlap: one overlap suffices for a refusal, and a check of all pairs of
-    many thousand facets would take long.
+    Facets overlap if the bounding boxes of their projections along the normal overlap. The function
+    stops at the first batch of ``a`` with an overlap: one overlap suffices for a refusal, and a
+    check of all pairs of many thousand facets would take long.
 
     Args:
         body: The bodies.

@@ -29,11 +29,10 @@ LIMITS: Mapping[str, float] = {
     "yield_ratio": 1 + 1e-9,
     "shear_ratio": 1 + 1e-9,
 }
-"""Residuals above which a condition is named as the reason why a bound is not proven. Small
-residuals alone prove no bound: they reduce a lower bound and increase an upper bound. Symmetry and
-zeros on the axis must be exact, because a program can write symmetric tensors and zeros.
-``work_of_others`` limits the range of the free loads' factors for which a bound holds; the checker
-prints this range.
+"""Residuals above which a condition is named as the reason why a bound is not proven. Residuals
+below these limits still reduce a lower bound or increase an upper bound. Symmetry and zeros on the
+axis must be exact, because a program can write symmetric tensors and zeros. ``work_of_others``
+limits the range of the free loads' factors for which a bound holds; the checker prints this range.
 """
 
 RATIOS = {"yield_ratio": "stresses", "shear_ratio": "shear tractions of contact"}
