@@ -7,9 +7,9 @@ The enclosure consists of a linear function below and a linear function above th
 several simplices. Such a pair, given by values at the vertices, encloses each part of a formula.
 The chord of a part is the linear function with the same values at the vertices. The maximum of two
 linear functions is convex: its chord lies above it, and both functions lie below it. A product of
-two linear functions f and g differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, i < j, and the
-product λᵢλⱼ of barycentric coordinates is at most a quarter. Sums and multiples of linear functions
-are their own enclosures.
+linear functions f and g differs from its chord by Σ (fᵢ − fⱼ)(gᵢ − gⱼ) λᵢλⱼ, i < j. The product
+λᵢλⱼ of barycentric coordinates is at most a quarter. Sums and multiples of linear functions are
+their own enclosures.
 """
 
 import ast

@@ -121,7 +121,7 @@ class Units:
 
     @property
     def known(self) -> System | None:
-        """Return the system of units called :attr:`name`; None if :attr:`name` is None."""
+        """Return the system of units with the name :attr:`name`, or None if there is no name."""
         return SYSTEMS[self.name] if self.name else None
 
     def table(self, whole: bool = True) -> dict[str, str]:

@@ -67,7 +67,7 @@ FIELDS = {
     "animate": {"files": "paths of the animation"},
     "report": {"files": "path of the page"},
     "claim": {
-        "quantity": "the bounded quantity: load factor, multiple of the permanent loads, or "
+        "quantity": "the bounded quantity: load factor, multiple of the constant loads, or "
         "factor of safety",
         "sentence": "the bounds in words",
         "meaning": (

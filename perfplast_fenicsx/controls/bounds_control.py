@@ -45,9 +45,9 @@ class BoundsControl(OfBody):
         check_design(self.design)
 
     def check(self, given: Given) -> None:
-        """Refuse cases without loads or limits, and moving obstacles.
+        """Refuse moving obstacles, and cases in which no load acts or nothing limits the load.
 
-        If ``direction`` is "both", refuse also the forces of pins, which cannot be reversed.
+        If ``direction`` is "both", also refuse the forces of pins, which cannot be reversed.
         """
         given.require_load()
         given.require_limit()
@@ -76,7 +76,7 @@ class BoundsControl(OfBody):
         return mesh
 
     def _with_least(self, run: Run, body: BodyBounds) -> BodyBounds:
-        """Return ``body``, with bounds on the smallest load factor where they are needed.
+        """Return ``body``, with bounds on the smallest load factor if they are needed.
 
         Collective.
         """

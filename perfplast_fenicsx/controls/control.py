@@ -178,7 +178,7 @@ class Record(Protocol):
         """Record the bounds on the meshes so far, before the next mesh is solved."""
 
     def factor(self, factor: float, lower: Bound, upper: Bound, cells: int) -> None:
-        """Record the bounds for strengths divided by ``factor``, and the number of cells."""
+        """Record bounds on the load factor for strengths divided by ``factor``, and the cells."""
 
     def estimate(self, factor: float, times: float | None, cells: int) -> None:
         """Record ``times``, an estimate of the load factor for strengths divided by ``factor``."""
@@ -277,7 +277,7 @@ class Control(Protocol):
         """Return the stages of a loading history in order; empty for other controls."""
 
     def moved(self, loads: Sequence[Load], initial: Sequence[Initial]) -> Moved:
-        """Return a function that states which motions follow the loading."""
+        """Return a function that states whether the loading moves an object."""
 
     def check(self, given: Given) -> None:
         """Refuse declarations that do not fit the control.
@@ -416,7 +416,7 @@ def check_values(
 
 
 def check_rising(values: Sequence[float], what: str) -> None:
-    """Refuse values that would need constant loads or moving supports.
+    """Refuse negative or decreasing values in a case without constant loads.
 
     Args:
         values: Values of the levels, as for :func:`check_values`.

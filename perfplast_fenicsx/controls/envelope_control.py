@@ -91,7 +91,7 @@ class EnvelopeControl(OfBody):
                 said = f"in both {where[0]} and {where[1]}" if where else f"not in {keys}"
                 raise InputError(
                     f"the load '{name}' is {said}; list it exactly once, or set constant = true if "
-                    "the load is permanent."
+                    "no factor multiplies the load."
                 )
 
     def admit(self, problem: Problem, solver: Any) -> None:

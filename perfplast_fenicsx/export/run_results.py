@@ -16,8 +16,7 @@ from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row, data_frame
 class RunResults(NotebookResult):
     """The stored results of a run, which may still be active. Runs in a single process.
 
-    If it is the last line of a notebook cell, this call shows the report with bodies that can be
-    rotated::
+    A notebook shows the report, with bodies that can be rotated, if the last line of a cell is::
 
         RunResults("results/blocks")
 

@@ -50,7 +50,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Stratum:
-    """A layer of ground: a body from its top down to the top of the next stratum.
+    """A layer of ground: a body from its top down to the top of the next stratum, or to ``bottom``.
 
     The case lists strata from the surface downwards. Where two tops coincide, the upper stratum has
     no thickness and is not present.
@@ -136,7 +136,7 @@ class DrawnGround:
         return [(one.name, one.corners) for one in self._shapes() if not one.opening]
 
     def with_kinks(self, kinks: Sequence[Floats]) -> "DrawnGround":
-        """Return the same ground with other additional lines that mesh edges follow."""
+        """Return the same ground with ``kinks`` as the additional lines that mesh edges follow."""
         return replace(self, kinks=kinks)
 
     def outline(self) -> "Outline":
@@ -427,7 +427,9 @@ def _check_apart(shapes: Sequence[Shape]) -> None:
 
 
 def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
-    """Raise an error for lines outside the ground, lines with unlike parts, and wrong cracks.
+    """Raise an error for misplaced cracks, and lines outside the ground or of more than one kind.
+
+    A line lies on the boundary, between regions or inside a region, over its whole length.
 
     Raises:
         InputError: If there is such a line; the message has its name and a place.
@@ -465,7 +467,7 @@ def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
 
 
 def _check_crack(name: str, outline: Outline, edges: Longs) -> None:
-    """Raise an error for a crack on the boundary of the ground or at a boundary between regions.
+    """Raise an error for a crack on the ground's boundary, or in a region and touching another.
 
     Raises:
         InputError: If the crack is not valid; the message has its name and a place.

@@ -74,9 +74,10 @@ def mesh_geometry(
     skin: str | Path | None = None,
     trust: bool = False,
 ) -> Survey:
-    """Mesh a geometry file so that touching bodies have matching nodes but share none.
+    """Mesh a geometry file; bodies share no nodes, but their nodes match where the bodies touch.
 
-    Not collective. Names of bodies come from the file, and names of faces from their positions.
+    Not collective. With ``meshed = "apart"`` the nodes do not match. Names of bodies come from the
+    file, and names of faces from their labels, colours and positions.
 
     Args:
         source: A STEP, BREP, IGES or gmsh .geo file.

@@ -273,7 +273,7 @@ def _upper(dim: int, tag: int, along: int, value: float, size: float) -> list[in
 
 
 def _mass(dim: int, parts: Sequence[Part]) -> tuple[float, Floats]:
-    """Return the volume of bodies, and its centroid."""
+    """Return the volume of bodies and their centroid."""
     occ, tags = gmsh.model.occ, [tag for part in parts for tag in part.tags]
     masses = np.array([occ.getMass(dim, tag) for tag in tags])
     centres = np.array([occ.getCenterOfMass(dim, tag) for tag in tags]).reshape(-1, 3)

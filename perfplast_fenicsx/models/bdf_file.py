@@ -56,7 +56,7 @@ Cards = dict[str, list[list[str]]]
 
 
 def read_bdf(path: Path) -> ForeignModel:
-    """Return the model of a file.
+    """Return the model in a Nastran bulk data file.
 
     Raises:
         InputError: If the file cannot be read, is damaged, or has no solid elements.

@@ -114,7 +114,7 @@ class ForeignModel:
 
 
 def told_of_shared_nodes(model: ForeignModel) -> list[str]:
-    """Return a list with a remark if bodies share nodes; pictures do not show shared nodes."""
+    """Return a list with one remark if bodies share nodes, and an empty list otherwise."""
     bodies = np.repeat(model.body, model.cells.shape[1])
     first = np.full(len(model.points), len(model.bodies))
     last = np.full(len(model.points), -1)

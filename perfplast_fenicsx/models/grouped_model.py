@@ -169,8 +169,8 @@ def _without_skins(
 ) -> None:
     """Remove groups of the whole surface of bodies, which would only divide other groups.
 
-    A group of elements is removed only if it contains other groups. A group of nodes is always
-    removed, because it is a set of all nodes.
+    Such a group of elements is removed only if it contains other groups. Such a group of nodes is
+    always removed, because it usually contains all nodes of the mesh.
 
     Args:
         named: Surfaces by names of the groups.

@@ -18,7 +18,7 @@ from perfplast_fenicsx.models.solid_cells import solid_cells
 
 
 def read_inp(path: Path) -> ForeignModel:
-    """Return the model of a file.
+    """Return the model in an ``.inp`` file.
 
     Raises:
         InputError: If the file cannot be read, is damaged, or has no solids.

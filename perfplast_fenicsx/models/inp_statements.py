@@ -52,7 +52,7 @@ class Statements:
 
     @property
     def remarks(self) -> list[str]:
-        """Return remarks on keywords without a counterpart, and on changes."""
+        """Return remarks on keywords and data that the program ignores."""
         told = [
             f"*{name} ({number} times) has no counterpart and is ignored"
             if number > 1
@@ -376,7 +376,7 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Return tractions that replace nodal forces, on sets that form surfaces and elsewhere."""
+        """Return tractions that replace nodal forces; sets without a surface are joined by axis."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():

@@ -46,7 +46,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def read_med(path: Path) -> ForeignModel:
-    """Return the model of a file.
+    """Return the model in a ``.med`` file.
 
     Raises:
         InputError: If the file cannot be read, is damaged, or has no solids.

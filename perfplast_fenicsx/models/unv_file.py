@@ -38,8 +38,8 @@ GROUPS = ("2429", "2430", "2432", "2435", "2452", "2467", "2477")
 
 
 AROUND_3, AROUND_4 = [0, 2, 4, 1, 3, 5], [0, 2, 4, 6, 1, 3, 5, 7]
-"""Order of the nodes of quadratic elements, in which corners and midside nodes alternate: corners
-first, then midside nodes.
+"""Places of the corners, then of the midside nodes, in quadratic elements of the file, which list
+them alternately.
 """
 
 FACES = {
@@ -68,7 +68,7 @@ KINDS: dict[int, tuple[ElementType, list[int]]] = {
 
 
 def read_unv(path: Path) -> ForeignModel:
-    """Return the model of a file.
+    """Return the model in a ``.unv`` file.
 
     Raises:
         InputError: If the file cannot be read, is damaged, or has no solids.

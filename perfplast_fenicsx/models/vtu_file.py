@@ -50,7 +50,7 @@ another array is used."""
 
 
 def read_vtu(path: Path) -> ForeignModel:
-    """Return the model of a file.
+    """Return the model in a ``.vtu`` or ``.vtk`` file.
 
     Raises:
         InputError: If the file cannot be read, is damaged, or has no solids.

@@ -169,7 +169,7 @@ SIDES = {
 
 
 def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
-    """Draw both bounds over the factor, the factors at which they are 1, and the mesh's curve.
+    """Draw both bounds on the load multiple over F, both bounds on F, and the mesh's curve.
 
     Args:
         table: Table of :meth:`safety_factor.FactorOfSafety.table`; if it is an estimate, the legend

@@ -70,13 +70,12 @@ def save_flow(flow: StoredFlow, title: str, units: Mapping[str, str], path: Path
 
 
 def free_surface(flow: StoredFlow) -> Floats:
-    """Return the free surface: the zero of the pressure that saturated ground extrapolates.
+    """Return the lines where the pressure, extrapolated from saturated cells, is zero.
 
-    Pressures are zero at all points above the free surface. So the interpolated pressure is
-    positive in the lower part of a cell that the surface crosses, and also above the surface.
-    Therefore the function extrapolates the pressure head of the saturated cells linearly to the
-    points above them. Points of a drain that water merely passes belong to no saturated cell, and
-    have no surface above them.
+    Pressures are zero at all points above the free surface. So in a cell that the surface crosses,
+    the interpolated pressure is positive also above the surface. Therefore the function
+    extrapolates the pressure head of the saturated cells linearly to the points above them. Points
+    of a drain that water merely passes belong to no saturated cell, and have no surface above them.
 
     Args:
         flow: A flow in the plane.

@@ -94,7 +94,7 @@ def save_curve(
     unit: str = "",
     driven: bool = False,
 ) -> None:
-    """Draw the curve, and save the picture.
+    """Draw the loading curve of a run, and save the picture.
 
     Args:
         reports: Reports of all levels.

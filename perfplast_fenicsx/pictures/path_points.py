@@ -13,8 +13,8 @@ from perfplast_fenicsx.rounding import ROUNDING
 def from_rest(solved: Sequence[LevelReport]) -> tuple[list[float], list[float]]:
     """Return the works α and load factors ζ at the start of the curve and at the levels.
 
-    The curve starts at the unloaded bodies. If the first level has only constant loads (ζ = 0), the
-    curve starts at this level, where these loads have already done work.
+    The curve starts at the unloaded bodies, unless the first level has only constant loads (ζ = 0).
+    Then the curve starts at this level, where these loads have already done work.
     """
     alphas, zetas = [a.alpha for a in solved], [a.zeta for a in solved]
     if zetas and abs(zetas[0]) <= ROUNDING * max(map(abs, zetas)):

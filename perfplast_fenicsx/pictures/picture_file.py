@@ -107,7 +107,7 @@ REVOLVED = View("", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), ("r", "z", ""))
 
 
 def view_of(surface: Surface, axisymmetric: bool) -> View:
-    """Return the view of a result: from the front, unless the back shows twice as much.
+    """Return the view of a result: the front, or the back if it shows over twice the stressed area.
 
     Args:
         surface: Surface of rigid bodies, or surface with the ``yield_ratio``, whose stressed part

@@ -284,7 +284,7 @@ def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, 
 
 
 def _collapse(limit: StoredLimit) -> str:
-    """Return the limit load in words: of the body if both bounds are known, else of the mesh."""
+    """Return a caption of the mechanism, with the limit load of the bodies or of the mesh."""
     if not limit.theorem:
         return f"velocity at the end of this path, ζ = {rounded_down(limit.lower)}"
     if limit.strength:

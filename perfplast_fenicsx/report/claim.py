@@ -18,7 +18,7 @@ class Claim:
     """Bounds that the checker has proven again from their files.
 
     Attributes:
-        quantity: "load factor", "multiple of the permanent loads", or "factor of safety".
+        quantity: "load factor", "multiple of the constant loads", or "factor of safety".
         sentence: The bounds in words.
         meaning: The loads that the quantity multiplies, or the strengths that it divides.
         lower: The largest value at which the bodies provably carry the loads; None if no value is
@@ -101,7 +101,7 @@ def claim_of(folder: str | Path) -> Claim:
         )
     elif standing:
         meaning = "The number multiplies the constant loads."
-    quantity = "multiple of the permanent loads" if standing else "load factor"
+    quantity = "multiple of the constant loads" if standing else "load factor"
     return Claim(
         quantity="factor of safety" if strength else quantity,
         sentence=_sentence("F" if strength else "ζ", numbers),

@@ -104,7 +104,7 @@ class LoadCase:
         return float(self.live.dot(u))
 
     def dead_work(self, u: PETSc.Vec) -> float:
-        """Return the work of the permanent loads L₀(u)."""
+        """Return the work of the constant loads L₀(u)."""
         return float(self.dead.dot(u))
 
     def work(self, u: PETSc.Vec, zeta: float) -> float:

@@ -135,7 +135,7 @@ def contact_forces(
         problem: The bodies.
         stress: Mandel vectors at the points.
         zeta: Load factor ζ of the live loads.
-        times: Factor of the permanent loads.
+        times: Factor of the constant loads.
 
     Returns:
         Forces of the pairs hosted by this rank, shape (num_pairs,).
@@ -192,7 +192,7 @@ def _in_jumps(problem: Problem, residual: PETSc.Vec, zeta: float, times: float =
         problem: The bodies.
         residual: Nodal forces, zero at supports.
         zeta: Load factor ζ of the live loads.
-        times: Factor of the permanent loads.
+        times: Factor of the constant loads.
     """
     r = problem.create_vector()
     problem.loads.subtract_from(residual, zeta, times)
