@@ -22,7 +22,7 @@ class Sides:
         of_cell: Local facets of each owned cell, shape (n, tdim + 1); facet i is opposite vertex i.
         count: Number of cells, on all ranks, at each local facet, shape (num_facets,).
         signs: Sum over these cells: 1 for a cell on one side and −1 on the other, shape
-            (num_facets,).
+            (num_facets,). Which side has the sign 1 is arbitrary.
     """
 
     of_cell: Ints
@@ -31,7 +31,7 @@ class Sides:
 
 
 def sides_of_facets(mesh: Mesh) -> Sides:
-    """Return the number and the sides of the cells at facets; signs are arbitrary. Collective."""
+    """Return the number and the sides of the cells at facets. Collective."""
     topology, tdim = mesh.topology, mesh.topology.dim
     for pair in ((tdim - 1, tdim), (tdim, tdim - 1), (tdim - 1, 0)):
         topology.create_connectivity(*pair)

@@ -17,7 +17,7 @@ from perfplast_fenicsx.parallel import Exchange, fetch_rows, send_rows
 
 
 class GluedEdges:
-    """Local edges of a straight mesh, in an order that is the same on all ranks and both sides.
+    """Local edges of a straight mesh, in the same order on all ranks and on both sides of contacts.
 
     Attributes:
         of_cell: Local edges of each owned cell, shape (num_cells, edges_per_cell).
@@ -107,7 +107,7 @@ class GluedEdges:
         return vector.array.copy()
 
     def new_points(self, marks: npt.NDArray[np.bool_]) -> Floats:
-        """Return the new points on owned marked edges, in their order, shape (num_new, gdim)."""
+        """Return the midpoints of owned marked edges, by edge index, shape (num_new, gdim)."""
         return self.middles[: self._owned][marks[: self._owned]]
 
     def _mean(
@@ -188,7 +188,7 @@ def _labels(mesh: Mesh, opposite: Longs) -> tuple[Longs, PairFlags]:
 
 
 class _Meeting:
-    """Sends all rows with equal keys, from any rank, to one rank."""
+    """Send all rows with equal keys, from any rank, to one rank."""
 
     def __init__(self, comm: MPI.Intracomm, keys: Longs) -> None:
         """Send each key to the rank that is responsible for it. Collective.

@@ -127,7 +127,7 @@ def read_content(path: Path) -> Content:
 
 
 def windows_path(path: Path) -> str:
-    """Return a remedy for a file that does not exist at ``path``."""
+    """Return a remedy for a missing file, for example for backslashes in its path."""
     name = str(path)
     if not name.isprintable():  # Python reads a tab and a line break in "C:\temp\new.msh"
         return (

@@ -97,7 +97,7 @@ def _cross(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 class Slabs:
-    """Divides space into one slab per rank, with about the same number of points in each slab."""
+    """Divide space into one slab per rank, with about the same number of points in each slab."""
 
     def __init__(self, comm: MPI.Intracomm, places: Floats) -> None:
         """Choose the axis and the limits of the slabs. Collective.
@@ -137,7 +137,7 @@ class Slabs:
 
 
 class CellSearch:
-    """Finds cells by position; cells of about the same size are in one tree."""
+    """Find cells by position; cells of about the same size are in one tree."""
 
     def __init__(self, x: Floats) -> None:
         """Build search trees, one for each class of cell sizes.

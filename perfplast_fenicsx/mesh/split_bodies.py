@@ -223,7 +223,7 @@ def _doubled(cells: Tags, local: Longs, cut: Tags, first: int) -> tuple[Tags, Ta
 
 
 class _Beside:
-    """Finds the nodes that edges have in the cells on both sides."""
+    """Find the nodes that edges have in the cells on both sides."""
 
     def __init__(self, cells: Tags, opened: Tags, places: Floats, local: Longs) -> None:
         """Sort the edges of all cells.

@@ -155,7 +155,7 @@ class TaggedMesh:
         return isinstance(self.kinematics, PlaneStress)
 
     def turned(self) -> "TaggedMesh":
-        """Return the mesh as a half section of bodies of revolution: x is r, and y is the axial z.
+        """Return the mesh as a half section of bodies of revolution: x is r, and y is z.
 
         Vertices close to the axis are moved onto the axis. Collective.
 
@@ -229,7 +229,7 @@ class TaggedMesh:
     def left_glued(
         self, named: Iterable[str], cracks: Iterable[str] = ()
     ) -> tuple["TaggedMesh", list[tuple[str, str]]]:
-        """Return the mesh, and the glued pairs that no contact or tie names, without cracks.
+        """Return the mesh, and the glued pairs outside cracks that no contact or tie names.
 
         Args:
             named: Names of the surfaces of contacts and ties; unknown names are ignored.

@@ -13,10 +13,9 @@ CHILDREN = {
         *("01 02 03 13", "01 02 12 13", "02 03 13 23", "02 12 13 23"),
     ),
 }
-"""Parts of a simplex with halved edges, by dimension. A vertex of a part is the middle of two
-vertices of the simplex, and is written as their indices; an index is written twice for a vertex of
-the simplex itself. The order follows J. Bey, Tetrahedral grid refinement, Computing 55 (1995),
-355."""
+"""Parts of a simplex with halved edges, by dimension. Each vertex of a part is written as two
+vertices of the simplex between which it is the middle. For a vertex of the simplex, both are the
+same. The order follows J. Bey, Tetrahedral grid refinement, Computing 55 (1995), 355."""
 
 
 @lru_cache

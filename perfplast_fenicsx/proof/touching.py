@@ -135,7 +135,7 @@ def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
     """Return the number of facets of ``a`` that overlap an opposing facet of ``b``.
 
     Facets overlap if the bounding boxes of their projections along the normal overlap. The function
-    stops at the first batch of ``a`` with an overlap: one overlap suffices for a refusal, and a
+    stops at the first batch of ``a`` with an overlap. One overlap suffices for a refusal, and a
     check of all pairs of many thousand facets would take long.
 
     Args:

@@ -8,10 +8,10 @@ loads. If this work is positive for one v, no equilibrium exists, whatever the m
 Free motions are rigid motions that neither supports nor contact resist, in both directions. A round
 frictionless pin may rotate in its hole, and a block may slide on another block. If no load does
 work on such a motion, bodies are in equilibrium in any position along it, and the stiffness K is
-singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs have no
-forces: for motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0, the
-equation (K + Σ k e eᵀ)δ = b implies Fᵀe k eᵀδ = 0 and thus eᵀδ = 0. Therefore δ solves Kδ = b, and
-the springs carry no part of the loads.
+singular. The module therefore adds a spring for each motion: K + Σ k e eᵀ. The springs exert no
+forces. Consider motions F with KF = 0 and eᵀF invertible, and a right-hand side with Fᵀb = 0. The
+equation (K + Σ k e eᵀ)δ = b then implies Fᵀe k eᵀδ = 0 and thus eᵀδ = 0. Therefore δ solves Kδ = b,
+and the springs carry no part of the loads.
 """
 
 import logging

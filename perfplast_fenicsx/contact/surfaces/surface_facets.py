@@ -19,7 +19,7 @@ from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import Exchange, bounding_box
 
 SHARP = np.cos(np.radians(40.0))
-"""Cosine between normals below which facets at a node belong to different faces."""
+"""Cosine of the angle between normals below which facets at a node belong to different faces."""
 
 
 @dataclass(frozen=True)
