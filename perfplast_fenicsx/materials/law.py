@@ -78,7 +78,7 @@ class YieldSet(Protocol):
     """
 
     def gauge(self, s: Expr) -> Expr:
-        """Return the least t ≥ 0 for which s/t is in the set; 0 if no multiple of s yields."""
+        """Return the least t ≥ 0 with s/t in the set; 0 if no positive multiple of s yields."""
         ...
 
     def support(self, rate: Expr) -> Expr:
@@ -210,8 +210,10 @@ class Law(Protocol):
         projects: Whether Σ(e) is the projection of C(e − p) onto a fixed yield set in the norm of
             C⁻¹, with the strain p of :meth:`unstressed`, as in perfect plasticity. ALG2 requires
             this property.
-        dilates: Whether bodies dilate in plastic flow. Confined bodies may then carry any load.
-        carries_any_load: Whether hardening is unlimited. There is then no limit load.
+        dilates: Whether bodies dilate in plastic flow. Confined bodies that dilate may carry any
+            load.
+        carries_any_load: Whether hardening is unlimited. A body that hardens without limit has no
+            limit load.
         plane_strain_only: Whether the law is valid only in plane strain.
     """
 

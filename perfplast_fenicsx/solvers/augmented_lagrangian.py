@@ -66,7 +66,7 @@ def elastic_weights(problem: Problem) -> Weights:
 
 
 class Anderson:
-    """Extrapolates e ← g(e) from the last iterations, with residuals measured in ‖·‖_C.
+    """Extrapolate e ← g(e) from the last iterations, with residuals measured in ‖·‖_C.
 
     D. G. Anderson, J. ACM 12 (1965); type II, undamped. If the residual exceeds 1.5 times the
     smallest residual, the method takes the plain iterate and clears its memory.

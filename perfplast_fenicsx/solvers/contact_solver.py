@@ -1,4 +1,4 @@
-"""Create the solver of the contact quadratic program of a Newton step: SNES-VI or Total FETI."""
+"""Define the interface of solvers of contact quadratic programs, and create Total FETI solvers."""
 
 from typing import Any, Protocol
 

@@ -41,8 +41,8 @@ def closing_work(problem: Problem, before: State, last: State, alpha: float) -> 
 
     Collective.
 
-    The result is α if the number of pairs that close does not exceed the number of closed pairs.
-    Contact then grows gradually, as between round bodies.
+    The result is α if the number of pairs that close does not exceed the number of closed pairs. In
+    this case contact grows gradually, as between round bodies.
 
     Args:
         problem: Problem of the states.

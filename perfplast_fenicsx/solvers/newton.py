@@ -299,8 +299,8 @@ class WorkNewton(LevelSolver):
     def near_yield(self) -> State:
         """Return a state near :meth:`first_yield`, computed cheaply. Collective.
 
-        The work of the state is rounded to two digits, so that the state does not depend on solver
-        errors.
+        The work of the state is rounded to two significant digits, so that the state does not
+        depend on solver errors.
 
         Raises:
             LinearFailure: If the elastic problem cannot be solved.

@@ -47,7 +47,7 @@ class Step:
 
 
 class Progress:
-    """Collects the iterations of a level and assesses the final state.
+    """Collect the iterations of a level, and assess the final state.
 
     Attributes:
         history: The iterations so far.

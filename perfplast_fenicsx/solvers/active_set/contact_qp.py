@@ -9,8 +9,8 @@ all held pairs in tension, and holds all open pairs that penetrate. Without cont
 gives the solution.
 
 The operator is not an M-matrix. Near collapse, and with quadratic elements, the active sets may
-cycle. The changing pairs are then condensed to a small dense program, which is solved exactly, and
-SNES-VI starts from its active set.
+cycle. In this case the QP is condensed to a small dense program for the pairs that change. This
+program is solved exactly, and SNES-VI starts from its active set.
 """
 
 from dataclasses import dataclass, replace
@@ -276,11 +276,11 @@ class ContactProgram:
         return forces
 
     def _condense(self, found: Found, circling: PairFlags) -> tuple[Found, int]:
-        """Find the active set by a QP condensed to the pairs that cycle. Collective.
+        """Find the active set by a QP condensed to the pairs that change in a cycle. Collective.
 
         Returns:
-            The result of SNES-VI from this active set, or ``found`` itself if too many pairs cycle;
-            and the number of solved systems.
+            The result of SNES-VI from this active set, or ``found`` itself if too many pairs
+            change; and the number of solved systems.
         """
         solution, iterations = found.solution, found.solution.solves
         model, held = solution.model, solution.held & ~circling

@@ -62,8 +62,9 @@ from perfplast_fenicsx.solvers.active_set.equality_qp import (
 from perfplast_fenicsx.solvers.linear.contact_operator import ContactOperator
 
 DRAG = 1e-8
-"""Stiffness, relative to the bodies, of the springs that resist changes of slip along the slip in a
-step. They hold a body that slips everywhere, and their forces vanish with the last step."""
+"""Stiffness, relative to the stiffness of the bodies, of springs that resist changes of slip in a
+step. The springs hold a body that slips everywhere. Their forces vanish as the steps tend to
+zero."""
 
 
 @dataclass(frozen=True)
@@ -476,5 +477,5 @@ class FrictionProgram:
         return splitting.slip(), active, iterations
 
     def _there(self, slip: Slip) -> np.ndarray:
-        """Return which jumps are held, same shape as ``index``."""
+        """Return which jumps are held, same shape as :attr:`Friction.index`."""
         return slip.sticks[:, None] & (self._problem.friction.index >= 0)

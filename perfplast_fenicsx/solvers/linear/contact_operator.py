@@ -55,7 +55,7 @@ class ContactRows:
 
 
 def every_column(A: PETSc.Mat) -> PETSc.IS:
-    """Return the index set of all columns of a matrix, distributed like them, to select rows."""
+    """Return an index set of all columns of a matrix; each rank has the columns that it owns."""
     return PETSc.IS().createStride(
         A.getLocalSize()[1], first=A.getOwnershipRangeColumn()[0], step=1, comm=A.comm
     )

@@ -66,7 +66,8 @@ def iterations_a_digit(iterations: int, rtol: float) -> float:
 
 
 DIRECT_LIMIT = {2: 300_000, 3: 40_000}
-"""Number of unknowns, by space dimension, up to which a sparse Cholesky factorisation is faster."""
+"""Number of unknowns, by dimension, up to which a Cholesky factorisation is faster than
+multigrid."""
 
 FEW_ITERATIONS = 50
 """Multigrid solves with at most this number of Krylov iterations are not compared with a
@@ -119,7 +120,7 @@ class Method(Protocol):
 
 
 class LinearSolver:
-    """Solves A y = b in the jump basis, with any set of unknowns held at zero.
+    """Solve A y = b in the jump basis, with any set of unknowns held at zero.
 
     Large problems use CG with smoothed aggregation, and small ones use Cholesky factorisation by
     MUMPS; the user can give any PETSc option with the prefix ``perfplast_``. While the operator and

@@ -159,7 +159,7 @@ def _of_mean(
 
 
 class TornBodies:
-    """Maps between nodal vectors and torn vectors. All methods are collective."""
+    """Map nodal vectors to torn vectors and back. All methods are collective."""
 
     def __init__(self, problem: Problem, gluing: Gluing) -> None:
         self._basis, self._copies, self._count = problem.basis, gluing.copies, gluing.count

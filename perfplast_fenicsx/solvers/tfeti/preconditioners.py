@@ -81,7 +81,7 @@ class DirichletPreconditioner:
         return sums
 
     def _spread(self, torn: Floats) -> Floats:
-        """Return at each copy the sum over the copies of its node, divided by their stiffness."""
+        """Return at each copy the sum over the copies of its node, over their total stiffness."""
         self._nodal.array[:] = self._summed(torn) / self._sums
         self._copies.mult(self._nodal, self._torn)
         spread: Floats = self._torn.array_r.copy()
