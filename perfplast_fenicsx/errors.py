@@ -197,7 +197,7 @@ def check_finite(what: str, value: float) -> None:
         InputError: If the value is refused; the message has its name and the value.
     """
     if not math.isfinite(value):
-        raise InputError(f"{what} = {value} is not finite; give a number.")
+        raise InputError(f"{what} = {value} is not finite; give a finite number.")
 
 
 def check_end(tolerance: float, max_iterations: int) -> None:

@@ -186,7 +186,10 @@ class PathBracket:
             solved = f"; levels are solved up to {low}" if self.carried > 0 else ""
             return f"loses equilibrium at a load that was not found{solved}"
         high = f"{zeta}{rounded_up(self.refused)}"
-        return f"loses equilibrium between {low}, where it is solved, and {high}, where it has none"
+        return (
+            f"loses equilibrium between {low}, where a level is solved, and {high}, where no "
+            "equilibrium exists"
+        )
 
 
 def factor_so_far(lower: float | None, upper: float | None, estimate: bool) -> str:

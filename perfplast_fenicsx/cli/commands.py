@@ -249,7 +249,9 @@ def schema(comm: MPI.Intracomm, output: str | None, fields: Fields) -> None:
         try:
             replace(Path(str(output)), f"{text}\n".encode())
         except OSError as error:
-            raise InputError(f"'{output}' cannot be written: {error.strerror}.") from error
+            raise InputError(
+                f"'{output}' cannot be written ({error.strerror}); name another file."
+            ) from error
 
     if output is None:
         Terminal(comm).say(text)

@@ -90,8 +90,8 @@ class Follower:
             steps = [{key: step[key] for key in SHOWN} for step in summary["steps"]]
         except (KeyError, TypeError) as error:
             raise InputError(
-                f"'{path}' lacks {error}, so another version of perfplast wrote it; run the case "
-                "again."
+                f"'{path}' does not have the form of this version of perfplast ({error}); run the "
+                "case again."
             ) from error
         except (OSError, ValueError) as error:
             raise InputError(f"'{path}' cannot be read ({error}); run the case again.") from error

@@ -96,7 +96,7 @@ def _add_bodies(mesh: argparse.ArgumentParser) -> None:
         metavar="AXIS=X",
         action="append",
         default=[],
-        help="plane of symmetry, such as x=0; the half with positive coordinates is kept (may "
+        help="plane of symmetry, such as x=0; the half with the larger coordinates is kept (may "
         "be repeated)",
     )
     mesh.add_argument(
@@ -202,7 +202,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     """
     for argument in arguments:
         if not argument.isprintable() and any("\udc80" <= c <= "\udcff" for c in argument):
-            raise InputError(f"the argument '{argument}' is not UTF-8; give a name in UTF-8.")
+            raise InputError(f"the argument '{argument}' is not in UTF-8; give it in UTF-8.")
     ours, petsc = list(arguments), []
     if "--" in ours:
         split = ours.index("--")
@@ -446,8 +446,9 @@ def _add_pictures(commands: Any) -> None:
     plot = commands.add_parser(
         "plot",
         help="draw the loading curve, plastic zone, mechanism and contact pressure",
-        description="Draw path.png, fields.png and mechanism.png from the results of a run, which "
-        "may still be in progress. The pictures are drawn on one rank.",
+        description="Draw path.png, fields.png, mechanism.png and further pictures from the "
+        "results of a run, which may still be in progress. The pictures are drawn on "
+        "one rank.",
     )
     plot.add_argument("results", metavar="DIR", help="result folder of perfplast run")
     plot.add_argument(

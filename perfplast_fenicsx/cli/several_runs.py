@@ -107,7 +107,10 @@ def _forget(folder: Path) -> None:
     try:
         (folder / TABLE).unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"'{folder / TABLE}' cannot be replaced: {error.strerror}.") from error
+        raise InputError(
+            f"'{folder / TABLE}' cannot be replaced ({error.strerror}); give another "
+            "folder with -o."
+        ) from error
 
 
 def _pages(folders: Sequence[ResultFolder], terminal: Terminal) -> None:

@@ -70,7 +70,7 @@ class DisplacementControl(OfLevels):
             raise InputError(
                 "control = 'displacement' needs a motion, but the case defines no motion; give a "
                 "[[support]] a value, an [[obstacle]] a move, a [[rigid_surface]] a displacement "
-                "or rotation, or a [[contact]] with interference constant = false."
+                "or rotation, or a [[contact]] interference = true and constant = false."
             )
 
     def find(self, run: Run) -> None:

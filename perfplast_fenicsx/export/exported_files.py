@@ -82,7 +82,7 @@ def export(
     if not written:
         raise InputError(
             f"the folder '{folder}' contains nothing to export yet: no fields, no levels, no limit "
-            "load."
+            "load; give the folder of a run with results."
         )
     return written
 

@@ -290,7 +290,10 @@ def _polygon(given: Sequence[Sequence[float]], what: str) -> Floats:
 def _bottom(last: Stratum, top: Floats) -> Floats:
     """Return the lower boundary of the last stratum."""
     if last.bottom is None:
-        raise InputError(f"the last stratum, '{last.name}', has no bottom; give a height.")
+        raise InputError(
+            f"the last stratum, '{last.name}', has no bottom; give bottom as a height "
+            "or a list of points."
+        )
     if isinstance(last.bottom, float | int):
         level = float(last.bottom)
         return points_of([[top[0, 0], level], [top[-1, 0], level]], f"the bottom of '{last.name}'")

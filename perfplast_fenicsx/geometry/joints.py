@@ -62,8 +62,8 @@ def cut_along_each_other(
                 if common > overlap * smaller:
                     raise InputError(
                         f"bodies '{parts[before].name}' and '{part.name}' overlap by {common:.3g} "
-                        f"({common / smaller:.1%} of the volume of the smaller one); separate them "
-                        "in the CAD system, or increase overlap."
+                        f"({common / smaller:.1%} of the smaller one); separate them in the CAD "
+                        "system, or increase overlap."
                     )
     cut = [
         Part(part.name, part.label, tuple(tag for tag, own in owner.items() if own == number))
@@ -85,9 +85,9 @@ def _check_kept(dim: int, parts: Sequence[Part], before: Sequence[float], gaps: 
         now = sum(gmsh.model.occ.getMass(dim, tag) for tag in part.tags)
         if not abs(now / volume - 1) <= most:
             raise InputError(
-                f"closing gaps up to {gaps:g} changes the volume of '{part.name}' by "
-                f"{abs(now / volume - 1):.1%}; give a smaller close_gaps, or repair the geometry "
-                "in the CAD system."
+                f"close_gaps = {gaps:g} changes the {'volume' if dim == 3 else 'area'} of "
+                f"'{part.name}' by {abs(now / volume - 1):.1%}; give a smaller value, or repair "
+                "the geometry in the CAD system."
             )
 
 

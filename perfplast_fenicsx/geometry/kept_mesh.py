@@ -189,7 +189,9 @@ def keep_mesh(source: Path, mesh: Path, options: MeshingOptions, trust: bool = F
         content = source.read_bytes()
         before = _made_of(mesh)
     except OSError as error:
-        raise InputError(f"'{error.filename}' cannot be read: {error.strerror}.") from error
+        raise InputError(
+            f"'{error.filename}' cannot be read ({error.strerror}); check its permissions."
+        ) from error
     if mesh.exists() and before is None:
         raise InputError(
             f"'{mesh}' would be generated from '{source}', but a mesh file of another origin "
@@ -235,7 +237,10 @@ def make_mesh(
             mark += MARK + _fingerprint(source.read_bytes(), options) + END
             replace(mesh, made.read_bytes() + mark)
         except OSError as error:
-            raise InputError(f"'{mesh}' cannot be written: {error.strerror or error}.") from error
+            raise InputError(
+                f"'{mesh}' cannot be written ({error.strerror or error}); free some "
+                "space, or allow writing in its folder."
+            ) from error
     return survey
 
 

@@ -154,8 +154,8 @@ def straighten(parts: Sequence[Part], seams: Sequence[Seam]) -> None:
     for part in parts:
         if qualities(3, part).min() <= 0:
             raise InputError(
-                f"closing gaps folds elements of '{part.name}'; give a larger size or "
-                "a smaller close_gaps, or repair the geometry in the CAD system."
+                f"closing the gaps folds elements of '{part.name}'; give a larger size or a "
+                "smaller close_gaps, or repair the geometry in the CAD system."
             )
 
 
@@ -244,8 +244,9 @@ def _half(dim: int, parts: Sequence[Part], axis: str, value: float) -> list[Part
     if not same or abs(centre[along] - value) > unequal * size:
         raise InputError(
             f"symmetry: the bodies are not symmetric about {axis} = {value:g}: their centre is at "
-            f"{axis} = {centre[along]:.6g}, and {half / volume:.1%} of their volume lies on the "
-            "kept side; give another plane, or remove it."
+            f"{axis} = {centre[along]:.6g}, and {half / volume:.1%} of their "
+            f"{'volume' if dim == 3 else 'area'} lies on the kept side; give another plane, or "
+            "remove it."
         )
     return kept
 

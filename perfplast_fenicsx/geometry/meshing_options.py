@@ -111,7 +111,7 @@ def check_planes(what: str, planes: dict[str, float]) -> None:
         if axis not in tuple(AXES):
             raise InputError(f"{what}: '{axis}' is not a coordinate; {nearest(axis, AXES)}")
         if not math.isfinite(value):
-            raise InputError(f"{what}: {axis} = {value} is not finite; give a number.")
+            raise InputError(f"{what}: {axis} = {value} is not finite; give a finite number.")
 
 
 @dataclass(frozen=True)

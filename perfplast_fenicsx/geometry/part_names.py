@@ -58,10 +58,9 @@ def cracks_among(
             continue
         if curves[left] != curves[right] or not both <= inside:
             raise InputError(
-                f"the curves '{left}' and '{right}' are the names of both sides of an open crack, "
-                "but some of these curves have only one of the names or do not lie inside a body; "
-                "give both names to all curves of the crack and to no other curves, or rename the "
-                "curves."
+                f"'{left}' and '{right}' name both sides of an open crack, but some curves have "
+                "only one of these names or do not lie inside a body; give both names to all "
+                "curves of the crack and to no other curves, or rename the curves."
             )
         found.append((left, right))
     return found

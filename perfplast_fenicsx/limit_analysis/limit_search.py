@@ -254,9 +254,11 @@ class _Path:
                 search.upper, why, unknown = zeta, told, 0
                 self.refused += 1
             else:
-                log.info("the solver neither converged nor refused the load %s", told)
+                log.info(
+                    "the solver neither converged nor showed that no equilibrium exists %s", told
+                )
                 open_end, unknown = (
-                    f"the solver neither converged nor refused the load {told}",
+                    f"the solver neither converged nor showed that no equilibrium exists {told}",
                     unknown + 1,
                 )
                 self.refused += 1
@@ -362,7 +364,8 @@ def limit_load(
         except TooLarge as fault:
             if method is not None:
                 raise InputError(
-                    f"{str(fault).removesuffix('.')}; limit_method = 'path' needs no factorisation."
+                    f"{str(fault).removesuffix('.')}; give limit_method = 'path', which needs no "
+                    "factorisation."
                 ) from fault
             log.info(
                 "%s The program follows a loading path instead, which needs no factorisation.",

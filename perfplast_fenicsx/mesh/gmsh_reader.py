@@ -116,7 +116,9 @@ def read_content(path: Path) -> Content:
             about = json.loads(str(arrays["about"]))
             if about["fault"] is not None:
                 fault = about["fault"].replace(str(alone), str(path))
-                raise InputError(f"gmsh cannot read '{path}': {fault.rstrip('.')}.")
+                raise InputError(
+                    f"gmsh cannot read '{path}' ({fault.rstrip('.')}); save the mesh again."
+                )
             blocks = [
                 Block(dim, entity, groups, kind, arrays[f"block_{number}"].astype(np.int64))
                 for number, (dim, entity, groups, kind) in enumerate(about["blocks"])
@@ -151,7 +153,9 @@ def _check_header(path: Path) -> None:
         if isinstance(error, InputError):
             raise
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"mesh file '{path}' cannot be read: {reason}.") from error
+        raise InputError(
+            f"mesh file '{path}' cannot be read ({reason}); check its name and permissions."
+        ) from error
     if not head.startswith((b"$MeshFormat", b"$Comments")):
         remedy = REMEDIES.get(path.suffix.lower(), "save the mesh from gmsh as .msh")
         raise InputError(f"'{path}' is not a gmsh .msh file; {remedy}.")
@@ -354,7 +358,10 @@ def _dimension(content: Content, path: str | Path, gdim: int | None) -> int:
         raise InputError(f"'{path}' has no elements; mesh the model in gmsh before you save it.")
     if max(dims) < 2 or gdim not in (None, max(dims)):
         needed = _SIMPLEX[gdim] if gdim else "triangles or tetrahedra"
-        raise InputError(f"'{path}' is a mesh of {_SIMPLEX[max(dims)]}, but {needed} are needed.")
+        raise InputError(
+            f"'{path}' is a mesh of {_SIMPLEX[max(dims)]}, but {needed} are needed; "
+            "mesh the bodies with them."
+        )
     return max(dims)
 
 

@@ -367,7 +367,7 @@ def build(comm: MPI.Intracomm, name: str, **arguments: object) -> TaggedMesh:
     for key, parameter in parameters.items():
         if parameter.default is inspect.Parameter.empty and key not in arguments:
             raise InputError(
-                f"builder '{name}' needs the argument '{key}'; give for example {key} = 4"
+                f"builder '{name}' needs the argument '{key}'; give for example {key} = 4."
             )
     return BUILDERS[name](comm, **arguments)
 

@@ -127,8 +127,8 @@ def _cards(text: str) -> Cards:
         if first[:1] in ("", "+", "*"):
             if row is None:
                 raise InputError(
-                    f"the line '{line[:30]}' is a continuation line without a line before it; the "
-                    "file is damaged."
+                    f"the line '{line[:30]}' is a continuation line without a line before it, so "
+                    "the file is damaged; export it again."
                 )
             row += fields
         else:
@@ -197,8 +197,8 @@ def _supports(card: str, rows: list[list[str]], index: NumberIndex, found: Group
         for components, nodes in some:
             if not _are_whole(nodes) or not components.isdigit():
                 raise InputError(
-                    f"{card} has '{' '.join(cells)[:40]}' where numbers are expected; "
-                    "the file is damaged."
+                    f"{card} has '{' '.join(cells)[:40]}' where numbers are expected, so the file "
+                    "is damaged; export it again."
                 )
             name = f"held_{components}_of_set_{row[1]}"
             own = index.of(np.array(nodes, dtype=np.int64), missing_is_fine=True)
@@ -216,7 +216,8 @@ def _whole(rows: list[list[str]], first: int, last: int) -> Longs:
         return np.array(table, dtype=np.int64).reshape(len(rows), last - first)
     except ValueError as error:
         raise InputError(
-            f"{rows[0][0]} has fields that are not integers ({error}); the file is damaged."
+            f"{rows[0][0]} has fields that are not integers ({error}), so the file is damaged; "
+            "export it again."
         ) from error
 
 
@@ -226,11 +227,15 @@ def _real(rows: list[list[str]], first: int, last: int) -> Floats:
         table = [[_number(cell) for cell in (row + [""] * last)[first:last]] for row in rows]
     except ValueError as error:
         raise InputError(
-            f"{rows[0][0]} has fields that are not numbers ({error}); the file is damaged."
+            f"{rows[0][0]} has fields that are not numbers ({error}), so the file is damaged; "
+            "export it again."
         ) from error
     found = np.array(table)
     if not np.isfinite(found).all():
-        raise InputError(f"{rows[0][0]} has numbers that are not finite; the file is damaged.")
+        raise InputError(
+            f"{rows[0][0]} has numbers that are not finite, so the file is damaged; "
+            "export it again."
+        )
     return found
 
 

@@ -87,8 +87,8 @@ def _thickness(given: set[float]) -> float:
         told = " and ".join(f"{one:g}" for one in sorted(given))
         what = "thicknesses" if len(given) > 1 else "thickness"
         raise InputError(
-            f"sections of plane elements have the {what} {told}, but a case has only one "
-            "positive thickness; give all sections the same thickness, or model the bodies in 3D."
+            f"sections of plane elements have the {what} {told}, but a case has only one positive "
+            "thickness; give all sections the same positive thickness, or model the bodies in 3D."
         )
     return next(iter(given), 1.0)
 

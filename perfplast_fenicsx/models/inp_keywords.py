@@ -59,8 +59,8 @@ def number_of(cell: str, keyword: Keyword) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is expected; "
-            "the file is damaged."
+            f"line {keyword.number}: *{keyword.name} has '{cell[:30]}' where a number is expected, "
+            "so the file is damaged; export it again."
         )
     return value
 

@@ -136,7 +136,8 @@ class MeshReader:
         for name, of, moves in instances:
             if of not in self._parts:
                 raise InputError(
-                    f"the instance '{name}' refers to part '{of}', which the file does not define."
+                    f"the instance '{name}' refers to part '{of}', which the file does not define; "
+                    "export the model with all parts."
                 )
             part, first = self._parts[of], count
             ids = np.concatenate([NOBODY, *(one for one, _ in part.nodes)])
@@ -172,15 +173,15 @@ class MeshReader:
         most_columns = 7  # columns of `*NODE`: number, coordinates, and direction of a normal
         if not 3 <= table.shape[1] <= most_columns:
             raise InputError(
-                f"line {keyword.number}: *NODE needs a number and 2 or 3 coordinates "
-                "for each node; the file is damaged."
+                f"line {keyword.number}: *NODE needs a number and 2 or 3 coordinates for each "
+                "node, so the file is damaged; export it again."
             )
         places = np.zeros((len(table), 3))
         places[:, : min(3, table.shape[1] - 1)] = table[:, 1:4]
         if not np.isfinite(places).all():
             raise InputError(
-                f"line {keyword.number}: *NODE has coordinates that are not finite "
-                "numbers; the file is damaged."
+                f"line {keyword.number}: *NODE has coordinates that are not finite numbers, so the "
+                "file is damaged; export it again."
             )
         ids = table[:, 0].astype(np.int64)
         part = self._parts[self._now]
@@ -205,8 +206,8 @@ class MeshReader:
             table = np.array(cells, dtype=np.int64)
         except ValueError as error:
             raise InputError(
-                f"line {keyword.number}: *ELEMENT has an entry that is not an integer ({error}); "
-                "the file is damaged."
+                f"line {keyword.number}: *ELEMENT has an entry that is not an integer ({error}), "
+                "so the file is damaged; export it again."
             ) from error
         if len(table) % width and kind.shape is LINE:
             # beams may have an extra node for their direction; this function omits all beams
@@ -215,7 +216,8 @@ class MeshReader:
         if len(table) % width:
             raise InputError(
                 f"line {keyword.number}: each element of type {name} needs {width} numbers, but "
-                f"{len(table)} numbers are given in total; the file is cut off or damaged."
+                f"{len(table)} numbers are given in total, so the file is cut off or damaged; "
+                "export the mesh again."
             )
         table = table.reshape(-1, width)
         part = self._parts[self._now]
@@ -244,22 +246,24 @@ def _moved(points: Floats, moves: Sequence[Iterable[str]], name: str) -> Floats:
         rows = [list(map(float, row)) for row in moves if row]
     except ValueError as error:
         raise InputError(
-            f"the instance '{name}' has a translation or rotation that is not a number; the file "
-            "is damaged."
+            f"the instance '{name}' has a translation or rotation that is not a number, so the "
+            "file is damaged; export it again."
         ) from error
     if rows:
         points = points + np.array((rows[0] + [0.0] * 3)[:3])
     if len(rows) > 1:
         if len(rows[1]) != 7:
             raise InputError(
-                f"the instance '{name}' needs 7 numbers for its rotation; the file is damaged."
+                f"the instance '{name}' needs 7 numbers for its rotation, so the file is damaged; "
+                "export it again."
             )
         start, end, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), math.radians(rows[1][6])
         axis = end - start
         length = float(np.linalg.norm(axis))
         if not length > 0:
             raise InputError(
-                f"the instance '{name}' rotates about an axis of zero length; the file is damaged."
+                f"the instance '{name}' rotates about an axis of zero length, so the file is "
+                "damaged; export it again."
             )
         k, r = axis / length, points - start
         along = (r @ k)[:, None] * k

@@ -109,7 +109,7 @@ class Statements:
         if now is None or not rows:
             raise InputError(
                 f"line {keyword.number}: *{keyword.name} belongs to no *MATERIAL, or contains no "
-                "numbers; the file is damaged."
+                "numbers, so the file is damaged; export it again."
             )
         values = [[number_of(cell, keyword) for cell in row] for row in rows]
         if keyword.name == "ELASTIC":

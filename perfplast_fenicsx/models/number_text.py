@@ -95,8 +95,8 @@ class NumberIndex:
         if not len(self._sorted):
             if numbers.size and not missing_is_fine:
                 raise InputError(
-                    f"there is no {self._what} with the number {numbers.ravel()[0]}; the file is "
-                    "cut off or damaged."
+                    f"there is no {self._what} with the number {numbers.ravel()[0]}, so the file "
+                    "is cut off or damaged; export the mesh again."
                 )
             return NOBODY
         at = np.searchsorted(self._sorted, numbers, side="right") - 1
@@ -106,7 +106,7 @@ class NumberIndex:
         if not there.all():
             raise InputError(
                 f"there is no {self._what} with the number {numbers[~there].ravel()[0]}, to which "
-                "an element refers; the file is cut off or damaged."
+                "an element refers, so the file is cut off or damaged; export the mesh again."
             )
         return self._first + self._order[at]
 
@@ -135,8 +135,8 @@ def table_of(keyword: Keyword) -> Floats:
         rows = [[float(cell.strip() or 0) for cell in line.split(",")] for line in lines]
     except ValueError as error:
         raise InputError(
-            f"line {keyword.number}: *{keyword.name} has an entry that is not a number ({error}); "
-            "the file is damaged."
+            f"line {keyword.number}: *{keyword.name} has an entry that is not a number ({error}), "
+            "so the file is damaged; export it again."
         ) from error
     width = max(map(len, rows))
     return np.array([row + [0.0] * (width - len(row)) for row in rows])
@@ -162,12 +162,12 @@ def members_of(keyword: Keyword, kind: str, known: Sets) -> Longs:
             except ValueError as error:
                 raise InputError(
                     f"line {keyword.number}: *{kind}, GENERATE needs three integers: first, last "
-                    "and step; the file is damaged."
+                    "and step, so the file is damaged; export it again."
                 ) from error
             if step < 1 or (last - first) // step > 100_000_000:
                 raise InputError(
-                    f"line {keyword.number}: *{kind} has the invalid step {step}; "
-                    "the file is damaged."
+                    f"line {keyword.number}: *{kind} has the invalid step {step}, so the file is "
+                    "damaged; export it again."
                 )
             found.append(np.arange(first, last + 1, step, dtype=np.int64))
         return np.concatenate([NOBODY, *found])

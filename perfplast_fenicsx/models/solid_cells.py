@@ -104,9 +104,9 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
     if not solids:
         left = ", ".join(left_out) or "none"
         raise InputError(
-            f"there are no solid elements (unsupported types: {left}); give tetrahedra,"
-            " hexahedra, wedges or pyramids (C3D4, C3D10, C3D8, C3D20, C3D6, C3D15), or triangles"
-            " and quadrilaterals in the plane (CPE, CAX)."
+            f"there are no solid elements (unsupported types: {left}); give tetrahedra, hexahedra, "
+            "wedges or pyramids (C3D4, C3D10, C3D8, C3D20, C3D6, C3D15), or triangles and "
+            "quadrilaterals in the plane (CPE, CPS, CAX)."
         )
     dim = max(block.kind.shape.dim for block in solids)
     solids = [block for block in solids if block.kind.shape.dim == dim]

@@ -171,7 +171,9 @@ def _groups(
         tall = -(-count * fields // in_a_line)
         rows = whole_numbers(lines[at + 2 : at + 2 + tall], what)
         if len(rows) != fields * count:
-            raise InputError(f"the group '{name[:40]}' is cut off or damaged; export it again.")
+            raise InputError(
+                f"the group '{name[:40]}' is cut off or damaged; export the mesh again."
+            )
         members = rows.reshape(count, -1) if count else np.zeros((0, 2), dtype=np.int64)
         for kind, index, groups in (
             (element, elements, found.groups),

@@ -141,7 +141,8 @@ class CaseWords:
             return "ζ is the time: it grows by 1 in each stage."
         if driven:
             return (
-                "At ζ = 1, motions of supports and obstacles and overlaps are as in the case file."
+                "At ζ = 1, motions of supports and obstacles, and overlaps, have the values in "
+                "the case file."
             )
         live = []
         for load in self._given.get("loads", []):

@@ -76,7 +76,8 @@ def claim_of(folder: str | Path) -> Claim:
     if strength and strength.get("estimate"):
         raise InputError(
             f"'{folder}' contains only Davis' estimate of a factor of safety, which proves no "
-            "bound for nonassociated ground, so there is no claim."
+            "bound for nonassociated ground, so there is no claim; for bounds give nonassociated "
+            "= 'radenkovic'."
         )
     names = {"lower": STANDS, "upper": FALLS} if strength else {"lower": PROOF, "upper": PROOF}
     found = {kind: proofs.get(name, {}).get(kind) for kind, name in names.items()}
@@ -97,7 +98,8 @@ def claim_of(folder: str | Path) -> Claim:
     meaning = words.meaning(reader.scene.driven)
     if strength:
         meaning = (
-            "F divides yield stresses, cohesions and slopes of friction; the loads are constant."
+            "F divides yield stresses, cohesions and coefficients of friction (tan φ); the loads "
+            "are constant."
         )
     elif standing:
         meaning = "The number multiplies the constant loads."

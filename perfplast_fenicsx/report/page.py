@@ -199,10 +199,10 @@ def _levels(reader: ResultReader) -> str:
     units = [reader.summary.units.get(kind, "") for kind in ("work", "length")]
     table = level_table(reader.reports, reader.scene.driven, *units)
     note = (
-        "<p>Three conditions check each solved step again. <b>Energy</b>: no other state has less."
-        " <b>Forces</b>: all forces balance. <b>Contact</b>: bodies push only where they"
-        f" touch. {good.sign} {good.word}: the relative residual is at most {TIGHT:.0e};"
-        f" {fair.sign} {fair.word}: it is at most {CREDIBLE:.0e}.</p>"
+        "<p>Three conditions check each solved step again. <b>Energy</b>: no other state has less "
+        "energy. <b>Forces</b>: all forces balance. <b>Contact</b>: bodies push only where they "
+        f"touch. {good.sign} {good.word}: the relative residual is at most {TIGHT:.0e}; "
+        f"{fair.sign} {fair.word}: it is at most {CREDIBLE:.0e}.</p>"
     )
     return _section("levels", "Levels", table + note)
 
@@ -279,11 +279,11 @@ def _reactions(reader: ResultReader) -> str:
 def _bolts(reader: ResultReader) -> str:
     table = bolt_table(reader.reports, reader.summary.units.get("force", ""))
     note = (
-        "<p>Tension in each shank. Bolts are tightened to their preloads before any load "
-        "acts, and then keep their length. While a joint is closed, a bolt carries a "
-        "share of the load in addition to its preload. After the joint opens, it "
-        "carries only the load. <b>Preloads do not change the limit load</b> of perfectly "
-        "plastic bodies, but they change forces, gaps and stiffness below it.</p>"
+        "<p>Tension in each shank. Bolts are tightened to their preloads before any load acts; "
+        "then the shortening of their shanks is constant. While a joint is closed, a bolt carries "
+        "a share of the load in addition to its preload. After the joint opens, it carries only "
+        "the load. <b>Preloads do not change the limit load</b> of perfectly plastic bodies, but "
+        "they change forces, gaps and stiffness below it.</p>"
     )
     return _section("bolts", "Forces of bolts", table and table + note)
 

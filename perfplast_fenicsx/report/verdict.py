@@ -70,8 +70,9 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
     sides = factor_words(lower, upper, estimate, many=True)
     files = [name for name, found in ((STANDS, lower), (FALLS, upper)) if found is not None]
     says = (
-        "F divides yield stresses, cohesions and slopes of friction of all bodies "
-        "equally; the loads are constant. F is the factor of safety of the bodies."
+        "F divides yield stresses, cohesions and coefficients of friction (tan φ) by the same "
+        "number, except strengths with reduced = false; the loads are constant. F is the factor of "
+        "safety of the bodies."
     )
     beside = (
         [f"{path['in_words']} The curve is in strength.png."] if (path := table.get("path")) else []
@@ -99,9 +100,10 @@ def _of_envelope(table: Mapping[str, Any]) -> Verdict:
     times = [f"{a} times '{name}'" for a, name in zip(letters, table["names"], strict=True)]
     noun, degrees = ("pair", "each degree") if len(letters) == 2 else ("triple", "every 5 degrees")
     says = (
-        f"A {noun} ({', '.join(letters)}) is {', '.join(times[:-1])} and {times[-1]}. The inner"
-        f" region is the hull of {noun}s that strict lower bounds prove. Each side of the outer"
-        f" region is a mechanism of a strict upper bound. path.csv lists both for {degrees}."
+        f"A {noun} ({', '.join(letters)}) is {', '.join(times[:-1])} and {times[-1]}. The inner "
+        f"region is the hull of {noun}s that strict lower bounds prove. Each side of the outer "
+        "region comes from the mechanism of a strict upper bound. path.csv lists both for "
+        f"{degrees}."
     )
     first = "_".join([DIRECTIONS, *["000.00"] * (len(letters) - 1)]) + ".h5"
     proof = (
@@ -122,9 +124,9 @@ def _of_shakedown(table: Mapping[str, Any]) -> Verdict:
     says = [
         f"The load domain is the convex hull of: {corners}. In addition, all constant loads act.",
         "By Melan's theorem the bodies respond elastically after some plastic flow if a "
-        "self-equilibrated stress keeps all corners within yield. The run seeks such a stress "
-        "on this mesh, with the elastic stresses of this mesh. The sum is within yield "
-        f"{where}. The result is an estimate, not a bound for the bodies.",
+        "self-equilibrated stress makes the stresses at all corners admissible. The run seeks "
+        "such a stress on this mesh, with the elastic stresses of this mesh. The sum is "
+        f"admissible {where}. The result is an estimate, not a bound for the bodies.",
     ]
     if table["load"] is None:
         return Verdict("open", table["in_words"], [*says, FINER])

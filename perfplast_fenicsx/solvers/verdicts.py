@@ -28,16 +28,16 @@ def above_limit(zeta: float, history: Sequence[Iteration], grows: bool = True) -
     first, last = history[0], history[-1]
     if zeta == 0 or not grows:
         return (
-            f"the bodies cannot carry the constant loads alone: at ζ = {zeta:.9g}, J "
+            f"the bodies cannot carry the constant loads alone: at ζ = {zeta:.9g}, the energy J "
             f"fell from {first.energy:.4g} to {last.energy:.4g}, and it falls further along a "
             f"collapse mechanism beyond {BEYOND:g} times the work of the first step"
         )
     side = "above the limit load" if zeta > 0 else "below the lower limit load"
     return (
-        f"no equilibrium exists at ζ = {zeta:.9g}, which is {side}: J_ζ fell from "
+        f"no equilibrium exists at ζ = {zeta:.9g}, which is {side}: the energy J_ζ fell from "
         f"{first.energy:.4g} to {last.energy:.4g} while the work of the loads grew from "
-        f"{first.alpha:.4g} to {last.alpha:.4g}, and J_ζ falls further along a collapse "
-        f"mechanism beyond {BEYOND:g} times the work of the first step"
+        f"{first.alpha:.4g} to {last.alpha:.4g}, and J_ζ falls further along a collapse mechanism "
+        f"beyond {BEYOND:g} times the work of the first step"
     )
 
 

@@ -87,7 +87,7 @@ def test_what_is_no_time_to_wait(
 
 @pytest.mark.parametrize(
     ("summary", "part"),
-    [({"steps": []}, "lacks 'planned'"), ([], "lacks"), ("{", "cannot be read")],
+    [({"steps": []}, "'planned'"), ([], "does not have the form"), ("{", "cannot be read")],
 )
 def test_results_of_another_version(summary: object, part: str, tmp_path: Path) -> None:
     text = summary if isinstance(summary, str) else json.dumps(summary)

@@ -706,7 +706,7 @@ def test_faces_are_chosen_by_radius_and_by_angle(faulty: tuple[Path, str], brows
     assert page.part("told").text == "2 more faces are chosen"
     page.type("edge-angle", "twenty")
     page.press("Choose the faces that continue these")
-    assert page.part("edge-fault").text == "Angle: is not a number above 0 and below 180."
+    assert page.part("edge-fault").text == "The angle is not a number above 0 and below 180."
     page.type("edge-angle", "135")
     page.press("Choose the faces that continue these")
     outside = {face["name"] for face in faces if face["name"].endswith(("_low", "_high"))}

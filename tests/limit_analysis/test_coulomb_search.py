@@ -210,7 +210,7 @@ def test_without_a_verdict_the_bracket_stays_open(monkeypatch: pytest.MonkeyPatc
     assert found.lower == pytest.approx(0.3, rel=1e-6)
     assert found.upper is None
     assert not found.levelled_off
-    reason = "this is the bracket so far; the solver neither converged nor refused the load at ζ = "
+    reason = "so far; the solver neither converged nor showed that no equilibrium exists at ζ = "
     assert reason in found.reason
 
 

@@ -109,8 +109,8 @@ class EarthquakeTable:
         k = self.coefficient
         if k is not None and not (k > 0 and math.isfinite(k)):
             raise InputError(
-                f"coefficient = {k:g} is not positive; reverse the direction, or remove "
-                "[earthquake]."
+                f"coefficient = {k:g} is not positive; give a positive coefficient, and reverse "
+                "the direction if necessary."
             )
         found: list[Load] = []
         for weight in weights:

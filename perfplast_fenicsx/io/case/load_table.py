@@ -163,7 +163,8 @@ def meaning(case: "Case", whole: bool = True) -> list[str]:
         told.append(f"{factor} is {', '.join(live)}.")
     elif case.scene.driven:
         told.append(
-            "zeta = 1 is the motion of supports, obstacles and overlaps that the case gives."
+            "At zeta = 1, motions of supports and obstacles, and overlaps, have the values in the "
+            "case."
         )
     elsewhere = dict.fromkeys(name for stage in case.stages for name in stage.factors)
     others = [

@@ -123,8 +123,8 @@ def _changed(key: str, new: object, old: object) -> str:
         return f"{key} has {len(new)} entries, but had {len(old)}"
     if then is NOTHING:
         return (
-            f"{key} has {len(new)} entries, but had {len(old)}; the first additional entry is "
-            f"{shown(now)}"
+            f"{key} has {len(new)} entries, of which {shown(now)} is the first additional one, but "
+            f"had {len(old)}"
         )
     return f"{key}: entry {number} is {shown(now)}, but was {shown(then)}"
 

@@ -196,8 +196,8 @@ class FieldSeries:
         self._times = {number: prescribed.of(kept[number - 1]) for number in there}
         if len(there) < len(kept) and folder.comm.rank == 0:
             log.warning(
-                "fields of %d of the %d solved levels are missing from '%s': these levels are not "
-                "listed and have no pictures; to write their fields, run the case again with "
+                "fields of %d of the %d solved levels are missing from '%s': the time series and "
+                "the pictures omit these levels; to write their fields, run the case again with "
                 "--force",
                 *(len(kept) - len(there), len(kept), folder.file(FIELDS)),
             )

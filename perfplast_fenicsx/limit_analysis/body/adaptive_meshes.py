@@ -346,7 +346,7 @@ def check_turns(loads: Sequence[Load]) -> None:
     for load in filter(_pushes, loads):
         raise InputError(
             f"the load on '{load.on}' is the force of a pin, which cannot pull, so the least load "
-            "factor cannot be computed; remove direction, or give a traction."
+            "factor cannot be computed; remove direction = 'both', or give a traction."
         )
 
 

@@ -501,9 +501,9 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
         whose = f": {locked} {'locks' if len(body.mesh.locked) == 1 else 'lock'}" if locked else ""
         divided = ', or control = "bounds", which divides all elements,' if dim == 3 else ""
         yield (
-            f"no mechanism of this mesh preserves the volume of every cell{whose}. Elements of "
-            "half the size there (sizes under "
-            f"[geometry]){divided if lower == NOT_SOUGHT else ''} may have one"
+            f"no mechanism of this mesh preserves the volume of every cell{whose}. A mesh with "
+            "elements of half the size there (sizes under "
+            f"[geometry]){divided if lower == NOT_SOUGHT else ''} may have such a mechanism"
         )
     if UNMATCHED in (*lower.why_not, *upper.why_not):
         where = "" if dim == 3 else ", or let both surfaces end at the same places without a gap"

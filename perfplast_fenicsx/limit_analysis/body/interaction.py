@@ -223,7 +223,7 @@ def envelope(
     signed = (around,) * len(loads) if isinstance(around, bool) else tuple(around)
     if len(signed) != len(loads):
         raise InputError(
-            f"around = {around} must have one entry for each of the {len(loads)} loads."
+            f"around = {around} must have one entry for each of the {len(loads)} load factors."
         )
     watched = progress or Progress()
     stay = [load for load in problem.given.loads if load.constant]

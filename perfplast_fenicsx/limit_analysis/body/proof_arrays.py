@@ -346,7 +346,7 @@ def _check(problem: Problem) -> None:
     for obstacle in problem.given.obstacles:
         if not isinstance(obstacle, Plane):
             raise InputError(
-                f"the obstacle at '{obstacle.on}' is curved, but a proof supports only planes."
+                f"the obstacle at '{obstacle.on}' is curved, but proofs need planes; give a plane."
             )
     for load in problem.given.loads:
         check_bounded(load)

@@ -162,10 +162,10 @@ def _put(
     """Store a solution in the iteration if there is one; return the verdict and its reason."""
     status, program = str(solution.status), iteration.program
     if status in ("DualInfeasible", "AlmostDualInfeasible"):
-        reason = "Clarabel has found stresses within yield that balance any multiple of the loads"
+        reason = "Clarabel has found admissible stresses that balance any multiple of the loads"
         return Verdict.UNBOUNDED, reason
     if status in ("PrimalInfeasible", "AlmostPrimalInfeasible"):
-        return Verdict.STALLED, "Clarabel has found that no stress within yield is in equilibrium"
+        return Verdict.STALLED, "Clarabel has found that no admissible stress is in equilibrium"
     static: list[Floats] = []
     kinematic: list[Floats] = []
     s, z, first = np.array(solution.s), np.array(solution.z), len(data.b)

@@ -155,8 +155,8 @@ def iterate(
             monitor(step)
         if load > far and unbalanced <= almost < inadmissible:
             return Verdict.UNBOUNDED, (
-                "stresses within yield carry the loads beyond ζ ="
-                f" {far * program.load_unit:.3g}, so the loads seem to have no limit"
+                f"admissible stresses carry the loads beyond ζ = {far * program.load_unit:.3g}, so "
+                "the loads seem to have no limit"
             )
         at_rest = rate <= NO_LOAD  # bodies move rigidly, and strain rates are rounding errors
         tolerated = share * rtol * size

@@ -164,7 +164,7 @@ def discrete_result(
         low = static_load(iteration)
         lower, unbalanced = low.value, low.unbalanced
         if lower is None and verdict is Verdict.FOUND:
-            reason += "; no stress within yield balances the loads, so there is no lower"
+            reason += "; no admissible stress balances the loads, so there is no lower"
             reason += " value"
         _write_stress(problem, iteration, stress)
         forces = iteration.now.forces * program.force_unit

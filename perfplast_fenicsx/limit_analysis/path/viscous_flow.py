@@ -127,7 +127,10 @@ class FactorisedFlow:
         self._ksp.setUp()
         if self._ksp.getPC().getFailedReason():
             forget_factors(self._ksp)
-            raise NoFlow("the flow cannot be factorised: it is not unique, or memory is short")
+            raise NoFlow(
+                "the matrix of the flow cannot be factorised: the flow is not unique, or "
+                "memory is short"
+            )
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
         """Solve with the factors, up to rounding. Collective."""
@@ -176,7 +179,7 @@ class IteratedFlow:
         self._residual.aypx(-1.0, b)
         outcome = self._multigrid.solve(self._residual, self._change, left)
         if not outcome.solved:
-            raise NoFlow(f"the flow cannot be solved for: {outcome.failure}")
+            raise NoFlow(f"the linear system of the flow cannot be solved: {outcome.failure}")
         y.axpy(1.0, self._change)
         y.array[self._at_rest] = 0.0
 

@@ -274,7 +274,9 @@ class LoadDomain:
                 valid.
         """
         if not ranges:
-            raise InputError("ranges is empty; give at least one, such as { pressure = [0, 1] }.")
+            raise InputError(
+                "ranges is empty; give at least one range, such as { pressure = [0, 1] }."
+            )
         most = 6  # 64 corners, each with its own cone at every point
         if len(ranges) > most:
             raise InputError(
@@ -307,8 +309,7 @@ class LoadDomain:
         different = sorted(set(map(tuple, rows)))
         if len(different) < 2:
             raise InputError(
-                f"corners has {len(different)} corner{'s' * (not different)} that "
-                f"differ{'s' if different else ''}, so nothing varies; give at least two, or "
-                "control = 'bounds' for loads that grow once."
+                "corners does not contain two different corners, so nothing varies; give at least "
+                "two, or control = 'bounds' for loads that grow once."
             )
         return LoadDomain(names, np.array(different))

@@ -84,7 +84,7 @@ def check_flat_guides(problem: Problem) -> None:
             raise InputError(
                 f"the support on '{surface}' moves a curved surface along its normals, which "
                 "change from node to node, and strict bounds do not support such a motion; give "
-                "letters as components, or compute levels (control = 'displacement')."
+                "letters such as 'xy' as components, or compute levels (control = 'displacement')."
             )
 
 

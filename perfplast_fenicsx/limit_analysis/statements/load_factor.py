@@ -170,7 +170,7 @@ class DesignFactor:
             f"{rounded_down(self.lower)} times it is carried" if self.lower is not None else "",
             f"{rounded_up(self.upper)} times it is not" if self.upper is not None else "",
         ]
-        known = "; ".join(filter(None, proven)) or "nothing is proven of the bodies"
+        known = "; ".join(filter(None, proven)) or "nothing is proven for the bodies"
         guess = "" if self.estimate is None else f" (estimate: {self.estimate:.3g} times)"
         open_ = f"Whether {load[0].lower()}{load[1:]} is carried is not decided by this mesh"
         return f"{open_}: {known}{guess}{'; refine it' if all(proven) else ''}."

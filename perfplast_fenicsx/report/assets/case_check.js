@@ -363,7 +363,7 @@ function loadFaults(row, k, drawn, add, unknown, surfaces) {
   unknown(inBody ? drawn.bodies : surfaces);
   const together = kinds.length === 2 && kinds.includes("force") && kinds.includes("moment");
   if (kinds.length === 0) add(["load", k, "on"], `this load has no value; give one of ${LOAD_KINDS.join(", ")}`);
-  if (kinds.length > 1 && !together) add(["load", k, kinds[1]], `this load has ${kinds.join(" and ")}; give one of them, and the other in a [[load]] of its own`);
+  if (kinds.length > 1 && !together) add(["load", k, kinds[1]], `this load has ${kinds.join(" and ")}; give each of them in a separate [[load]] table`);
   for (const kind of kinds) {
     const given = row[kind];
     const wanted = kind === "moment" && drawn.dim === 2 ? 1 : drawn.dim;
@@ -404,7 +404,7 @@ function loadingFaults(value, rows, add) {
     }
   }
   if (value.mesh?.adapt && !["bounds", "strength"].includes(control)) {
-    add(["mesh", "adapt"], "goes with bounds and with the factor of safety; remove it");
+    add(["mesh", "adapt"], "applies only to bounds and to the factor of safety; remove it");
   }
 }
 

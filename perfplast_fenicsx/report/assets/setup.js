@@ -132,7 +132,7 @@ function open(text, name) {
   showQuestion();
   askedLast = formAsks();
   take(found);
-  done(parsed.fault ? `${name} is not a case file; Undo brings the case before back.` : `${name} has been read.`);
+  done(parsed.fault ? `${name} is not a case file; Undo restores the previous case.` : `${name} has been read.`);
 }
 
 /* ---- Faces that are chosen ---- */
@@ -188,7 +188,7 @@ let angles = null; // between the faces, at their common edges
 part("grow").addEventListener("click", () => {
   const most = Number(part("edge-angle").value.trim() || NaN);
   const fits = most > 0 && most < 180;
-  part("edge-fault").textContent = fits ? "" : "Angle: is not a number above 0 and below 180.";
+  part("edge-fault").textContent = fits ? "" : "The angle is not a number above 0 and below 180.";
   if (!fits) return;
   angles ??= anglesAtEdges(painter.mesh);
   const before = chosen.size;
@@ -582,10 +582,10 @@ function withMaterial(text, body, keys) {
 /* ---- What is asked ---- */
 
 const QUESTIONS = {
-  bounds: { label: "Bounds of the load at which the bodies collapse", control: "bounds", keys: ["design"] },
+  bounds: { label: "Bounds on the load at which the bodies collapse", control: "bounds", keys: ["design"] },
   load: { label: "Levels: the state at given load factors", control: "load", keys: ["values"] },
   work: { label: "Limit load of this mesh alone (an estimate)", control: "work", keys: ["design"], fixed: { until: quoted("limit") } },
-  strength: { label: "Factor of safety: by how much strengths may fall", control: "strength", keys: [] },
+  strength: { label: "Factor of safety: the largest divisor of the strengths", control: "strength", keys: [] },
 };
 const KEY_LABELS = { design: "Load factor of the design load", values: "Load factors" };
 let questionFields = [];
@@ -863,7 +863,7 @@ function librarySelect(table, id) {
     if (!found || !editable()) return;
     for (const key of Object.keys(found.keys)) wrongFields.delete(`${id}-${key}`);
     take(withMaterial(caseText, table.path[1], found.keys));
-    done(`${table.path[1]} is of ${found.name} (${found.source}).`);
+    done(`${table.path[1]} has the material ${found.name} (${found.source}).`);
   });
   return select;
 }

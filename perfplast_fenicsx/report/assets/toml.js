@@ -46,7 +46,7 @@ class TomlReader {
     if (this.peek() === "#") while (this.at < this.text.length && this.peek() !== "\n") this.at++;
     if (this.peek() === "\r") this.at++;
     if (this.at < this.text.length) {
-      if (this.peek() !== "\n") this.fail(`'${this.rest}' is too much in this line`);
+      if (this.peek() !== "\n") this.fail(`'${this.rest}' is not expected in this line`);
       this.at++;
     }
   }
@@ -220,7 +220,7 @@ function parseValue(text) {
   reader.blanks();
   const value = reader.value();
   reader.blanks();
-  if (reader.at < text.length) reader.fail(`'${reader.rest}' is too much`);
+  if (reader.at < text.length) reader.fail(`'${reader.rest}' is not expected here`);
   return value;
 }
 
