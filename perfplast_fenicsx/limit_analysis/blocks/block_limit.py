@@ -64,7 +64,7 @@ class BlockLimit:
     Attributes:
         lower: Outcome of the search for forces, and the load factor λ of the forces.
         upper: Outcome of the search for a motion, and the upper bound on λ from the motion.
-        best: The best forces.
+        best: The forces with the largest λ.
         inner: Forces strictly inside the friction cones, at another λ; None if no such forces were
             found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
@@ -84,7 +84,7 @@ class BlockLimit:
 def block_limit(
     comm: MPI.Intracomm, blocks: RigidBlocks, question: Question, rtol: float
 ) -> BlockLimit:
-    """Return the best joint forces and the best mechanism of the blocks. Collective.
+    """Return the joint forces and the mechanism that bound the limit load best. Collective.
 
     Args:
         comm: The ranks.

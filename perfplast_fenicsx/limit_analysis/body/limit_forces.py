@@ -28,8 +28,8 @@ class LimitForces:
     Attributes:
         zeta: Load factor that the stress carries.
         strict: Whether ``zeta`` is the strict lower bound of the body. Otherwise it is an estimate:
-            the static side of the limit load of the mesh, or the last level of a path to the limit
-            load.
+            the static side of the limit load of the mesh, or the load factor of the last level of a
+            path to the limit load.
         reactions: Reactions as for a level (:class:`resultants.Resultants`). If supports or
             contacts can share a force in several ways, the forces are one of the possible
             distributions.

@@ -230,7 +230,7 @@ class ForceProof:
 
     @property
     def aside(self) -> float:
-        """Return the factor of the loads that have a free factor."""
+        """Return the factor of the free loads."""
         return self.joints.best.aside
 
     @property

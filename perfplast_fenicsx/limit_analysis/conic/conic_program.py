@@ -154,8 +154,8 @@ class ConicProgram:
         sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress from the
             constant loads if this product is much larger; ∞ in elastic bodies.
         loose: Whether any point of any rank has no cohesion.
-        keeps: Whether scaling cannot bring a stress within the yield sets, because there are
-            constant loads or points without cohesion.
+        keeps: Whether scaling cannot bring a stress into the yield sets, because there are constant
+            loads or points without cohesion.
         strengths: Sizes of the strengths of plastic points, about 1 in the bodies that carry the
             loads, and 0 at points that are not plastic, shape (count,).
         dilates: Whether any plastic point of any rank dilates.

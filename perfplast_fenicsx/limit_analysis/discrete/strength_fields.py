@@ -371,7 +371,7 @@ def _them(ratios: dict[str, float]) -> str:
 
 
 def check_cohesion(problem: Problem) -> None:
-    """Check that constant loads determine the strength of ground without cohesion. Collective.
+    """Check that bodies without any cohesion have constant loads and loads that grow. Collective.
 
     Raises:
         InputError: If no body has cohesion, unless some loads are constant and others grow.
