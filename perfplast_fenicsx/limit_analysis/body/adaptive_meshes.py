@@ -309,10 +309,11 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
 
     Collective.
 
-    The function seeks a lower bound for the reversed live loads on the mesh of the problem. If
-    there is no lower bound of at least 0, the bodies may collapse. The result is False if the
-    question does not arise: without constant or live loads, for live loads that cannot be
-    reversed, and if ``body`` contains no strict bound of a load factor.
+    If the strict upper bound in ``body`` is negative, the result is True. Otherwise the function
+    seeks a lower bound for the reversed live loads on the mesh of the problem. If there is no lower
+    bound of at least 0, the bodies may collapse. The result is False if the question does not
+    arise: without constant or live loads, for live loads that cannot be reversed, and if ``body``
+    contains no strict bound of a load factor.
 
     Args:
         problem: The bodies and their loads.

@@ -199,7 +199,7 @@ def edge_metric(found: BodyBounds) -> Floats | None:
 
     M = GᵀG + 3 SᵀS. G is the gradient of the mechanism in the middle of the cell, and S is the
     gradient of the in-plane stress deviator. Both gradients are scaled to a largest squared
-    singular value of 1. An edge along which neither field changes is short.
+    singular value of 1. In this metric, an edge along which neither field changes is short.
 
     Args:
         found: Bounds on the mesh, with quadratic velocities on triangles.

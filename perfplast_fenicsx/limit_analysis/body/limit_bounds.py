@@ -97,8 +97,9 @@ def limit_bounds(
     The mechanism of the upper bound preserves the volume everywhere; for this purpose the function
     splits tetrahedra from their centres. In dilating bodies the mechanism dilates enough
     everywhere, because the flow rule is imposed at the vertices. Bodies do not penetrate each other
-    between the nodes. The function first divides corner cells of plane bodies that could carry no
-    stress (:mod:`lone_corners`). At the end the proof checker (:mod:`proof.checker`) judges both
+    between the nodes. The function first divides cells whose stress is over-constrained
+    (:func:`singular_points.with_room_for_stress`). At the end the proof checker
+    (:mod:`proof.checker`) judges both
     bounds: a bound is strict only as far as the checker proves it.
 
     Args:
@@ -141,7 +142,8 @@ def check_bounds(problem: Problem, rtol: float = 1e-4) -> None:
 def admitted(problem: Problem, rtol: float) -> Problem:
     """Return the problem in the form in which bounds are computed. Collective.
 
-    The function divides over-constrained cells and removes pore pressures that do no work.
+    The function divides cells whose stress is over-constrained, and removes pore pressures that do
+    no work.
 
     Raises:
         InputError: As :func:`limit_bounds`.

@@ -133,7 +133,7 @@ class FactorOfSafety(NotebookResult):
         axes.legend()
 
     def in_words(self) -> str:
-        """Return a sentence on the proven result."""
+        """Return a text on the proven factors and on what they assume."""
         sides = factor_words(self.lower, self.upper, self.estimate)
         if not sides:
             return f"Nothing is proven for the factor of safety. {self.missed}".rstrip()

@@ -408,7 +408,8 @@ def _told(body: BoundBody) -> npt.NDArray[np.bool_]:
 def with_room_for_stress(problem: Problem) -> Problem:
     """Return the problem on a mesh in which all cells with an over-constrained stress are divided.
 
-    Collective.
+    Collective. On this mesh, the facets of contacts and ties match where possible, and ties are
+    glued.
 
     Args:
         problem: The bodies with their loads.
