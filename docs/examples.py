@@ -19,9 +19,9 @@ EXAMPLES = sorted((ROOT / "demos").glob("ex[0-9][0-9]_*.py"))
 HEAD = """# Gallery
 
 This page shows eleven examples in Python. Each is one file with fewer than 100 lines and runs in
-seconds, on one or several processes. It states the exact solution, draws a picture, and ends with
-an error if a number is wrong. See also the [notebook](../demos/limit_load.ipynb), case files of
-[real structures](gallery/real_things.md), and [verification](verification.md).
+seconds, on one or several processes. It draws a picture, and ends with an error if a number is
+wrong. See also the [notebook](../demos/limit_load.ipynb), case files of [real
+structures](gallery/real_things.md), and [verification](verification.md).
 """
 
 

@@ -40,10 +40,10 @@ ABOVE_ALL = """# Published numbers and proven bounds
 <!-- written by demos/tribunal/tribunal.py; edit that -->
 
 Programs, papers and books give different factors of safety for the same slopes, and different limit
-loads for the same bodies. This page compares each number with two bounds, each with a proof file.
-If strengths are divided by the lower bound on a factor of safety, an admissible stress balances the
-weight. If strengths are divided by the upper bound, the weight does more work on a mechanism than
-the ground can dissipate. In problems with a load factor, the bounds multiply the loads instead.
+loads for the same bodies. This page compares each number with two proven bounds. If strengths are
+divided by the lower bound on a factor of safety, an admissible stress balances the weight. If
+strengths are divided by the upper bound, the weight does more work on a mechanism than the ground
+can dissipate. In problems with a load factor, the bounds multiply the loads instead.
 
 ```bash
 make tribunal       # solves all problems; NAMES="pruska_01 cheng" selects case files
@@ -62,9 +62,9 @@ PROBLEMS = """
 Bounds are on the factor of safety, unless the title names k_c, γH/c or another load factor, which
 the case file defines. The column "s" gives the processor time in seconds. The column "numbers"
 counts published numbers: impossible/possible/below/not decided. The pictures show the mechanism
-that proves the upper bound: grey parts are at rest, and darker colours move faster. A small moving
-part is enlarged. Black lines bound bodies and different strengths. `make tribunal` draws the
-pictures from the proof files (`demos/tribunal/picture.py`). """
+that proves the upper bound: grey parts are at rest, and parts in darker colours move faster. If
+only a small part moves, the picture enlarges it. Black lines separate bodies and strengths.
+`make tribunal` draws the pictures from the proof files (`demos/tribunal/picture.py`). """
 
 EXPLAINED = """
 ## What is proven, and what is not
@@ -90,17 +90,15 @@ Cracks, progressive failure and the ground in the field are outside the proofs.
 
 We read most sources in a transcription, which `published.csv` names in each row. So a misprint in
 the source or in its transcription may also be the cause of a verdict. The page omits problems whose
-geometry is only in a figure, such as that of Zolfaghari and others (2005), and factors of one given
-slip surface.
+geometry is only in a figure, and factors of one given slip surface.
 
-Bearing capacity factors in textbooks are empirical, or are meant for design. "Impossible" then
-means that no footing of this kind carries that much on such ground. The verdict does not apply to a
-footing in the field.
+Bearing capacity factors in textbooks are empirical, or are meant for design. "Impossible" means
+here that no footing of this kind carries that much on such ground.
 
 The last column of the table of slopes is independent of the other bounds. It is an upper bound for
 homogeneous slopes, with or without pore water, from the best log spiral that `log_spiral.py` finds
 with only NumPy and SciPy. Without friction, the spiral is a slip circle. The script that writes
-this page fails if a lower bound exceeds the log spiral.
+this page fails if a lower bound exceeds this bound.
 
 For five of the loads another solver, Clarabel (`[solve] conic = "clarabel"`), also computed bounds,
 with its own adaptive meshes. Each of its brackets overlaps the bracket above:
@@ -318,7 +316,7 @@ def beside_numbers(
     ratio = median(spread / width for _, spread, width in finer) if finer else 0
     named = finer[:MOST_NAMED]
     said = (
-        "\nFor the other problems we know only published numbers."
+        "\nFor the other problems we know no published pair."
         f" {len(spreads)} problems have numbers from at least three programs, methods or authors."
         f" In {len(finer)} of them our bounds are closer together than the smallest and the largest"
         f" number, by a factor of {ratio:.0f} in the median. The difference between the numbers"
