@@ -40,8 +40,8 @@ class ShakedownControl(OfBody):
         corners: Alternative to ``ranges``: factors that act together, one table for each corner of
             the load domain. A load that a table does not name is zero at that corner. All
             combinations in the convex hull of the corners also occur.
-        directions: Number of additional ratios of the two loads, for a shakedown diagram; requires
-            exactly two names.
+        directions: Number of additional ratios of the two loads (at least 3), for a shakedown
+            diagram; requires exactly two names.
         limit_tolerance: Permitted relative difference between Melan's and Koiter's values, between
             0 and 1.
 

@@ -120,7 +120,7 @@ class MeshingOptions:
 
     Args:
         size: Largest edge length. The unit is the unit of length of the file, but for STEP files
-            always mm. The default gives a few thousand elements of about equal size.
+            always mm. The default gives a few thousand elements in 3D, of about equal size.
         sizes: Largest edge length in single bodies, by names of bodies.
         curvature: Least number of elements around a full circle; 0 for no limit. The default is 10,
             or more if the areas of faces would otherwise have errors above 1 %.

@@ -269,7 +269,7 @@ def l_plate(comm: MPI.Intracomm, n: int) -> TaggedMesh:
 
     Args:
         comm: Communicator of the mesh.
-        n: Cubes per unit length; the published mesh of a level has n = 2^level.
+        n: Cubes per unit length; the published mesh of level k has n = 2^k.
 
     Raises:
         InputError: If ``n`` is not a positive integer.

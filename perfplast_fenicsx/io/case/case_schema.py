@@ -245,7 +245,7 @@ def _solve() -> Schema:
 
 
 def _geometry() -> Schema:
-    """Return the schema of ``[geometry]``: a file (none for drawn ground), mesh options, faces."""
+    """Return the schema of ``[geometry]``: a file (optional for drawn ground), options, faces."""
     faces = {"face": {"type": "array", "items": _table(NamedFace)}}
     options = _table(MeshingOptions, faces)
     file = _told(

@@ -70,7 +70,7 @@ class GravityTable:
 class EarthquakeTable:
     """The force of an earthquake: a coefficient times the weight, perpendicular to the weight.
 
-    Water in the pores and on the surface remains hydrostatic.
+    The earthquake does not change water pressures.
 
     Args:
         direction: Components of a vector in the direction of the force, perpendicular to the

@@ -120,7 +120,7 @@ def read_scene(table: Mapping[str, Any], place: str) -> NamedScene:
         place: Place of the file, for messages.
 
     Raises:
-        InputError: If :func:`write_scene` did not write it.
+        InputError: If :func:`write_scene` did not write the table.
     """
     top = convert(dict(table), _Document, place)
 

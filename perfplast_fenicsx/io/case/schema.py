@@ -26,7 +26,7 @@ Table = dict[str, Any]
 
 _WORDS: dict[Any, str] = {
     float: "a number",
-    SpatialField: "a formula, a table of [coordinate, value] pairs or a CSV file",
+    SpatialField: "a formula, a table of [coordinate, value] pairs or a .csv or .vtu file",
     int: "a whole number",
     str: "a string",
     bool: "true or false",
@@ -64,7 +64,8 @@ def convert(table: Table, schema: type[T], place: str) -> T:
         if key in table:
             values[key] = _converted(table[key], key, hints[key], place)
         elif field.default is field.default_factory is dataclasses.MISSING:
-            raise InputError(f"{place}: '{key}' is missing; give {described(hints[key], key)}.")
+            told = described(hints[key], key, _is_top(place))
+            raise InputError(f"{place}: '{key}' is missing; give {told}.")
     with at(place):
         return schema(**values)
 
@@ -106,9 +107,8 @@ def _converted(value: object, key: str, hint: Any, place: str) -> Any:
     try:
         converted = msgspec.convert(value, type=float if hint == Strength else hint)
     except msgspec.ValidationError as error:
-        raise InputError(
-            f"{place}: {key} = {shown(value)} cannot be used; give {described(hint, key)}."
-        ) from error
+        told = described(hint, key, _is_top(place))
+        raise InputError(f"{place}: {key} = {shown(value)} cannot be used; give {told}.") from error
     with at(place):
         for number in converted if isinstance(converted, list) else [converted]:
             if isinstance(number, float):
@@ -116,12 +116,19 @@ def _converted(value: object, key: str, hint: Any, place: str) -> Any:
     return converted
 
 
-def described(hint: Any, key: str) -> str:
+def _is_top(place: str) -> bool:
+    """Return whether a place is a whole file, and not a table in it."""
+    return "[" not in place
+
+
+def described(hint: Any, key: str, top: bool = False) -> str:
     """Return a description of a field's type in words.
 
     Args:
         hint: The annotation of a field.
         key: The name of the field.
+        top: Whether the field is at the top level of a file, where the heading of its table is its
+            name.
     """
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if hint in _WORDS:
@@ -130,16 +137,18 @@ def described(hint: Any, key: str) -> str:
         return _either([shown(argument) for argument in arguments])
     if origin in (typing.Union, types.UnionType):
         known = [argument for argument in arguments if argument is not types.NoneType]
-        return _either([described(argument, key) for argument in known])
+        return _either([described(argument, key, top) for argument in known])
     if origin in (list, Sequence):
         if typing.get_origin(arguments[0]) is dict or dataclasses.is_dataclass(arguments[0]):
-            return f"tables, each under its own heading [[{key}]]"
+            if top:
+                return f"tables, each under its own heading [[{key}]]"
+            return f"a list of tables, {key} = [{{...}}]"
         return _list_of(described(arguments[0], key))
     if origin is dict and arguments[-1] is float:
         return f"a table of numbers, {key} = {{NAME = 1.0}}"
     if typing.get_origin(arguments[-1]) is dict:
         return f"tables with a name, headed [{key}.NAME]"
-    return f"a table, headed [{key}]"
+    return f"a table, headed [{key}]" if top else f"a table, {key} = {{...}}"
 
 
 def _list_of(item: str) -> str:

@@ -24,8 +24,7 @@ class Document:
             downwards.
         line: Lines in drawn ground; mesh edges follow them, and they name parts of the boundary.
         material: The material law of each body; NAME is the name of the body's physical volume.
-        load: Loads; at least one is required unless control = "displacement". The load factor ζ
-            multiplies all loads except constant ones.
+        load: Loads. The load factor ζ multiplies all loads except constant ones.
         loading: How the bodies are loaded, and which quantity is prescribed. Omit this table with
             stages.
         stage: A loading history, instead of [loading]. Plastic strains remain from stage to stage.
@@ -94,9 +93,9 @@ class OutputOptions:
         fields: Whether to write ``fields.vtkhdf.series`` and the folder ``fields``.
         pictures: Whether to draw ``path.png``, and with fields also ``fields.png`` and
             ``mechanism.png``.
-        points: Whether to write the stress at the quadrature points, where the solver evaluates it,
-            and the volume of each point: ``points.vtkhdf.series`` and ``mechanism_points.vtkhdf``.
-            The key has an effect only with fields.
+        points: Whether to write stress, yield ratio, a plastic flag and volume at the quadrature
+            points: ``points.vtkhdf.series`` and ``mechanism_points.vtkhdf``. The key has an effect
+            only with fields.
     """
 
     fields: bool = True

@@ -17,8 +17,9 @@ class Variation:
     """A key of a case file, and the values that it takes one after another.
 
     Attributes:
-        key: Dotted key, such as ``material.block.yield_stress`` or ``load.live.pressure``. Tables
-            have their names; entries in an array of tables have their names, surfaces or numbers.
+        key: Dotted key, such as ``material.block.yield_stress`` or ``load.live.pressure``. Its
+            parts are names of tables; names, surfaces or numbers of entries in arrays of tables;
+            and, at the end, the name of a key.
         values: The values, with the types of TOML.
     """
 
