@@ -336,8 +336,9 @@ def limit_load(
             from the estimate of the previous level.
         solver: ALG3 or ALG4 for a path; the default is ALG3 with :func:`limit_options`.
         method: "interior-point" or "path". The default is the interior point method if it supports
-            the laws, a factorisation fits into memory, and no argument of a path is given. If the
-            factorisation exhausts memory nevertheless, the function follows a path instead.
+            the laws, if the problem has at most :data:`limit_load.MOST_UNKNOWNS` unknowns, and if
+            no argument of a path is given. If the factorisation exhausts memory nevertheless, the
+            function follows a path instead.
         monitor: Called on every rank after each iteration.
         on_level: Called on every rank after each level, with the level and the state of the search.
         search: State of an earlier search, to continue it.
@@ -345,8 +346,8 @@ def limit_load(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, or is too small to distinguish sliding from
-            rest with Coulomb's friction. If all loads are constant and the method is a path, if a
-            body hardens, or if no stress can carry the loads. If the interior point method is
+            rest with Coulomb's friction; if all loads are constant and the method is a path; if a
+            body hardens; if no stress can carry the loads; or if the interior point method is
             requested for a problem that it does not support or that does not fit into memory.
     """
     check_tolerance(rtol)

@@ -65,11 +65,11 @@ class BlockLimit:
         lower: Outcome of the search for forces, and the load factor λ of the forces.
         upper: Outcome of the search for a motion, and the upper bound on λ from the motion.
         best: The forces with the largest λ.
-        inner: Forces strictly inside the friction cones, at another λ; None if no such forces were
-            found.
+        inner: Forces strictly inside the friction cones, at the λ of ``best`` or a smaller λ; None
+            if no such forces were found.
         motion: Motion of each block, shape (num_blocks · modes,), with L₁(v) = 1.
         programs: Number of linear programs that were solved.
-        resists: Whether there are constant loads or adhesion, or λ is positive.
+        resists: Whether there are constant loads or adhesion, or λ is positive or unknown.
     """
 
     lower: tuple[Outcome, float]

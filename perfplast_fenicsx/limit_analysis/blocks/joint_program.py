@@ -215,7 +215,7 @@ def best_of_joints(
 
 
 def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None:
-    """Return forces strictly inside their limits, at a factor near the best factor, or None.
+    """Return forces strictly inside their limits, at the best factor or a smaller one, or None.
 
     If the linear program has no solution, the function returns None.
 

@@ -365,7 +365,7 @@ class PointSets(Protocol):
         ...
 
     def lacking(self, trace: Floats, deviator: Floats) -> Floats:
-        """Return the increase of tr ε that would make the rates admissible, shape (num,)."""
+        """Return the amount by which tr ε is too small for admissible rates, shape (num,)."""
         ...
 
     def block(self, unit: float, strengths: Floats, weights: Floats) -> Block:

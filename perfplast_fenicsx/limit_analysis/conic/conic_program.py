@@ -151,8 +151,8 @@ class ConicProgram:
         plastic: Flags of the points of this rank that can yield, shape (count,); the program treats
             other points as elastic.
         weights: Weights w with mean 1, shape (count,).
-        sizes: Sizes of strengths (stress), shape (count,): γ, or α times a mean stress from the
-            constant loads if this product is much larger; ∞ in elastic bodies.
+        sizes: Sizes of strengths (stress), shape (count,): γ; α times a mean stress where γ = 0, or
+            where constant loads make this product much larger; ∞ in elastic bodies.
         loose: Whether any point of any rank has no cohesion.
         keeps: Whether scaling cannot bring a stress into the yield sets, because there are constant
             loads or points without cohesion.

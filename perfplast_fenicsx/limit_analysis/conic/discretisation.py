@@ -45,7 +45,7 @@ class Strains(Protocol):
         slopes: Slope α, by which the radius decreases with the mean stress, shape (count,).
         tilts: Tilt t, shape (count, m); None if all tilts are zero.
         sets: Yield sets of other kinds, one entry for each kind. At the points of these sets, γ and
-            α describe the narrowest cone with the same apex that encloses the set.
+            α describe a second-order cone that encloses the set.
     """
 
     count: int

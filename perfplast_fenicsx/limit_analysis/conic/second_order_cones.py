@@ -421,8 +421,8 @@ class ConesAtPoints(Protocol):
         radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None if all tilts are zero.
-        sets: Yield sets of other kinds. At the points of these sets, γ and α describe the narrowest
-            cone with the same apex that encloses the set.
+        sets: Yield sets of other kinds. At the points of these sets, γ and α describe a
+            second-order cone that encloses the set.
     """
 
     radii: Floats
@@ -434,9 +434,9 @@ class ConesAtPoints(Protocol):
 def yield_ratios(cones: ConesAtPoints, pressure: Floats, deviator: Floats) -> Floats:
     """Return the yield ratios of a stress, shape (count,): 1 on the surface of the yield set.
 
-    The ratio is negative if no positive multiple of the stress yields. Without cohesion (γ = 0),
-    all multiples of a yielding stress yield. The ratio is then ‖s‖/(−αp), the steepness of the
-    stress relative to the cone.
+    With cohesion, the ratio is zero or negative if no positive multiple of the stress yields.
+    Without cohesion (γ = 0), all multiples of a yielding stress yield. The ratio is then ‖s‖/(−αp),
+    the steepness of the stress relative to the cone.
 
     Args:
         cones: The cones.

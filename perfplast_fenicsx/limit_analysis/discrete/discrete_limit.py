@@ -101,7 +101,7 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
 
 
 def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
-    """Return the fewest names whose shares together reach :data:`MOST`, in descending order."""
+    """Return the fewest names with :data:`MOST` of the sum of all shares, in descending order."""
     total = sum(shares)
     if not 0 < total < np.inf:
         return ()
@@ -323,7 +323,10 @@ def _searched(
 
 
 def _with_standing(found: LimitLoad, stands: LimitLoad) -> LimitLoad:
-    """Return the result with the multiple of the constant loads that the bodies can carry."""
+    """Return the result with the multiple of the constant loads that the bodies can carry.
+
+    If the bodies cannot carry the constant loads, the result is this multiple only.
+    """
     told = _of_dead_loads(stands)
     standing = told.standing
     if standing is not None and not standing.falls:

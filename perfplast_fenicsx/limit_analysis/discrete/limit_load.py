@@ -39,8 +39,8 @@ class LimitLoad(NotebookResult):
         lower: Static side of the mesh, not a bound of the body. It is the load factor of a stress
             that is in equilibrium and in the yield sets on the mesh, or the largest ζ(α) of a path.
             With constant loads, it is −∞ if no stress of this kind is known.
-        estimate: Limit load of the mesh, between both sides, as an estimate for the body. None
-            without a result, or if there is neither a kinematic side nor a plateau.
+        estimate: Limit load of the mesh, as an estimate for the body; between both sides if both
+            are known. None if the search ended without an estimate.
         residual: Relative change of the estimate at the last level; None without two estimates.
         upper: Kinematic side of the mesh, not a bound of the body: (D(v) − L₀(v))/L₁(v) of a
             mechanism that is admissible on the mesh; None without a mechanism.

@@ -341,7 +341,8 @@ def held_bodies(problem: Problem) -> tuple[str, ...]:
 def _radii(problem: Problem, least: float = np.finfo(float).tiny) -> dict[str, float]:
     """Return the smallest yield radius of each body that can yield. Collective.
 
-    Cohesionless ground has a radius of 0, because its strength depends on the pressure.
+    Cohesionless ground has a radius of 0, because its strength depends on the pressure. It is in
+    the result only if ``least`` is 0.
 
     Args:
         problem: The bodies.

@@ -219,7 +219,7 @@ def tenfold_growth(points: Points) -> float:
 
 
 def extrapolated_limit(points: Points) -> float | None:
-    """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through the last three points.
+    """Return ζ_∞ of ζ = ζ_∞ − c α^(−p) through three points.
 
     Returns:
         The limit; None if there are fewer than three points, if ζ grew only at the last of them, or
@@ -292,9 +292,9 @@ class Search:
     Attributes:
         points: Pairs (α − α₀, ζ) of the levels.
         rest: Work α₀ at ζ = 0; None until this work is known, or if there are no loads at ζ = 0.
-        estimates: Estimates of the limit load, one for each level, from the first level on that
-            allows an estimate.
-        upper: The smallest kinematic side so far; None without a kinematic side.
+        estimates: Estimates of the limit load, one for each level that allows an estimate.
+        upper: The smallest kinematic side so far, or with Coulomb's friction the smallest refused
+            load; None if there is none.
         levelled_off: Whether the estimate is known to the tolerance.
         ended: Whether the search has ended.
         reason: Reason for the end.
@@ -443,7 +443,10 @@ class Judge:
             self._ahead = self._improve(velocity, last)
 
     def _improve(self, velocity: fem.Function, state: State) -> fem.Function | None:
-        """Return a mechanism close to a velocity, and store its upper bound. Collective."""
+        """Return a mechanism close to a velocity; store its bound if it is the least so far.
+
+        Collective.
+        """
         if self._bound is None:
             self._bound = KinematicBound(self._problem)
         found, search = self._bound.of(velocity, state.active), self._search

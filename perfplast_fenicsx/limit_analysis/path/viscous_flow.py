@@ -92,7 +92,7 @@ class FlowSystem(Protocol):
 
 
 class FactorisedFlow:
-    """Cholesky factorisation by MUMPS, with a memory limit if the factors are large."""
+    """Cholesky factorisation by MUMPS, with a memory limit for large problems."""
 
     penalty = 1e8
     exact = 1e-11

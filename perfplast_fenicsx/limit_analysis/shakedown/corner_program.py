@@ -8,9 +8,9 @@ residual stress in equilibrium with zero loads. Melan's theorem leads to the pro
     max λ    with  τ_k = λσ_k + σ₀ + ρ in the yield set of each point, for each corner k = 0, 1, ….
 
 Koiter's theorem is the dual problem, for the displacement v of a cycle and plastic strains p_k at
-the corners:
+the corners, with the dissipation D:
 
-    min Σ w σ_y(p_k)    with  Σ_k p_k = ε(v),  Σ w σ_k:p_k = 1.
+    min Σ w (D(p_k) − σ₀:p_k)    with  Σ_k p_k = ε(v),  Σ w σ_k:p_k = 1.
 
 The shakedown load is therefore the limit load of a body with the velocities y = (v, p₁, p₂, …).
 Each point occurs once for each corner, with the strain rate ε(v) − p₁ − p₂ − … at corner 0 and p_k

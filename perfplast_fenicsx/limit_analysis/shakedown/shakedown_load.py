@@ -238,8 +238,8 @@ def shakedown_load(
 
     Raises:
         InputError: If ``rtol`` is not between 0 and 1, if bodies harden or are in contact, if a
-            name is unknown, if supports move, if a law has no suitable cone, or if no varying load
-            causes stress in a body that can yield.
+            name is unknown, if a growing load is not in the domain, if supports move, if a law has
+            no suitable cone, or if no varying load causes stress in a body that can yield.
     """
     _check(problem, domain, rtol)
     points = stress_points(problem)

@@ -383,7 +383,7 @@ class Bound:
         return replace(self, value=self.value if value is None else value, doubts=())
 
     def refused(self, faults: tuple[str, ...], over: float = 1.0) -> "Bound":
-        """Return the bound as a bound of the mesh, with the checker's first fault as the reason.
+        """Return the bound as a bound of the mesh, with the checker's first fault as a reason.
 
         The result has no value if a doubt about the bound was that the stress is not in
         equilibrium, that the mechanism is not admissible, or that it dilates too little between the
@@ -415,8 +415,8 @@ class Bound:
     def improves(self, old: "Bound") -> bool:
         """Return whether this bound replaces an old bound.
 
-        A strict bound replaces a strict bound that is less close, and every bound that is not
-        strict. A bound that is not strict replaces only bounds that are not strict.
+        A strict bound replaces every worse strict bound, and every bound that is not strict. A
+        bound that is not strict replaces only bounds that are not strict.
         """
         if self.value is None or old.value is None:
             return self.value is not None

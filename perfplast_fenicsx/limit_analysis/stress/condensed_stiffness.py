@@ -326,8 +326,8 @@ class CellCondensation:
 
 
 RIDGE = 1e-13
-"""Fraction of the diagonal of K that is added to K, because rows of equilibrium may depend on each
-other where facets meet at right angles or cross.
+"""Fraction of the diagonal of K that is added to K, because rows of equilibrium may be linearly
+dependent where facets meet at right angles or cross.
 """
 
 

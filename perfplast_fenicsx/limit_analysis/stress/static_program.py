@@ -84,9 +84,8 @@ class StaticProgram:
         The method ignores the yield conditions. In 2D, the tractions on both sides of a corner may
         be incompatible with every stress in a single cell. In 3D, the four parts of a cell can
         balance all self-equilibrated linear tractions on its facets (:mod:`stress_cells`), and the
-        result is True. With bare vertices, the rows of equilibrium depend on each other too
-        strongly for iterative refinement. The result is then also True, and the iteration has to
-        decide.
+        result is True. With bare vertices, the rows of equilibrium are too nearly dependent for
+        iterative refinement. The result is then also True, and the iteration has to decide.
 
         Call this method after :func:`interior_steps.choose_units`, whose factors it uses.
         """
