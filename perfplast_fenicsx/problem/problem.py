@@ -256,10 +256,7 @@ class Problem:
 
     @property
     def comm(self) -> MPI.Intracomm:
-        """Return the communicator of the mesh.
-
-        The communicator remains valid after the mesh is destroyed.
-        """
+        """Return a communicator of the mesh's ranks, which remains valid without the mesh."""
         return lasting(self.tagged_mesh.mesh.comm)
 
     @property
@@ -301,7 +298,7 @@ class Problem:
             function.x.array[:] = history[name].x.array if history else 0.0
 
     def move_to(self, zeta: float) -> None:
-        """Move supports and obstacles to their positions at ζ, and update dependent data."""
+        """Move supports and obstacles to their positions at ζ; update gaps and origins of slip."""
         self.moved_to = zeta
         if self.motion.moves_supports or self.motion.driven:
             self.prescribed = self.motion.displacement_at(zeta)

@@ -355,7 +355,7 @@ class Network:
         return numbers[(numbers >= 0).all(axis=1)]
 
     def surface_above(self, mesh: TaggedMesh, surface: str) -> Floats:
-        """Return the height of a surface vertically above each point; infinite if none is above it.
+        """Return the height of a surface vertically above each point; ∞ if it is not above.
 
         Args:
             mesh: A plane mesh.
@@ -560,7 +560,7 @@ def _edges(x: Floats, cells: Longs, conductivities: Floats) -> tuple[Longs, Floa
 
 
 def _merged(x: Floats, bodies: Ints) -> Longs:
-    """Return a number for each vertex of a body; vertices that coincide have the same number.
+    """Return a number for each vertex, equal for coincident vertices of different bodies.
 
     Vertices of one body remain separate, as on the two sides of a cut.
 

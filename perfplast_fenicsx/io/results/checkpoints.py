@@ -1,11 +1,11 @@
 """Write and read checkpoints, with which a run continues on any number of ranks.
 
 A run writes ``checkpoint.h5`` after each level, and keeps the previous file as
-``checkpoint_before.h5``. The arrays in both files are in the order of the input. A checkpoint
-contains the state of the last level, the previous state, and the internal variables of the laws,
-each under its name. If the run searches for a limit load, the checkpoint also contains the progress
-of the search. The algorithms need no other data from previous levels: ALG2 begins each level with σ
-= Σ(ε(u)) and a new penalty.
+``checkpoint_before.h5``. The rows of arrays in both files have the order of cells and nodes in the
+mesh input. A checkpoint contains the state of the last level, the previous state, and the internal
+variables of the laws, each under its name. If the run searches for a limit load, the checkpoint
+also contains the progress of the search. The algorithms need no other data from previous levels:
+ALG2 begins each level with σ = Σ(ε(u)) and a new penalty.
 
 Before a restart continues, the program checks that the case and the mesh have not changed.
 

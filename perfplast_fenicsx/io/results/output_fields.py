@@ -251,7 +251,8 @@ class OutputFields:
 def dissipation(problem: Problem, v: fem.Function) -> fem.Function:
     """Return the plastic work of a velocity field as its mean in each cell. Collective.
 
-    The plastic work is the support function of the law's yield set; it is 0 in elastic bodies.
+    The plastic work is the support function of the law's yield set, evaluated at the strain rate.
+    It is 0 in elastic bodies.
 
     Args:
         problem: The bodies.

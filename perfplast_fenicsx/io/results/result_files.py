@@ -97,9 +97,9 @@ class Figure:
         file: Name of the PNG file in the result folder.
         title: Title of the figure.
         source: The function for the picture, as "package.module:function". The function receives a
-            :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. The function returns a
-            :data:`Drawing`, or the reason why there is no picture as a string, or None if the
-            picture does not apply to this kind of run.
+            :class:`~perfplast_fenicsx.pictures.result_reader.ResultReader`. It returns a
+            :data:`Drawing`, or a string with the reason why there is no picture. None means that
+            the picture does not apply to this kind of run.
         wide: Whether the picture has several panels side by side.
     """
 

@@ -335,7 +335,7 @@ class FieldWriter:
         return place, block(ordering, rows if shape else rows[:, 0])
 
     def _nodal(self, name: str, function: fem.Function) -> fem.Function:
-        """Return a function, interpolated to the mesh points if its degree is not 0 or theirs."""
+        """Return a function; interpolate it to the mesh points unless its degree is 0 or equal."""
         if function.function_space.element.basix_element.degree in (0, self._degree):
             return function
         if name not in self._interpolated:

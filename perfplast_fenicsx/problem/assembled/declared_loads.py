@@ -50,7 +50,7 @@ from perfplast_fenicsx.problem.declared.supports import RigidSurface, fitting
 
 @dataclass(frozen=True)
 class LoadCase:
-    """Permanent (dead) and live loads; all methods are collective.
+    """Constant (dead) and live loads; all methods are collective.
 
     Attributes:
         dead: L₀ as a vector in the dual space of V, zero at supported unknowns (ghosts summed).

@@ -1,4 +1,4 @@
-"""Assemble all rows B u = 0: of ties, rigid bodies, rigid surfaces, and supports along normals.
+"""Assemble all equality rows: of ties, rigid bodies, rigid surfaces, and supports along normals.
 
 Supports along normals (guides) are assembled as rows B u = g of their nodes. On a flat surface all
 nodes have the same normal, so a node where facets meet has one condition, however coordinates are

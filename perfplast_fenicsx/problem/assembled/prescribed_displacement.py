@@ -121,7 +121,7 @@ def check_moved_surfaces(
     fixed: npt.NDArray[np.bool_],
     prescribed: Floats,
 ) -> None:
-    """Refuse motions along the normal at nodes of contact surfaces without a contact pair.
+    """Refuse normal motions of those nodes of contact surfaces that have no contact pair.
 
     A node has no pair if neither this node nor the opposite node is free along the normal.
     Collective.

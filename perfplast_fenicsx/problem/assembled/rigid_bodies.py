@@ -1,10 +1,10 @@
-"""Model rigid bodies in levels by rows B u = 0: a few nodes determine all other nodes of a body.
+"""Model rigid bodies in levels by rows B u = 0, with which all nodes of a body follow a few nodes.
 
 A body has three motions q in plane meshes and six in 3D. The components that supports hold, and
 displacements of up to three nodes, determine q. All other displacements of the body are linear
 functions of q.
-The rows do no work on rigid motions, so the row forces balance on each body, and the loads reach
-its supports, contacts and ties.
+The forces of the rows do no work on rigid motions. So these forces balance on each body, and the
+loads reach its supports, contacts and ties.
 """
 
 from collections.abc import Mapping, Sequence

@@ -26,10 +26,10 @@ class Spaces:
 
     Strains of linear elements are constant in a cell, so S_h is DG0 for them. Strains of quadratic
     elements are evaluated at the points of a rule of degree 2 (3 points in a triangle, 4 in a
-    tetrahedron). This rule integrates ε(u):ε(v) exactly in straight-sided cells. All integrals of
-    the method use these points, so the dual certificate holds for quadratic elements as for linear
-    elements. Plane strain has four Mandel components, because the out-of-plane stress is one of
-    them.
+    tetrahedron). This rule integrates ε(u):ε(v) exactly in straight-sided cells. In axisymmetry
+    both statements hold only approximately. All integrals of the method use these points, so the
+    dual certificate holds for quadratic elements as for linear elements. Plane strain has four
+    Mandel components, because the out-of-plane stress is one of them.
 
     Attributes:
         degree: Degree of the displacements, 1 or 2.
@@ -68,7 +68,7 @@ def make_spaces(mesh: Mesh, degree: int, kinematics: Kinematics | None = None) -
 
 
 def space_at_points(mesh: Mesh, degree: int, shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Return the space of values of ``shape`` at the points for ``degree``. Collective."""
+    """Return the space of values of ``shape`` at the points of ``degree``'s rule. Collective."""
     cell = mesh.basix_cell()
     if degree == 1:
         element = basix.ufl.element("DG", cell, 0, shape=shape or None)

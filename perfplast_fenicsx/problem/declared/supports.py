@@ -86,7 +86,7 @@ Turn = float | Sequence[float]
 
 @dataclass(frozen=True)
 class RigidSurface:
-    """A surface that moves like a rigid plate glued to it, by small rotations.
+    """A surface that moves as if a rigid plate were glued to it; rotations are small.
 
     Without a displacement and a rotation, the surface is free to move. A ``Force`` and tractions
     can load it. With a displacement or a rotation, its motion is prescribed, as at a support.

@@ -56,7 +56,7 @@ def stiffness_of_nodes(problem: Problem) -> float:
 
     Collective.
 
-    √(stiffness · energy) estimates the norm of the nodal forces that a stress of this energy
+    √(stiffness · energy) estimates the norm of the nodal forces that a stress of a given energy
     exerts, before forces from different cells cancel.
     """
     return stiffness_of_all(problem) / problem.V.dofmap.index_map.size_global
@@ -207,9 +207,9 @@ class QuadratureFields:
     def size(self) -> float:
         """Return |Ψ| + ½‖σ‖² (energy), the reference for duality gaps. Collective.
 
-        After plastic flow, the stress follows from a difference of two strains, so rounding errors
-        of ψ + ψ* are larger. The reference is then at least 1e-4 of the elastic energy of the
-        strain.
+        With laws that have a history, the stress follows from a difference of two strains, so
+        rounding errors of ψ + ψ* are larger. Then the reference is at least 1e-4 of the elastic
+        energy of the strain.
         """
         energy = abs(self.potential()) + self.stress_norm2() / 2
         # Fraction of the elastic energy of the strain that scales gaps after plastic flow.

@@ -1,4 +1,4 @@
-"""Measure the accuracy of a state: the certificate.
+"""Compute the certificate, which measures the accuracy of a state.
 
 The certificate contains the duality gap, the penetration, the smallest contact force, the
 complementarity and the unbalanced forces. At a solution inf J_ζ = −S(σ) − Σ force × gap. The
@@ -75,10 +75,11 @@ class Certificate:
 def certify(problem: Problem, fields: QuadratureFields, zeta: float) -> Certificate:
     """Return the certificate of the state in ``fields``. Collective.
 
-    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩. At the
-    solution it equals −inf J_ζ, so the sum of J_ζ and the dual functional is the duality gap. The
-    gap vanishes only at the solution, and is relative to |Ψ| + ½‖σ‖² plus the dissipation by
-    friction. The contact gaps are the gaps in the basis, reduced by the closing that u_D causes.
+    The dual functional is S(σ) + ⟨σ, e₀⟩ + Σ force × gap + Σ μ·s₀ − ⟨reactions, u_D⟩, with the
+    friction forces μ and the origins of slip s₀. At the solution it equals −inf J_ζ, so the sum of
+    J_ζ and the dual functional is the duality gap. This sum vanishes only at the solution, and is
+    relative to |Ψ| + ½‖σ‖² plus the dissipation by friction. The gaps of contact already contain
+    the motion u_D.
     """
     comm, basis = problem.comm, problem.basis
     internal = fields.assemble_all_forces()

@@ -112,7 +112,7 @@ class Sides:
         return {int(tag): float(area) for tag, area in zip(tags, areas, strict=True)}
 
     def names_of_tags(self) -> dict[int, str]:
-        """Return a name for each tag: among its surfaces, the one with the fewest tags."""
+        """Return a name for each tag: that of the surface with this tag and the fewest tags."""
         widest_first = sorted(self.surfaces, key=lambda name: -np.size(self.surfaces[name]))
         return {int(tag): name for name in widest_first for tag in np.ravel(self.surfaces[name])}
 
