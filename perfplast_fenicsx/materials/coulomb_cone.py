@@ -27,7 +27,7 @@ class CoulombSet:
     """The yield set σ₁ − σ₃ ≤ 2c cos φ − (σ₁ + σ₃) sin φ; :class:`YieldSet` describes the methods.
 
     Args:
-        cohesion: c > 0 (stress).
+        cohesion: c ≥ 0 (stress); positive if φ = 0.
         sine: sin φ in [0, 1).
     """
 

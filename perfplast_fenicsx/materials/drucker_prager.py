@@ -47,7 +47,7 @@ class DruckerPragerSet:
 
     Args:
         slope: η > 0.
-        strength: c > 0 in pure shear (stress).
+        strength: c ≥ 0 in pure shear (stress).
     """
 
     slope: Expr
@@ -86,7 +86,7 @@ class DruckerPragerLaw(Law):
         bulk: κ (stress).
         shear: μ (stress).
         slope: η > 0.
-        strength: c > 0 in pure shear (stress).
+        strength: c ≥ 0 in pure shear (stress).
     """
 
     bulk: Expr

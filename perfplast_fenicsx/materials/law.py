@@ -25,11 +25,11 @@ class Cone:
     """The second-order cone ‖matrix·s‖ ≤ bound − slope·s of stresses s.
 
     If the product matrix·s does not depend on the mean stress and the slope is zero, the mean
-    stress is unbounded. If the matrix has rank m, the set is an ellipsoid; its centre is zero if
-    the slope is zero.
+    stress is unbounded. If the matrix has rank m and the set is bounded, the set is an ellipsoid;
+    its centre is zero if the slope is zero.
 
     Args:
-        bound: Positive (stress), shape ().
+        bound: Positive (stress), or zero if the slope is not zero, shape ().
         slope: Decrease of the bound per stress, shape (m,); zero without friction.
         matrix: Matrix of full row rank, shape (k, m).
     """
@@ -46,7 +46,7 @@ class PrincipalCone:
     This cone must be the only cone of its yield set. Its elements are symmetric 3 × 3 tensors.
 
     Args:
-        bound: Positive (stress), shape ().
+        bound: Positive (stress), or zero if the sine is positive, shape ().
         sine: In [0, 1), shape (); zero without friction.
         tension: Positive (stress), shape (); None if no tensile strength bounds σ₁.
     """
@@ -72,7 +72,7 @@ class ParabolicCone:
 
 
 class YieldSet(Protocol):
-    """A closed convex set of stresses with zero inside.
+    """A closed convex set of stresses that contains zero stress.
 
     The gauge, the support function and the cones describe the same set.
     """

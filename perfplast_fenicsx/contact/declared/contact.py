@@ -85,7 +85,7 @@ class Contact(FrictionTerms):
             surface.
 
     Raises:
-        InputError: If friction is negative, or if ``constant`` is false without an overlap.
+        InputError: If the friction is not valid, or if ``constant`` is false without an overlap.
     """
 
     primary: str

@@ -33,12 +33,12 @@ from perfplast_fenicsx.parallel import send_rows
 class NodeToNode:
     """The rows (u_a − u_b)·n ≤ g for each primary node a and its opposite secondary node b.
 
-    The normal n is the mean of the normals of both surfaces, so it does not depend on their order.
-    The host is a, unless supports hold a along n. With friction, the host is b if supports leave
-    more components of b free than of a. Without friction, rows of other contacts may already use
-    directions of a or b, for example on a curve where three bodies meet. The host is b if the used
-    directions of a are closer to n than those of b. If supports hold both a and b along n, there is
-    no row.
+    The normal n is the mean of the normals of both surfaces, so only its sign depends on their
+    order. The host is a, unless supports hold a along n. With friction, the host is b if supports
+    leave more components of b free than of a. Without friction, rows of other contacts may already
+    use directions of a or b, for example on a curve where three bodies meet. The host is b if the
+    used directions of a are closer to n than those of b. If supports hold both a and b along n,
+    there is no row.
 
     Attributes:
         contact: The two surfaces.

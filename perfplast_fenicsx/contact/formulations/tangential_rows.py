@@ -43,8 +43,8 @@ def tangential_rows(
 
     The data do not contain the indices of the unknowns yet.
 
-    A node at an edge between two faces has no tangential direction that lies in both faces, so it
-    has no friction. Nodes that supports or ties hold along the surface have no friction either.
+    A node that hosts several contact rows, as at an edge between two faces, has no friction. Nodes
+    that supports or ties hold along the surface have no friction either.
 
     Args:
         V: Displacement space.

@@ -59,7 +59,7 @@ class Distances:
 def distances(
     comm: MPI.Intracomm, hosts: Facets, guests: Facets, found: Integrals, count: int
 ) -> Distances:
-    """Return the distances from the corners of host facets to the guest facets that they overlap.
+    """Return the distances from the nodes of host facets to the guest facets that they overlap.
 
     Collective.
 

@@ -4,11 +4,12 @@ For each row of B u ≤ g, the jump s = (B u)_i replaces one displacement compon
 row. All other unknowns are unchanged. The condition for u ∈ K_h is then s ≤ g, and the operator is
 TᵀKT.
 
-Only the normal jump is an unknown, not the tangential jumps. The block size is therefore unchanged,
-and multigrid needs as few iterations as without contact. Two touching blocks with 85 thousand
-unknowns are an example. If multigrid used the rigid motions of each body, CG took 15 iterations in
-this basis and 16 without contact. CG took 60 iterations if multigrid used the rigid motions of both
-bodies together, and 105 if the whole jump replaced the displacement of the host.
+Each jump replaces one component, so the block size is unchanged. Without friction, only normal
+jumps are unknowns, not tangential jumps, and multigrid needs about as few iterations as without
+contact. Two touching blocks with 85 thousand unknowns are an example. If multigrid used the rigid
+motions of each body, CG took 15 iterations in this basis and 16 without contact. CG took 60
+iterations if multigrid used the rigid motions of both bodies together, and 105 if the whole jump
+replaced the displacement of the host.
 """
 
 from collections.abc import Sequence

@@ -51,8 +51,8 @@ def match_nodes(
     Among the nearest nodes, the partner is the node that is most nearly opposite along the mean
     normal. Among several nodes at one point, the partner is the node with the most nearly opposite
     normal. Primary nodes within ``distance`` are matched first; the remaining nodes are matched at
-    growing distances, up to the size of the surfaces. The function verifies that each node has
-    exactly one partner.
+    growing distances, up to the size of the surfaces. The function counts the nodes without a
+    separate partner.
 
     Args:
         comm: Communicator of the ranks.
