@@ -117,8 +117,8 @@ class Given:
         """
         if not self.loads and not enough:
             raise InputError(
-                "no load is given; add a [[load]] table. Without a load, control = 'load' "
-                "needs an interference, a temperature, an initial stress or a constant "
+                "no load is given; add a [[load]] table. Without a load, control = 'load' needs "
+                "an interference, a temperature, an initial stress, a bolt or a constant "
                 "displacement; control = 'displacement' or stages need motions that grow."
             )
 

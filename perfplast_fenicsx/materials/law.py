@@ -342,8 +342,8 @@ def in_plane_stress(materials: Mapping[str, Material]) -> dict[str, Material]:
         flat = thin(material)
         if flat is None:
             raise InputError(
-                f"the law of volume '{name}', {type(material).__name__}, does not support "
-                "plane stress; give VonMises, Hill or Elastic, or kind = 'plane-strain'."
+                f"the law of volume '{name}', {type(material).__name__}, does not support plane "
+                "stress; give law = 'von-mises', 'hill' or 'elastic', or kind = 'plane-strain'."
             )
         found[name] = flat
     return found

@@ -109,8 +109,8 @@ def read_content(path: Path) -> Content:
             if done.returncode < 0:
                 end = signal.strsignal(-done.returncode) or end
             raise InputError(
-                f"gmsh cannot read '{path}': it crashed ({end.lower()}), so the file is damaged; "
-                "save the mesh again."
+                f"gmsh cannot read '{path}': it crashed ({end.lower()}), so the file may be "
+                "damaged; save the mesh again."
             )
         with np.load(target) as arrays:
             about = json.loads(str(arrays["about"]))

@@ -84,8 +84,8 @@ def read_vtu(path: Path) -> ForeignModel:
             if done.returncode < 0:
                 how = signal.strsignal(-done.returncode) or how
             raise InputError(
-                f"VTK cannot read '{path}' ({how.lower()}), so the file is damaged; "
-                "export the mesh again."
+                f"VTK cannot read '{path}' ({how.lower()}), so the file may be damaged; export the "
+                "mesh again."
             )
         with np.load(target) as arrays:
             try:

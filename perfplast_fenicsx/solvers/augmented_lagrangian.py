@@ -188,8 +188,8 @@ class AugmentedLagrangian(LevelSolver):
         for on in problem.laws:
             if not on.law.projects:
                 raise InputError(
-                    f"{type(on.law).__name__} is not a projection onto a yield set, which ALG2 "
-                    f'(method = "{self.method}") requires; give method = "newton".'
+                    f"the law {type(on.law).__name__} is not a projection onto a yield set, which "
+                    f'ALG2 (method = "{self.method}") requires; give method = "newton".'
                 )
         self.options = options or AugmentedLagrangianOptions()
         criterion = "primal and dual residual met"

@@ -153,7 +153,7 @@ HEATED = '[[temperature]]\nname = "heat"\non = "lower"\nchange = 1.0\n'
         GOOD + GOOD + BOUNDS: "number 2: two combinations are called 'A'",
         GOOD + "[loading]\nvalues = [1.0]\n": "combinations need a control",
         GOOD + '[loading]\ncontrol = "strength"\n': "constant",
-        GOOD + ENVELOPE: "compared by load factors",
+        GOOD + ENVELOPE: "by one load factor each",
         GOOD.replace("strength = 1.0", "strength = { uper = 1.1 }")
         + BOUNDS: "'uper', which is not",
         "[design]\nstrength = 0.0\n" + BOUNDS: "strength = 0 is not positive",

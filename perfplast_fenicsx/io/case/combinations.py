@@ -143,9 +143,9 @@ def designed_for(loading: Control, place: str) -> Control:
         found: Control = known if loading.design else replace(known, design=1.0)
     except (TypeError, ValueError):
         raise InputError(
-            f"{place}: combinations are compared by load factors, but this control computes no "
-            "load factors; give control = 'bounds', or 'work' with until = 'limit', under "
-            "[loading]."
+            f"{place}: combinations are compared by one load factor each, but this control "
+            "computes other quantities; give control = 'bounds', or 'work' with until = 'limit', "
+            "under [loading]."
         ) from None
     return found
 

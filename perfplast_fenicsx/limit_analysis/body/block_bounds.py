@@ -86,7 +86,7 @@ def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
     if question is Question.LIMIT and not found.resists:
         raise InputError(
             "no joint forces balance the loads, which move blocks apart or along their joints; "
-            "reverse the loads, support the blocks there, or give the permanent loads (constant = "
+            "reverse the loads, support the blocks there, or give constant loads (constant = "
             "true), such as the weight of the blocks."
         )
     return _told(problem, blocks, found, question)

@@ -287,7 +287,7 @@ def _check(loads: Sequence[Sequence[Load]], directions: int) -> None:
         if load.constant:
             raise InputError(
                 f"the load on '{load.on}' is constant, but an envelope multiplies it by a factor; "
-                "remove constant, or declare the load with the problem, as a permanent load."
+                "remove constant, or declare the load with the problem."
             )
 
 

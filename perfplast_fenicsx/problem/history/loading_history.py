@@ -49,9 +49,9 @@ def named_motions(problem: Problem) -> dict[str, GivenMotion]:
     for support in supports:
         if isinstance(support, Support) and support.guides and follows(support):
             raise InputError(
-                f"the support on '{support.on}' moves along its normal, which is "
-                "impossible in stages; give control = 'displacement', constant = true, or letters "
-                "as components."
+                f"the support on '{support.on}' moves along its normal, which stages do not "
+                "support; give control = 'displacement', constant = true, or letters as "
+                "components."
             )
     _, values, holder = known_displacements(V, problem.tagged_mesh, supports)
     _check_parted(problem, supports, values[1] != 0, holder)
