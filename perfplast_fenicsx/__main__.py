@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. Collective, except for help, the version, ``doctor`` and ``mcp``.
+    """Run the command line, and return its exit status.
+
+    Collective, except for help, the version, ``doctor`` and ``mcp``.
 
     Args:
         argv: Arguments; by default the arguments of the process.
@@ -115,7 +117,7 @@ def _while_compiling(error: Exception) -> bool:
 
 
 def _at_once(told: str, status: int) -> int:
-    """Print why this rank ends, and end the other ranks, which may be waiting for it."""
+    """Print ``told``, end the other ranks, which may wait for this rank, and return ``status``."""
     print(told, file=sys.stderr, flush=True)
     if _world().size > 1:
         _world().Abort(status)

@@ -6,10 +6,10 @@ Calls avoid three more differences by a form that is the same for all versions:
 
 - ``create_mesh(comm, cells, x=..., e=...)`` with keywords, because the order of ``x`` and ``e``
   changed in 0.10;
-- ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities``, which is a C++ object in 0.9
-  and a Python object in later versions;
+- ``dolfinx.graph.adjacencylist(data)`` for ``meshtags_from_entities``, because the list is a C++
+  object in 0.9 and a Python object in later versions;
 - ``assemble_matrix(A, a, bcs, 1.0)`` with the diagonal's value as a positional argument, because
-  its name is ``diagonal`` in 0.9 and ``diag`` in later versions.
+  the argument's name is ``diagonal`` in 0.9 and ``diag`` in later versions.
 
 :mod:`tagged_mesh` distributes gmsh's arrays. It does not use ``dolfinx.io.gmshio``
 (``dolfinx.io.gmsh`` from 0.10 on, with another return value), whose checks stop one rank while the

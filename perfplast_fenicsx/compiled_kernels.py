@@ -20,7 +20,9 @@ from perfplast_fenicsx.arrays import Floats
 
 
 def compiled(comm: MPI.Intracomm, source: str) -> tuple[Any, FFI]:
-    """Return the functions of a C source, compiled on first use for this processor. Collective.
+    """Return the library of a C source, compiled on first use for this processor, and its FFI.
+
+    Collective.
 
     Files for other processors in the same folder remain. A rank that does not see the first rank's
     file compiles the source too.

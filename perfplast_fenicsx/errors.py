@@ -191,7 +191,7 @@ def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
 
 
 def check_finite(what: str, value: float) -> None:
-    """Refuse a prescribed load or work that is not finite.
+    """Refuse a prescribed load factor or work that is not finite.
 
     Raises:
         InputError: If the value is refused; the message has its name and the value.

@@ -342,7 +342,7 @@ def _pair(value: Any) -> Any:
 def _each(function: Callable[..., Floats], *pairs: Pair) -> Pair:
     """Return ``function`` of the lower members and of the upper members of pairs.
 
-    If each pair is linear, both results are the same array.
+    If both members of each pair are the same array, so are both results.
     """
     low = function(*(it[0] for it in pairs))
     linear = all(it[0] is it[1] for it in pairs)

@@ -8,7 +8,9 @@ from mpi4py import MPI
 
 
 def has_memory(comm: MPI.Intracomm, needed: float) -> tuple[bool, float, float]:
-    """Return whether the machines have the memory that their ranks need. Collective.
+    """Return whether the machines have the memory that their ranks need, and both amounts.
+
+    Collective.
 
     Args:
         comm: The ranks.

@@ -137,7 +137,7 @@ class Triangulation:
             )
 
     def _candidates(self, x: Floats) -> tuple[Longs, Longs, Floats]:
-        """Return pairs of a place and a simplex whose bounding box contains the place.
+        """Return pairs of a place and a simplex whose bounding box has the place, with coordinates.
 
         Args:
             x: Places, shape (n, d).
@@ -210,7 +210,9 @@ class Triangulation:
         return self.simplices[found], shares
 
     def deviations(self, corners: Floats, chords: Floats) -> Pair:
-        """Return the range of differences between the values and linear functions in simplices.
+        """Return the range of differences from given linear functions in simplices.
+
+        The differences are the interpolated values minus the linear functions.
 
         Args:
             corners: Vertices of the simplices, shape (n, d + 1, d).

@@ -21,12 +21,12 @@ def without_rounding(rows: Sequence[Sequence[float]]) -> list[list[float]]:
 
 
 def rounded_up(value: float, digits: int = DIGITS) -> str:
-    """Return the value rounded up to a number of significant digits."""
+    """Return the value as text, rounded up to a number of significant digits."""
     return _rounded(value, ROUND_CEILING, digits)
 
 
 def rounded_down(value: float, digits: int = DIGITS) -> str:
-    """Return the value rounded down to a number of significant digits."""
+    """Return the value as text, rounded down to a number of significant digits."""
     return _rounded(value, ROUND_FLOOR, digits)
 
 

@@ -176,7 +176,7 @@ class DepthTable(SpatialField):
 
     @property
     def heights(self) -> Floats:
-        """Return the coordinates in ascending order."""
+        """Return the vertical coordinates of the values, in ascending order."""
         return np.array(self.rows)[:, 0]
 
     def in_words(self) -> str:
@@ -249,7 +249,7 @@ class PointValues(SpatialField):
 
 
 def read_points(path: Path, column: str) -> PointValues:
-    """Return the field of a CSV file with points.
+    """Return the field that a column of a CSV file gives at points.
 
     Args:
         path: File whose first line names the columns: x, y, in 3D also z, and values.

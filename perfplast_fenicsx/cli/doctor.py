@@ -1,6 +1,6 @@
 """Implement ``perfplast doctor``: test everything that a run needs, and print a line for each test.
 
-Each test runs in a separate process, because a broken component may crash or hang.
+Tests of components that may crash or hang run in separate processes.
 """
 
 import json
@@ -55,7 +55,7 @@ class Finding:
 
 
 def doctor(answer: Answer) -> int:
-    """Print a line for each test. Not collective.
+    """Print a line for each test, and return the exit status. Not collective.
 
     Args:
         answer: The JSON answer, to which this function adds the tests.

@@ -54,7 +54,7 @@ SCHEMA_LINE = f"#:schema ./{SCHEMA}\n"
 
 
 def check_free(output: Path, force: bool) -> None:
-    """Refuse a folder that already has a mesh or a case.
+    """Refuse a folder that already has a mesh or a case, unless ``force`` is given.
 
     Raises:
         InputError: If the folder has one of these files and ``force`` is False.
@@ -109,7 +109,7 @@ def address_of(folder: str) -> str:
 
 
 def open_page(folder: str) -> str:
-    """Open the setup page in a browser, if there is a screen.
+    """Open the setup page in a browser if there is a screen, and return a line on it.
 
     Args:
         folder: The output folder of ``perfplast mesh``.

@@ -1,7 +1,7 @@
 """Parse the command-line arguments and the PETSc options that follow them.
 
 Exit status: 0 if all load levels are solved, 1 after a fault of the program, 2 for bad input, 3 if
-a load level has no solution (earlier levels are valid).
+a load level has no solution (earlier levels are valid) or a limit load is not found.
 
 This module imports MPI, PETSc and DOLFINx only where they are needed. Importing them takes a
 second, but help, version and shell completion must be fast.

@@ -58,7 +58,7 @@ class Interrupts:
             raise KeyboardInterrupt(self._noted) from error
 
     def check(self) -> None:
-        """Check whether any rank has received a signal. Collective.
+        """Raise an exception on all ranks if any rank has received a signal. Collective.
 
         Raises:
             Interrupted: On every rank, after a signal.

@@ -348,8 +348,8 @@ def effort(limit: LimitLoad) -> str:
 def shows(stream: TextIO) -> bool:
     """Return whether a stream goes to a terminal.
 
-    Some launchers give each rank a terminal even if their own output is redirected. In this case
-    the function tests the output of the launcher.
+    Open MPI's launcher gives each rank a terminal even if its own output is redirected. So on ranks
+    of this launcher, the function tests the output of the launcher.
     """
     if not stream.isatty():
         return False

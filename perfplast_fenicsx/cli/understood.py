@@ -226,7 +226,7 @@ class _Told:
                 self._mark(both, "tie", f"tie of '{both[0]}' and '{both[1]}'")
 
     def strengths(self) -> None:
-        """Add a line if no body can yield, and the strengths that F divides or does not divide."""
+        """Add a line if no body can yield, and lines on the strengths that F divides or keeps."""
         case = self.case
         rubbing = [*case.contacts, *case.obstacles]
         if case.loading.of_body and all_elastic(case.materials.values()):
@@ -417,7 +417,7 @@ def _section(case: Case, problem: Problem) -> Section:
 
 
 def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
-    """Draw a case with its loads and supports, if the system can draw. Collective.
+    """Draw a case with its loads and supports; return whether the system can draw. Collective.
 
     Args:
         case: The case; the picture has its title.

@@ -46,11 +46,11 @@ class SeismicControl(OfBody):
         self._bounds.admit(problem, solver)
 
     def find(self, run: Run) -> LimitLoad:
-        """Compute the bounds. Collective."""
+        """Compute the bounds on k_c. Collective."""
         return self._bounds.find(run)
 
     def answer(self, lower: float | None, upper: float | None) -> str:
-        """Return a sentence on the bounds of k_c; empty without upper and positive lower bounds."""
+        """Return a sentence on the bounds of k_c; empty if no upper or positive lower is known."""
         if upper is not None and upper <= 0:
             return "The bodies collapse without an earthquake, so no critical coefficient exists."
         sides = []

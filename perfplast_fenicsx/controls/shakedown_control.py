@@ -105,7 +105,7 @@ class ShakedownControl(OfBody):
         ]
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse laws without a conic yield set, and contacts that may open. Collective."""
+        """Refuse laws without a conic yield set, and bodies that may separate. Collective."""
         check_shakedown(problem, self.domain, self.limit_tolerance)
 
     def find(self, run: Run) -> LimitLoad:

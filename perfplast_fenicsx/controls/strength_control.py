@@ -48,7 +48,7 @@ class StrengthControl(OfBody):
         check_stands(given.loads, given.materials, [*given.contacts, *given.obstacles])
 
     def admit(self, problem: Problem, solver: Any) -> None:
-        """Refuse problems that have no strength to reduce, or no bounds. Collective."""
+        """Refuse problems without a strength to divide, or without bounds. Collective."""
         if self.path:
             check_curve(problem)
         check_bounds(weakened(problem, 1.0), self.limit_tolerance)

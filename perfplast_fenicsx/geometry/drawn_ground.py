@@ -432,7 +432,7 @@ def _check_apart(shapes: Sequence[Shape]) -> None:
 def _check_lines(ground: DrawnGround, shapes: Sequence[Shape]) -> None:
     """Raise an error for misplaced cracks, and lines outside the ground or of more than one kind.
 
-    A line lies on the boundary, between regions or inside a region, over its whole length.
+    Over its whole length, a line must lie on the boundary, between regions or inside a region.
 
     Raises:
         InputError: If there is such a line; the message has its name and a place.

@@ -43,7 +43,7 @@ class StepSolid:
 
 
 def read_solids(path: Path) -> tuple[list[StepSolid], bool]:
-    """Return the solids in a STEP file if their faces have labels.
+    """Return the solids in a STEP file if faces have labels, and whether no part is moved.
 
     Returns:
         The solids (an empty list if no face has a label or if the text has an unknown form), and
@@ -170,7 +170,7 @@ def names_in(labels: Iterable[str]) -> set[str]:
 
 
 def labels_of(path: Path, parts: Sequence[Part]) -> tuple[dict[int, str], list[str]]:
-    """Return the labels of the faces that gmsh has read, before any cut.
+    """Return the labels of the faces that gmsh has read, before any cut, and remarks.
 
     Args:
         path: The geometry file.

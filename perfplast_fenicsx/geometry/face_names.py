@@ -41,9 +41,9 @@ def usual_names(
 
     All faces of a body with the same label or colour, or on the same side, share a name. The side
     ``plate_z_high`` consists of all free faces in the plane z = const at the end of the body. A
-    side has no name if some of its faces have labels or colours. A face that shares its name, or
-    has no such name, also has a name by number, such as ``plate_face_7``. Other sets are named
-    ``plate_plane_7`` or ``plate_cylinder_7``.
+    side has no name if some of its faces have labels or colours. A face without a name of its own
+    is named by number, such as ``plate_face_7``. Other sets are named ``plate_plane_7`` or
+    ``plate_cylinder_7``.
 
     Args:
         dim: Dimension of the faces.

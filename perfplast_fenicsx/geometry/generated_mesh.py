@@ -296,7 +296,7 @@ def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) ->
 
 
 def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
-    """Return the edge lengths with which inaccurate arcs and curved faces have accurate areas."""
+    """Return edge lengths for inaccurate arcs and curved faces that give accurate areas."""
     # target for the error, relative to the allowed error; the error is of second order in edge
     # lengths
     enough = 0.95

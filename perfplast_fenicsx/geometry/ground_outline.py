@@ -108,7 +108,7 @@ def segments_of(shapes: Sequence[Shape]) -> tuple[list[Floats], list[int]]:
 
 
 def faces_inside(shapes: Sequence[Shape], plan: Arrangement) -> npt.NDArray[np.bool_]:
-    """Return which faces lie inside each shape, shape (num_shapes, num_faces)."""
+    """Return flags of the faces that lie inside each polygon, shape (num_shapes, num_faces)."""
     points = np.array([face.point for face in plan.faces]).reshape(-1, 2)
     return np.array([within(one.corners, points) for one in shapes])
 

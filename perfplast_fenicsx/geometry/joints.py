@@ -192,7 +192,7 @@ def owners(parts: Sequence[Part]) -> dict[int, int]:
 
 
 def faces_of_bodies(dim: int, parts: Sequence[Part]) -> dict[int, int]:
-    """Return all outer faces of bodies, each with the index of one of its bodies."""
+    """Return all faces that bound bodies, each with the index of one of its bodies."""
     return {face: bodies[0] for face, bodies in shared(dim, owners(parts)).items()}
 
 
@@ -208,7 +208,7 @@ def free_faces(dim: int, parts: Sequence[Part], seams: Sequence[Seam]) -> dict[i
 def take_apart(
     dim: int, parts: Sequence[Part], seams: Sequence[Seam]
 ) -> tuple[list[Part], list[Seam]]:
-    """Return bodies with separate faces where they touch, so that each is meshed separately.
+    """Return bodies with separate faces where they touch, and their seams, for separate meshes.
 
     Args:
         dim: Dimension of the bodies.

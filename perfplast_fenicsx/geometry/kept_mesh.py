@@ -211,7 +211,7 @@ def make_mesh(
     skin: Path | None = None,
     trust: bool = False,
 ) -> Survey:
-    """Make a mesh file that identifies its origin. Not collective.
+    """Make a mesh file that identifies its origin, and return the survey. Not collective.
 
     Args:
         source: The geometry file.

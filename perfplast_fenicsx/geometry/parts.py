@@ -66,7 +66,7 @@ def _numbered(measures: Floats, near: float) -> Longs:
 
 
 def sewn(path: Path, count: int) -> tuple[list[int], list[str]]:
-    """Sew the faces of gmsh's current model to solids, and repair the solids.
+    """Sew the faces of gmsh's current model; return the repaired solids, and remarks.
 
     Args:
         path: Path of the file, for messages.
@@ -313,7 +313,7 @@ def _read_script(path: Path) -> Drawing:
 
 
 def _physical_groups(dim: int) -> dict[str, tuple[int, ...]]:
-    """Return the entities of each physical group by its name; by its number if it has no name."""
+    """Return the entities of each physical group by its name, or by number without a name."""
     found: dict[str, tuple[int, ...]] = {}
     for _, group in gmsh.model.getPhysicalGroups(dim):
         name = gmsh.model.getPhysicalName(dim, group) or str(group)

@@ -234,7 +234,7 @@ def _smallest_around(
     areas: Sequence[float],
     own: set[int],
 ) -> int | None:
-    """Return the index of the smallest loop around a point that has no corner in ``own``.
+    """Return the index of the smallest loop that contains a point and has no corner in ``own``.
 
     Return None if there is no such loop.
     """

@@ -376,7 +376,7 @@ class OnSurfaces:
         return held
 
     def _nodal(self, keyword: Keyword) -> list[Pushed]:
-        """Return tractions that replace nodal forces; sets without a surface are joined by axis."""
+        """Return tractions that replace nodal forces; sets that form no surface are merged."""
         forces: dict[str, list[float]] = {}
         rest: dict[str, list[Longs]] = {}
         for row in keyword.rows():

@@ -18,7 +18,7 @@ from perfplast_fenicsx.models.element_types import Block, Shape
 
 
 def divided(cells: Longs, shape: Shape) -> tuple[Longs, Longs]:
-    """Return the simplices into which cells of one shape are divided.
+    """Return the simplices into which cells of one shape are divided, and the cell of each.
 
     Args:
         cells: Numbers of the corners, shape (num_cells, shape.corners).

@@ -1,4 +1,4 @@
-"""Compute annotations of a picture: load arrows, rigid obstacles, and directions of view."""
+"""Compute annotations of a picture: load arrows and rigid obstacles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -56,7 +56,7 @@ def save_envelope(
 
 
 def _rays(rows: Sequence[Mapping[str, Any]]) -> Floats:
-    """Return the unit vectors of the rows, shape (n, 3)."""
+    """Return a unit vector in the direction of each row, shape (n, 3)."""
     angle = np.radians([row["angle"] for row in rows])
     rise = np.radians([row.get("elevation", 0.0) for row in rows])
     level = np.cos(rise)
@@ -208,7 +208,7 @@ def save_strength(table: Mapping[str, Any], title: str, path: Path) -> None:
 
 
 def _over_work(axes: Axes, points: Sequence[Mapping[str, Any]], table: Mapping[str, Any]) -> None:
-    """Draw the curve of the mesh, and the proven factors."""
+    """Draw the factor on the mesh over the work of the loads, and the proven factors."""
     work, factor = ([point[key] for point in points] for key in ("work", "factor"))
     axes.plot(work, factor, "o-", color="black", markersize=4, label="mesh: an estimate")
     for side, (colour, _, proves) in SIDES.items():

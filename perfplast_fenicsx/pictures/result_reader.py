@@ -215,7 +215,7 @@ class ResultReader:
 
     @cached_property
     def reports(self) -> list[LevelReport]:
-        """Return all levels so far, without their reactions, which no picture shows."""
+        """Return the reports of all levels so far, without reactions, which no picture shows."""
 
         def rows(path: Path) -> list[LevelReport]:
             with path.open(encoding="utf-8", newline="") as file:
@@ -266,7 +266,7 @@ class ResultReader:
         return dataclasses.replace(skin.surface, at_points=on_skin, at_cells=at_cells)
 
     def mechanism(self, surface: Surface | None) -> tuple[Surface, float] | None:
-        """Return the collapse mechanism, if the limit load has been found.
+        """Return the skin with the collapse mechanism and its largest dissipation, or None.
 
         Args:
             surface: Skin at the last level, whose stress and contact pressure are shown with the
