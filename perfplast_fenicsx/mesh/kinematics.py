@@ -34,9 +34,9 @@ class Kinematics(Protocol):
     Attributes:
         name: The ``kind`` in ``[model]``.
         axes: Letters of the force components in results.
-        whole: Whether bodies are finite in all directions. In plane strain they are not: forces and
-            works are per unit of depth, and no equilibrium equation contains the out-of-plane
-            stress.
+        whole: Whether forces and works refer to whole bodies. In plane strain and plane stress they
+            are per unit of depth or thickness, and no equilibrium equation contains the
+            out-of-plane stress.
         forces: Words for the unit of depth, or the part of the bodies, to which forces and works
             refer; empty for whole bodies in 3D.
         motions: The rigid motions in words.

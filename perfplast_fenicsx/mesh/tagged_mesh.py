@@ -34,8 +34,8 @@ _CELLS = {1: CellType.interval, 2: CellType.triangle, 3: CellType.tetrahedron}
 class TaggedMesh:
     """Bodies with names in one mesh.
 
-    The bodies share no vertex. In a plane mesh the "volumes" are areas, and the "surfaces" are
-    curves.
+    Volumes that share vertices form one body; separate bodies share no vertex. In a plane mesh the
+    "volumes" are areas, and the "surfaces" are curves.
 
     Attributes:
         mesh: Mesh of triangles or tetrahedra.

@@ -1,4 +1,6 @@
-"""Check proof files: ``python3 -m perfplast_fenicsx.proof FILE ...``; exit with 1 if one fails.
+"""Check proof files: ``python3 -m perfplast_fenicsx.proof FILE ...``.
+
+The exit status is 1 if a bound is not proven, and 2 if a file is not a proof.
 
 ``--pair stands.h5 falls.h5`` checks the two files of a factor of safety, and checks that both
 describe the same bodies. ``--sha256 FILE ...`` only prints the SHA-256 of the numbers in each file,

@@ -90,7 +90,7 @@ class Cones:
 
     @property
     def is_pointwise(self) -> Flags:
-        """Return flags of cones whose dissipation :meth:`principal_power` computes."""
+        """Return flags of bounds of principal stresses, and of parabolas."""
         return self.is_principal | self.is_curved
 
     @property

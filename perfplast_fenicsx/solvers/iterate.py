@@ -83,7 +83,7 @@ def step_length(
     longest: Callable[[], float] | None = None,
     kinked: bool = False,
 ) -> float:
-    """Return the β that minimises the energy over (0, 1], or up to ``longest`` if it falls at 1.
+    """Return the β with the least energy in (0, 1], or a larger β if the energy still falls at 1.
 
     β = 1 is accepted if φ'(1) is so small, relative to φ'(0) or to its terms, that another β gains
     nothing. Without ``longest``, β = 1 is also accepted if φ'(1) is negative. Collective.

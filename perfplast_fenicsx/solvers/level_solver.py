@@ -262,5 +262,5 @@ class LevelSolver(Stepper, ABC):
         return forces
 
     def at_rest(self, monitor: Monitor | None = None) -> Level:
-        """Return the level at ζ = 0, under constant loads and moving supports. Collective."""
+        """Return the level at ζ = 0, under constant loads and constant motions. Collective."""
         return self.solve(0.0, None, monitor)

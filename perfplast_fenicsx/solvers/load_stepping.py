@@ -249,7 +249,8 @@ def work_path(
 ) -> Iterator[Level]:
     """Solve levels of growing work from first yield, until the caller stops. Collective.
 
-    With moving supports or constant loads, the first level is ζ = 0, and α − α₀ grows instead of α.
+    If bodies are loaded or moved at ζ = 0, or have friction, the first level is ζ = 0, and α − α₀
+    grows instead of α.
 
     α grows by a factor that decreases where ζ(α) bends or a level needs many steps, and increases
     on the plateau. Each level starts from the extrapolation of the previous two levels, or follows

@@ -5,7 +5,8 @@ In ALG1 (Section 3.1 of Čermák, Haslinger, Sysala, COMPLAS XII, 2013), δu min
     ½⟨Σ^{o,ρ}(ε(u)) ε(δv), ε(δv)⟩ + ⟨Σ(ε(u)), ε(δv)⟩ − ζL(δv)   over u + δv ∈ K_h,
 
 then u ← u + β δu with β = argmin over (0, 1] of J_ζ(u + β δu). This module extends the paper: β may
-grow to 1.5 if J_ζ still falls steeply at 1 and u + β δu stays in K_h.
+grow to 1.5, or with friction even further, if J_ζ still falls steeply at 1 and u + β δu stays in
+K_h.
 
 ALG3 and ALG4 are Newton methods for a prescribed work of the loads, α = L(u), with contact. Both
 linearise problem (S)^α: find (ζ, u) with u ∈ K_h and L(u) = α such that u minimises J_ζ over K_h

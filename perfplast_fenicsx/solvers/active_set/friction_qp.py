@@ -28,8 +28,8 @@ No point is held or released, so the method converges to the solution, though po
 however many points are undecided. The splitting is the friction method of ALG2, and the fallback of
 Newton's methods if their linearisations cycle.
 
-In plane meshes, a dense program determines which pairs are closed and which points slip: minimise ½
-zᵀSz − gᵀz over z ≥ 0.
+In plane meshes with few pairs and points, a dense program determines which pairs are closed and
+which points slip: minimise ½ zᵀSz − gᵀz over z ≥ 0.
 
 Relative to the state in which all pairs are closed and all points stick, z contains the openings of
 pairs and the slips of points in both directions. S is their stiffness, and g is the energy gained

@@ -302,7 +302,7 @@ class CoarseSpaces:
 
     @property
     def levels(self) -> int:
-        """Return the number of multigrid levels including the finest; 1 for a small problem."""
+        """Return the number of multigrid levels, including the finest."""
         return self._first + len(self._rigid) + 1
 
     @property
