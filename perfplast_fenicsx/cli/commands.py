@@ -9,6 +9,7 @@ from typing import Any
 from mpi4py import MPI
 
 from perfplast_fenicsx.atomic_files import replace
+from perfplast_fenicsx.cli.case_picture import PICTURE, draw_case
 from perfplast_fenicsx.cli.json_answer import Answer
 from perfplast_fenicsx.cli.mesh_command import (
     address_of,
@@ -36,7 +37,7 @@ from perfplast_fenicsx.cli.run_log import coded_warnings, logged_to_console, sur
 from perfplast_fenicsx.cli.several_runs import run_combined, run_refined, sweep
 from perfplast_fenicsx.cli.signals import leave_pipes_to_python
 from perfplast_fenicsx.cli.terminal import Terminal, describe
-from perfplast_fenicsx.cli.understood import PICTURE, draw_case, understood
+from perfplast_fenicsx.cli.understood import understood
 from perfplast_fenicsx.errors import InputError, on_all_ranks, on_rank0, visible
 from perfplast_fenicsx.extensions import load_extensions
 from perfplast_fenicsx.geometry.first_case import Glued

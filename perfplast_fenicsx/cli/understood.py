@@ -1,16 +1,14 @@
 """Describe a case before it is solved: its loads, supports, contacts and faces, with sizes."""
 
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.arrays import Floats, Ints
+from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.load_table import load_in_words
@@ -19,7 +17,6 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
     kept_strengths,
 )
 from perfplast_fenicsx.materials.elastic import ElasticLaw, all_elastic
-from perfplast_fenicsx.pictures import drawing_process
 from perfplast_fenicsx.problem.declared.loads import Load, kind_of
 from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 from perfplast_fenicsx.problem.judged.left_motions import (
@@ -33,12 +30,11 @@ from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.rounding import ROUNDING
 from perfplast_fenicsx.seepage.flow import flow_of
 
-PICTURE = "case.png"
-"""Name of the picture that ``check`` draws next to a case file."""
-
 MOST = 6
 """Largest number of sides or names in a list; for the rest only the number is printed."""
 
+ALIKE = 3
+"""Number of supports that hold the same components from which they share one line."""
 
 DRAWN = 1e-9
 """Relative difference up to which the areas of a surface in mesh and drawing count as equal."""
@@ -128,7 +124,7 @@ class _Told:
             if load.in_volume:
                 self.lines.append(f"  {told}")
                 continue
-            self._told(told, load.on, "load", words)
+            self._told(told, [load.on], "load", words)
             self.marked[load.on].force.append(np.array(found.force))
             if shared := self._shared(load, self.case.loads[:number]):
                 self.lines.append(f"    acts together with {shared}")
@@ -162,26 +158,29 @@ class _Told:
         """Add lines on supports and rigid surfaces: places, components, remaining rigid motions."""
         holding = self.problem.given.holding
         self.lines.append("Supports:" if holding else "Supports: none")
-        axes = self.problem.kinematics.axes
-        for support, left in zip(holding, single, strict=True):
-            if isinstance(support, Support) and support.guides:
-                what = "the normal component"
-                if support.moves:
-                    what += f", by {support.value} out of the body"
-            else:
-                numbers = support.axes(self.problem.bodies.gdim)
-                what = ", ".join(axes[number] for number in numbers)
-            verb = "moves" if support.moves else "holds"
+        what = [self._held_by(support) for support in holding]
+        motions = ["; ".join(left) if left else "no rigid motion" for left in single]
+        alike: dict[tuple[str, str], list[int]] = {}
+        for number, support in enumerate(holding):
+            if isinstance(support, Support) and not support.moves and not support.name:
+                alike.setdefault((what[number], motions[number]), []).append(number)
+        groups = {one: same for same in alike.values() if len(same) >= ALIKE for one in same}
+        for number, support in enumerate(holding):
+            same = groups.get(number, [])
+            if number in same[:1]:
+                self._alike([holding[one].on for one in same], what[number], motions[number])
+            if same:
+                continue
+            verb = f"{'moves' if support.moves else 'holds'} {what[number]}"
             name = support.name or support.on
-            words = f"{verb} {what}" + (f" of '{support.on}'" if name != support.on else "")
-            motions = "; ".join(left) if left else "no rigid motion"
-            told = f"{name}: {words}; {self._area(support.on)}; leaves {motions}"
+            words = verb + (f" of '{support.on}'" if name != support.on else "")
+            line = f"{name}: {words}; {self._area(support.on)}; leaves {motions[number]}"
             role = "rigid" if isinstance(support, RigidSurface) else "support"
-            self._told(told, support.on, role, f"{verb} {what}")
+            self._told(line, [support.on], role, verb)
         for surface in self.case.rigid:
             if surface.free and not surface.held:
                 told = f"{surface.name or surface.on}: '{surface.on}' moves as one rigid surface"
-                self._told(f"{told}; {self._area(surface.on)}", surface.on, "rigid", "rigid")
+                self._told(f"{told}; {self._area(surface.on)}", [surface.on], "rigid", "rigid")
         if together and (len(holding), self.problem.bodies.count) != (1, 1):
             self.lines.append(f"  all supports together leave {'; '.join(together)}")
 
@@ -270,28 +269,52 @@ class _Told:
             found |= {int(body) for body in np.unique(self.sides.facets.body[self.sides.on(name)])}
         return found
 
-    def _told(self, line: str, name: str, role: str, words: str) -> None:
-        """Add a line on a surface, with the sides that the surface covers."""
-        parts, all_of = [], dict[str, set[str]]()
-        for cover in self.sides.covers(name):
-            body = self.problem.free.names[cover.side.body]
-            if cover.whole:
-                all_of.setdefault(cover.side.words, set()).add(body)
-            else:
-                parts.append(_part(cover, f"{cover.side.words} of {body}"))
+    def _held_by(self, support: Support | RigidSurface) -> str:
+        """Return the components that a support holds or moves, in words."""
+        if isinstance(support, Support) and support.guides:
+            out = f", by {support.value} out of the body" if support.moves else ""
+            return f"the normal component{out}"
+        axes = self.problem.kinematics.axes
+        return ", ".join(axes[number] for number in support.axes(self.problem.bodies.gdim))
+
+    def _alike(self, names: Sequence[str], what: str, motions: str) -> None:
+        """Add lines on supports that hold the same components and leave the same motions."""
+        line = f"{len(names)} supports: each holds {what}; total {self._area(*names)}"
+        self._told(f"{line}; each leaves {motions}", names, "support", f"holds {what}")
+        stem = _stem(names)
+        by_size: dict[str, list[str]] = {}
+        for name in names:
+            by_size.setdefault(self._area(name), []).append(name.removeprefix(stem))
+        where = f"{stem}... " if stem else ""
+        self.lines += [f"    {size}: {where}{', '.join(own)}" for size, own in by_size.items()]
+
+    def _told(self, line: str, names: Sequence[str], role: str, words: str) -> None:
+        """Add a line on surfaces, with the sides that the surfaces cover together."""
+        parts, all_of = self._covered(*names)
         if all_of:
             of = [f"{side} of {_few(sorted(bodies))}" for side, bodies in sorted(all_of.items())]
             line += f"; all of {_few(of)}"
         if not all_of and not parts:
             line += "; inside a body, not on an outer face"
         self.lines.append(f"  {line}")
-        for part in parts[:MOST]:
-            self.lines.append(f"    only a part: {part}")
+        self.lines += [f"    only a part: {part}" for part in parts[:MOST]]
         if len(parts) > MOST:
             self.lines.append(f"    and parts of {len(parts) - MOST} more sides")
-        self._mark([name], role, words)
-        if parts:
-            self.marked[name].part = parts[0] + (" ..." if len(parts) > 1 else "")
+        self._mark(names, role, words)
+        for name in names:
+            if own := self._covered(name)[0]:
+                self.marked[name].part = own[0] + (" ..." if len(own) > 1 else "")
+
+    def _covered(self, *names: str) -> tuple[list[str], dict[str, set[str]]]:
+        """Return sides that surfaces cover partly, in words, and bodies of sides covered whole."""
+        parts, all_of = [], dict[str, set[str]]()
+        for cover in self.sides.covers(*names):
+            body = self.problem.free.names[cover.side.body]
+            if cover.whole:
+                all_of.setdefault(cover.side.words, set()).add(body)
+            else:
+                parts.append(_part(cover, f"{cover.side.words} of {body}"))
+        return parts, all_of
 
     def _mark(self, names: Iterable[str], role: str, words: str) -> None:
         for name in names:
@@ -326,14 +349,16 @@ class _Told:
         }
         return ", ".join(axes[number] for number in sorted(held))
 
-    def _area(self, name: str) -> str:
+    def _area(self, *names: str) -> str:
         unit = self.units["length"]
         unit = f" {unit}{'' if self._flat else '^2'}" if unit else ""
-        return f"{'length' if self._flat else 'area'} {self._size(name, unit)}"
+        return f"{'length' if self._flat else 'area'} {self._size(*names, unit=unit)}"
 
-    def _size(self, name: str, unit: str = "") -> str:
-        """Return the area of a surface in words, with its area in the drawing if the two differ."""
-        area, drawn = self.sides.area(name), self.problem.tagged_mesh.drawn.get(name)
+    def _size(self, *names: str, unit: str = "") -> str:
+        """Return the total area of surfaces in words, and in the drawing if the two differ."""
+        area, known = self.sides.area(*names), self.problem.tagged_mesh.drawn
+        apart = abs(sum(map(self.sides.area, names)) - area) <= DRAWN * area
+        drawn = sum(known[one] for one in names) if apart and known.keys() >= {*names} else 0.0
         told = f"{_number(area)}{unit}"
         if drawn and abs(area / drawn - 1) > DRAWN:
             told += f" ({_number(drawn)} in the drawing, {100 * (area / drawn - 1):+.2g} %)"
@@ -382,118 +407,6 @@ class _Told:
         return told
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
-    """Cells of plane bodies, which the picture fills with one colour for each body.
-
-    Attributes:
-        cells: Corners of the cells, shape (n, 3, 2).
-        bodies: Number of the body to which each cell belongs, shape (n,).
-        names: Names of the bodies.
-        water: Points of the water table, shape (n, 2); no points if there is no water table.
-    """
-
-    cells: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
-    bodies: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
-    names: tuple[str, ...] = ()
-    water: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-
-
-def _section(case: Case, problem: Problem) -> Section:
-    """Return the plane bodies, gathered on rank 0; no cells for 3D bodies. Collective."""
-    tagged_mesh = problem.tagged_mesh
-    mesh, comm = tagged_mesh.mesh, problem.comm
-    if mesh.topology.dim != 2:
-        return Section()
-    owned = mesh.topology.index_map(2).size_local
-    corners = mesh.geometry.x[geometry_dofmap(mesh)[:owned, :3], :2]
-    body = np.zeros(owned, dtype=np.int32)
-    for number, name in enumerate(tagged_mesh.volumes):
-        own = tagged_mesh.cells(name)
-        body[own[own < owned]] = number
-    cells: Floats = np.concatenate(comm.gather(corners) or [corners])
-    bodies: Ints = np.concatenate(comm.gather(body) or [body])
-    return Section(cells, bodies, tuple(tagged_mesh.volumes), case.water.table)
-
-
-def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: Path) -> bool:
-    """Draw a case with its loads and supports; return whether the system can draw. Collective.
-
-    Args:
-        case: The case; the picture has its title.
-        problem: The problem of the case.
-        meant: The result of :func:`understood`.
-        picture: A PNG file.
-
-    Returns:
-        Whether the picture was drawn, the same on every rank. Without a graphics system, a warning
-        is logged and nothing is drawn.
-    """
-    section = _section(case, problem)
-
-    def draw() -> None:
-        assert meant is not None  # on rank 0
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "case.npz"
-            save_arrays(file, case.title, meant, section, problem.tagged_mesh.axisymmetric)
-            drawing_process.draw_case(file, picture)
-
-    return drawing_process.drawn_on_rank0(problem.comm, draw)
-
-
-def save_arrays(
-    file: Path, title: str, meant: Understood, section: Section, revolved: bool
-) -> None:
-    """Write the data for the picture to an .npz file.
-
-    Args:
-        file: The file.
-        title: Title of the case.
-        meant: The description of the case.
-        section: The plane bodies.
-        revolved: Whether the plane bodies are the half sections of bodies of revolution.
-    """
-    sides, facets = meant.sides, meant.sides.facets
-    mark, rest = np.full(len(facets.area), -1), np.zeros(len(facets.area), dtype=np.bool_)
-    labels, roles, places, forces, of_force = [], [], [], [], []
-    numbers = {name: number for number, name in enumerate(meant.marked)}
-    for name in sorted(numbers, key=sides.area, reverse=True):
-        # smaller surfaces are marked later, so that they remain visible inside larger ones
-        mark[sides.on(name)] = numbers[name]
-    for number, (name, marked) in enumerate(meant.marked.items()):
-        own = sides.on(name)
-        if marked.part:
-            rest |= sides.rest(name)
-        part = f"  -  only a part: {marked.part}" if marked.part else ""
-        labels.append(f"'{name}': {', '.join(dict.fromkeys(marked.words))}{part}")
-        roles.append(marked.roles[0])
-        weights = facets.area[own]
-        if weights.sum() > 0:
-            middle = weights @ facets.x[own].mean(axis=1) / weights.sum()
-            places += [middle] * len(marked.force)
-            forces += marked.force
-            of_force += [number] * len(marked.force)
-    gdim = facets.x.shape[2]
-    np.savez(
-        file,
-        title=np.array(title),
-        x=facets.x,
-        body=facets.body,
-        mark=mark,
-        rest=rest & (mark < 0),
-        labels=np.array(labels, dtype=np.str_),
-        roles=np.array(roles, dtype=np.str_),
-        places=np.array(places).reshape(-1, gdim),
-        forces=np.array(forces).reshape(-1, gdim),
-        of_force=np.array(of_force, dtype=np.int64),
-        cells=section.cells,
-        bodies=section.bodies,
-        names=np.array(section.names, dtype=np.str_),
-        water=section.water,
-        revolved=np.array(revolved),
-    )
-
-
 def _part(cover: Cover, where: str) -> str:
     """Return the part of a side that a surface covers, and the names on the rest, in words."""
     side = cover.side
@@ -507,6 +420,14 @@ def _part(cover: Cover, where: str) -> str:
         f"{100 * share:.3g} % of {where}{pieces} ({_number(cover.area)} of {_number(side.area)});"
         f" the rest is {_few(rest)}"
     )
+
+
+def _stem(names: Sequence[str]) -> str:
+    """Return the words, up to an underscore, with which all names begin; "" if there are none."""
+    first, last = min(names), max(names)
+    alike = next((k for k in range(len(first)) if first[k : k + 1] != last[k : k + 1]), len(first))
+    stem = first[: first.rfind("_", 0, alike) + 1]
+    return "" if stem in names else stem
 
 
 def _few(words: Sequence[str]) -> str:

@@ -49,7 +49,7 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 
 def save_case(source: str | Path, output: Path) -> None:
-    """Draw a case from the arrays of :func:`perfplast_fenicsx.cli.understood.save_arrays`."""
+    """Draw a case from the arrays of :func:`perfplast_fenicsx.cli.case_picture.save_arrays`."""
     with np.load(source) as file:
         arrays = {name: file[name] for name in file.files}
     flat = arrays["x"].shape[2] == 2

@@ -116,7 +116,7 @@ def draw_case(arrays: str | Path, picture: str | Path) -> None:
     """Draw a case before the run. Not collective.
 
     Args:
-        arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
+        arrays: An .npz file of :func:`perfplast_fenicsx.cli.case_picture.save_arrays`.
         picture: A PNG file.
 
     Raises:

@@ -237,7 +237,7 @@ def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
     """Draw a case before the run: loaded, held, touching and free surfaces.
 
     Args:
-        arrays: An .npz file of :func:`perfplast_fenicsx.cli.understood.save_arrays`.
+        arrays: An .npz file of :func:`perfplast_fenicsx.cli.case_picture.save_arrays`.
         output: A PNG file.
 
     Yields:

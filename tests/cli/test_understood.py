@@ -16,14 +16,8 @@ import ufl
 from dolfinx.mesh import create_mesh, locate_entities, meshtags
 
 from perfplast_fenicsx import TaggedMesh
-from perfplast_fenicsx.cli.understood import (
-    PICTURE,
-    Section,
-    Understood,
-    draw_case,
-    save_arrays,
-    understood,
-)
+from perfplast_fenicsx.cli.case_picture import PICTURE, Section, draw_case, save_arrays
+from perfplast_fenicsx.cli.understood import Understood, understood
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of
@@ -65,6 +59,7 @@ def side(
 
 
 LEFT, RIGHT, BOTTOM, TOP = side(0, 0.0), side(0, 4.0), side(1, 0.0), side(1, 2.0)
+FEET = {"foot_1": side(1, 0.0, 0.0, 1.0), "foot_2": side(1, 0.0, 1.0, 2.0)}
 HOLD = '[[support]]\non = "left"\n'
 PULL = '[[load]]\non = "right"\ntraction = [1.0, 0.0]\n'
 
@@ -304,6 +299,48 @@ CASES = {
         HOLD + PULL,
         ("left: holds x, y; length 2; leaves no rigid motion; all of side x = 0 of 'plate'",),
         never=("only a part", "all supports together"),
+    ),
+    "supports that hold the same components": Told(
+        "".join(support(f"foot_{number}") for number in (1, 2, 3)) + load("top"),
+        (
+            "3 supports: each holds x, y; total length 4; each leaves no rigid motion;"
+            " all of side y = 0 of 'plate'",
+            "length 1: foot_... 1, 2",
+            "length 2: foot_... 3",
+        ),
+        FEET | {"foot_3": side(1, 0.0, 2.0, 4.0), "top": TOP},
+        ("foot_1", "foot_2", "foot_3"),
+        never=("foot_1", "only a part", "all supports together"),
+    ),
+    "four such supports, and others": Told(
+        "".join(support(name) for name in ("left", *FEET, "foot_3"))
+        + support("right", 'components = "y"\nvalue = 0.1\nname = "settled"')
+        + load("top"),
+        (
+            "4 supports: each holds x, y; total length 5; each leaves no rigid motion;"
+            " all of side x = 0 of 'plate'",
+            "only a part: 75 % of side y = 0 of 'plate' (3 of 4); the rest is without a name (1)",
+            "length 2: left",
+            "length 1: foot_1, foot_2, foot_3",
+            "settled: moves y of 'right'; length 1; leaves",
+        ),
+        FEET
+        | {
+            "foot_3": side(1, 0.0, 3.0, 4.0),
+            "left": LEFT,
+            "right": side(0, 4.0, 1.0, 2.0),
+            "top": TOP,
+        },
+        ("foot_1", "foot_2", "foot_3", "right"),
+    ),
+    "two supports that hold the same components": Told(
+        "".join(map(support, FEET)) + load("top"),
+        (
+            "foot_1: holds x, y; length 1; leaves no rigid motion",
+            "foot_2: holds x, y; length 1; leaves no rigid motion",
+        ),
+        FEET | {"top": TOP},
+        ("foot_1", "foot_2"),
     ),
     "roller in x": Told(
         support("left", 'components = "x"') + PULL,

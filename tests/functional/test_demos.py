@@ -21,8 +21,8 @@ import pytest
 from demos.verification.verify import CASES as VERIFIED
 from docs import commands, examples
 from perfplast_fenicsx.__main__ import main as command_line
+from perfplast_fenicsx.cli.case_picture import PICTURE
 from perfplast_fenicsx.cli.parser import SOLVED
-from perfplast_fenicsx.cli.understood import PICTURE
 from perfplast_fenicsx.pictures import drawing_process
 from tests.parallel_plugin import EVERY_CASE
 

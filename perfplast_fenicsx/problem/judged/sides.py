@@ -97,13 +97,13 @@ class Sides:
     piece: Longs
     surfaces: Mapping[str, int | tuple[int, ...]]
 
-    def area(self, name: str) -> float:
-        """Return the area of a surface that lies on the outside of bodies."""
-        return float(self.facets.area[self.on(name)].sum())
+    def area(self, *names: str) -> float:
+        """Return the area of surfaces together that lie on the outside of bodies."""
+        return float(self.facets.area[self.on(*names)].sum())
 
-    def on(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return which facets belong to a surface, shape (n,)."""
-        return np.isin(self.facets.tag, self.surfaces[name])
+    def on(self, *names: str) -> npt.NDArray[np.bool_]:
+        """Return which facets belong to one of the surfaces, shape (n,)."""
+        return np.isin(self.facets.tag, np.concatenate([np.ravel(self.surfaces[a]) for a in names]))
 
     def area_of_tags(self) -> dict[int, float]:
         """Return the total area of the facets with each tag."""
@@ -130,9 +130,9 @@ class Sides:
             found |= dict.fromkeys(groups[name], name)
         return found
 
-    def covers(self, name: str) -> list[Cover]:
-        """Return the part of each side that a surface covers, the largest part first."""
-        facets, own = self.facets, self.on(name)
+    def covers(self, *names: str) -> list[Cover]:
+        """Return the part of each side that surfaces cover together, the largest part first."""
+        facets, own = self.facets, self.on(*names)
         named = self.names_of_tags()
         found = []
         for number in np.unique(self.side[own]):
