@@ -19,7 +19,12 @@ import numpy as np
 from perfplast_fenicsx.atomic_files import replace as replace_file
 from perfplast_fenicsx.cli.terminal import Terminal
 from perfplast_fenicsx.errors import InputError, on_rank0
-from perfplast_fenicsx.geometry.first_case import Glued, affordable_cells, first_case
+from perfplast_fenicsx.geometry.first_case import (
+    Glued,
+    affordable_cells,
+    first_case,
+    is_bolt_with_nut,
+)
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.survey import Face, Survey, listed
@@ -394,6 +399,7 @@ def _page(
         "sets": [{"name": one.name, "faces": one.faces} for one in survey.sets],
         "joints": [
             {"bodies": one.bodies, "surfaces": one.surfaces, "glued": one.shared}
+            | {"bolted": is_bolt_with_nut(one)}
             for one in survey.joints
         ],
         "refused": {"why": refused.why, "pairs": refused.pairs} if refused else None,

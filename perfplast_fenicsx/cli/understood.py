@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
+from perfplast_fenicsx.geometry.first_case import are_bolt_and_nut
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.load_table import load_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import (
@@ -183,6 +184,14 @@ class _Told:
                 self._told(f"{told}; {self._area(surface.on)}", [surface.on], "rigid", "rigid")
         if together and (len(holding), self.problem.bodies.count) != (1, 1):
             self.lines.append(f"  all supports together leave {'; '.join(together)}")
+        if together and self.case.contacts:
+            pairs = [(contact.primary, contact.secondary) for contact in self.case.contacts]
+            bolts = "; perfplast mesh --bolted does so for bolts and nuts"
+            self.lines.append(
+                "    contact stops motions in one direction only: unless loads press the surfaces "
+                "together, glue a joint ([[tie]] instead of [[contact]]), or add a support"
+                + (bolts if any(are_bolt_and_nut(*pair) for pair in pairs) else "")
+            )
 
     def interfaces(
         self, gaps: dict[str, tuple[int, float, float]], against: Sequence[HeldAgainst]

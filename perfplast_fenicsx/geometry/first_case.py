@@ -115,7 +115,11 @@ class Glued(Enum):
 
 def is_bolt_with_nut(joint: Joint) -> bool:
     """Return whether a joint connects a bolt and a nut, according to the names of the bodies."""
-    one, other = joint.bodies
+    return are_bolt_and_nut(*joint.bodies)
+
+
+def are_bolt_and_nut(one: str, other: str) -> bool:
+    """Return whether names of two bodies, or of their surfaces, are those of a bolt and a nut."""
     return any(BOLT.search(a) and NUT.search(b) for a, b in ((one, other), (other, one)))
 
 

@@ -31,6 +31,7 @@ def test_a_block_that_is_pushed_away(read: Read) -> None:
     report = Newton(problem).solve(10.0).report
     assert not report.converged
     assert report.reason.startswith("no equilibrium exists: the loads push the body 'block' away")
+    assert report.reason.endswith("; add a support, or glue the surfaces")
 
 
 @pytest.mark.mpi2
@@ -39,6 +40,7 @@ def test_a_block_that_may_go_away(read: Read, caplog: pytest.LogCaptureFixture) 
     with caplog.at_level(logging.WARNING):
         problem = in_corner(read, 0.0, 1.0)
     assert caplog.text.count("the body 'block' may move away") == (problem.comm.rank == 0)
+    assert caplog.text.count("a load that presses them") == (problem.comm.rank == 0)
     level = Newton(problem).solve(10.0)
     assert_solved(level)
 

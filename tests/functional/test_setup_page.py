@@ -201,7 +201,8 @@ def test_clicks_make_the_case_of_the_tutorial(
     """Clicks make the same tables as a user; the page sends no request; check accepts the file."""
     page = SetupPage(browser, prop / "setup.html")
     left = page(LEFT)
-    assert "[support]: nothing holds the bodies; choose a face and add a support" in left
+    bare = "[support]: nothing holds the bodies; choose a face and add a support Add a support"
+    assert bare in left
     assert any(line.startswith("[load]: no load grows") for line in left)
     zero = "0 is not positive; give it, or choose a material from the library"
     assert f"Material of beam, young: {zero}" in left
@@ -827,6 +828,83 @@ def test_formulas_have_the_values_of_the_program(prop: Path, browser: Any) -> No
         found = in_scene(browser, f"formulaAt({json.dumps(formula)}, {point.tolist()})")
         assert found == pytest.approx(evaluate(formula, point[None], "")[0], rel=1e-12), formula
     assert in_scene(browser, "formulaAt('2 * (x', [1, 2, 3])") is None  # NaN
+
+
+def focused_by_enter(page: SetupPage, browser: Any, name: str) -> str:
+    """Press a button in the list of missing entries by a key, and return the focused part."""
+    from selenium.webdriver import Keys
+
+    page.wait("document.getElementById('cards').ariaBusy === 'false'")
+    button = browser.find_element("xpath", f"//*[@id='left']//button[normalize-space()='{name}']")
+    button.send_keys(Keys.ENTER)
+    return str(page("document.activeElement.id"))
+
+
+def test_missing_entries_lead_to_their_forms(prop: Path, browser: Any) -> None:
+    """Keys reach the form of a load, a support, a material and a contact, with its kind chosen."""
+    page = SetupPage(browser, prop / "setup.html")
+    kind = "document.getElementById('kind').value"
+    without = re.sub(r"\[material\.beam\](.|\n)*?\n\n", "", page.case)
+    page.drop(re.sub(r"\[\[contact\]\](.|\n)*?\n\n", "", without))
+    assert focused_by_enter(page, browser, "Add a support") == "add-components"
+    assert page(kind) == "support"
+    assert focused_by_enter(page, browser, "Add a load") == "kind"
+    assert page(kind) == "pressure"
+    assert focused_by_enter(page, browser, "Choose a material") == "add-body"
+    assert page("document.getElementById('add-body').value") == "beam"
+    named = "Add a contact, beam_joint_1 and block_joint_1"
+    told = f"document.querySelector('#left [aria-label=\"{named}\"]') !== null"
+    assert page(told)
+    assert focused_by_enter(page, browser, "Add a contact") == "add-coulomb"
+    assert page.part("chosen").text == "Chosen: beam_joint_1, block_joint_1"
+    page.press("Add")
+    page.wait(f"!{told}")
+    assert tomllib.loads(page.case)["contact"] == [
+        {"primary": "beam_joint_1", "secondary": "block_joint_1"}
+    ]
+
+
+BOLT_AND_NUT = """SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 2, 1, 1}; Box(2) = {0, 0, 1, 1, 1, 1}; Box(3) = {1, 0, 1.5, 1, 1, 1};
+Physical Volume("plate") = {1}; Physical Volume("bolt_1") = {2}; Physical Volume("nut_1") = {3};
+"""
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_contact_alone_holds_has_a_remedy(
+    tmp_path: Path, browser: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page glues bolts to nuts and leads to other contacts; ``check`` has the same remedies."""
+    drawing, case = tmp_path / "bolt.geo", tmp_path / "case" / "case.toml"
+    drawing.write_text(BOLT_AND_NUT, encoding="utf-8")
+    arguments = ["mesh", str(drawing), "-o", str(case.parent), "--size", "1", "--trust"]
+    assert main([*arguments, "--material", "s235"]) == SOLVED
+    page = SetupPage(browser, case.parent / "setup.html")
+    page.press("plate_z_low")
+    page.add("support")
+    page.press("plate_x_low")
+    page.add("pressure", pressure="1")
+    alone = f"{LEFT}.find((line) => line.includes('contact alone holds'))"
+    page.wait(f"{alone}?.includes('glue bolts to their nuts, or another joint')")
+    case.write_text(page.case, encoding="utf-8")
+    capsys.readouterr()
+    assert main(["check", str(case), "--trust"]) == SOLVED
+    told = capsys.readouterr().out
+    assert "all supports together leave any rigid motion of 'bolt_1', 'nut_1'" in told
+    assert "([[tie]] instead of [[contact]]), or add a support; perfplast mesh --bolted" in told
+
+    page.press("Glue bolts to their nuts")
+    page.wait(f"{alone}?.includes('glue a joint')")
+    (tie,) = tomllib.loads(page.case)["tie"]
+    assert {tie["primary"][:4], tie["secondary"][:4]} == {"bolt", "nut_"}
+    first = tomllib.loads(page.case)["contact"][0]
+    assert focused_by_enter(page, browser, "Go to its contact") == "e-contact-0-swap"
+    assert first["primary"] in page("document.activeElement.ariaLabel")
+    page("document.activeElement.click()")
+    page.wait(COMPLETE)
+    case.write_text(page.case, encoding="utf-8")
+    assert main(["check", str(case), "--trust"]) == SOLVED
+    assert "together leave" not in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")

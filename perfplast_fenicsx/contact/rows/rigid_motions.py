@@ -253,8 +253,8 @@ class OneSidedMotions:
         if v is None or not gain @ v > AWAY:
             return None
         return (
-            f"no equilibrium exists: the loads push {self._moving(v)} away from the "
-            "contact surface, and no support prevents this motion"
+            f"no equilibrium exists: the loads push {self._moving(v)} away from the contact "
+            "surface, and no support prevents this motion; add a support, or glue the surfaces"
         )
 
     def warn(self, forces: Sequence[PETSc.Vec]) -> None:
@@ -268,7 +268,8 @@ class OneSidedMotions:
             return
         log.warning(
             "%s may move away from the contact surface: contact stops this motion in one direction "
-            "only, and no load presses the surfaces together, so the position is undetermined",
+            "only, and no load presses the surfaces together, so the position is undetermined; add "
+            "a support or a load that presses them, or glue the surfaces",
             self._moving(v),
         )
 

@@ -230,10 +230,13 @@ const tableWords = (path, number) => {
   return number === null || number === undefined ? `[${name}]` : `[[${name}]] ${number + 1}`;
 };
 
-/** Faults of a whole case: `path`, `words`, `loose` for mere warnings, and the name of a remedy. */
+/**
+ * Faults of a whole case: `path`, `words`, `loose` for mere warnings, the name of a remedy, and
+ * `of` for the names that the remedy acts on.
+ */
 function faultsOfCase(value, schema, drawn) {
   const found = faultsBySchema(value, schema, []);
-  const add = (path, words, loose = false, remedy = null) => found.push({ path, words, loose, remedy });
+  const add = (path, words, loose = false, remedy = null, of = null) => found.push({ path, words, loose, remedy, of });
   const surfaces = drawn.surfacesOf(value);
   const rows = (name) => (Array.isArray(value[name]) ? value[name] : []);
   const unknown = (name, names, path) => {
@@ -290,7 +293,7 @@ function faultsOfCase(value, schema, drawn) {
   const materials = Object.keys(value.material ?? {});
   materials.forEach((body) => unknown(body, drawn.bodies, ["material", body]));
   const bare = drawn.bodies.filter((body) => !materials.includes(body) && !value.geometry?.without?.includes(body));
-  bare.forEach((body) => add(["material", body], `the material of '${body}' is missing`));
+  bare.forEach((body) => add(["material", body], `the material of '${body}' is missing`, false, "material", [body]));
   if (drawn.dim === 2 && !value.model?.kind) {
     add(["model"], "the kind of the plane model is missing, so the bodies are in plane strain: long, without strain along their length", true, "kind");
   }
@@ -306,6 +309,10 @@ function faultsOfCase(value, schema, drawn) {
 /** The rows of contacts that `perfplast mesh` has found to be refused. */
 const refusedRows = (rows, { pairs }) => rows.filter(({ primary, secondary }) =>
   pairs.some((sides) => sides.includes(primary) && sides.includes(secondary)));
+
+/** The rows of contacts between a bolt and its nut, according to the names of the bodies. */
+const boltedRows = (rows, joints) => rows.filter(({ primary, secondary }) =>
+  joints.some(({ surfaces, bolted }) => bolted && surfaces.includes(primary) && surfaces.includes(secondary)));
 
 /** Contacts that a run refuses, as `perfplast mesh` has found on the mesh of the first case. */
 function refusedFaults(value, rows, { refused, geometry }, add) {
@@ -391,10 +398,10 @@ function loadingFaults(value, rows, add) {
   if (!value.loading) return;
   if (control === "strength") {
     growing.forEach((path) => add([...path, "constant"], "the factor of safety needs constant loads; set constant = true", false, "constant"));
-    if (!rows("load").length && !value.gravity) add(["load"], "no load acts; add a load or gravity");
+    if (!rows("load").length && !value.gravity) add(["load"], "no load acts; add a load or gravity", false, "load");
   } else if (control !== "displacement" && !growing.length) {
     const constant = rows("load").some((row) => row.constant === true) || value.gravity?.constant === true;
-    add(["load"], `no load grows with the load factor; add a load${constant ? ", or let constant loads grow" : ""}`, false, constant ? "grow" : null);
+    add(["load"], `no load grows with the load factor; add a load${constant ? ", or let constant loads grow" : ""}`, false, constant ? "grow" : "load");
   }
   if (["work", "displacement"].includes(control) && !values && !until) add(["loading", "values"], "is missing; give values, or until");
   if (Array.isArray(values)) {
@@ -413,11 +420,11 @@ function holdFaults(value, rows, surfaces, drawn, add) {
   const said = [...rows("contact"), ...rows("tie")].flatMap((row) => [row.primary, row.secondary]);
   for (const { surfaces: [one, other], glued } of drawn.joints) {
     if (glued || said.includes(one) || said.includes(other)) continue;
-    add(["contact"], `'${one}' and '${other}' touch, and the case has neither contact nor tie for them`, true);
+    add(["contact"], `'${one}' and '${other}' touch, and the case has neither contact nor tie for them`, true, "contact", [one, other]);
   }
   const supports = rows("support");
   if (!supports.length && !rows("obstacle").length) {
-    add(["support"], "nothing holds the bodies; choose a face and add a support");
+    add(["support"], "nothing holds the bodies; choose a face and add a support", false, "support");
     return;
   }
   if (supports.some((row) => !surfaces[row.on]?.bodies.length) || rows("obstacle").length) return;
@@ -435,11 +442,17 @@ function holdFaults(value, rows, surfaces, drawn, add) {
   const free = present.filter((body) => !held.has(body));
   spread([...bodiesOf("contact"), ...bodiesOf("tie"), ...glued]);
   present.filter((body) => !held.has(body))
-    .forEach((body) => add(["support"], `nothing holds '${body}': no support, contact or tie`));
-  const pressed = free.filter((body) => held.has(body)).map((body) => `'${body}'`);
-  if (!pressed.length) return;
+    .forEach((body) => add(["support"], `nothing holds '${body}': no support, contact or tie`, false, "support"));
+  const alone = free.filter((body) => held.has(body));
+  if (!alone.length) return;
+  const pressed = alone.map((body) => `'${body}'`);
   const some = pressed.length > 4 ? `${pressed.slice(0, 3).join(", ")} and ${pressed.length - 3} more bodies` : pressed.join(", ");
-  add(["support"], `contact alone holds ${some}, and it stops each motion in one direction only; perfplast check names the rigid motions that are left`, true);
+  const touching = bodiesOf("contact");
+  const { primary, secondary } = rows("contact").find((_, k) => touching[k].includes(alone[0]));
+  const theirs = rows("contact").filter((_, k) => touching[k].some((body) => alone.includes(body)));
+  const bolted = boltedRows(theirs, drawn.joints).length > 0;
+  const words = `contact alone holds ${some}, and it stops each motion in one direction only; perfplast check names the rigid motions that are left. Unless loads press the surfaces together, glue ${bolted ? "bolts to their nuts, or another joint" : "a joint"} ([[tie]] instead of [[contact]]), or add a support`;
+  add(["support"], words, true, bolted ? "bolts" : "joint", bolted ? null : [primary, secondary]);
 }
 
 /** A field's text as TOML, or the words of what is wrong: `{ toml }` or `{ words }`. */

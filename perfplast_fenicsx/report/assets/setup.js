@@ -970,7 +970,24 @@ function toGrow() {
   return own.length ? own : constant;
 }
 
-/** What a button in the list of faults does: its words, and a change that returns what it has done. */
+/** The text in which ties replace some contacts, in words; contacts with keys of their own remain. */
+function glue(rows) {
+  const kept = [];
+  let text = caseText;
+  for (const row of rows) {
+    const table = parseToml(text).tables.find(({ path, value }) => path[0] === "contact" && value.primary === row.primary && value.secondary === row.secondary);
+    if (extraKeys(table, "tie").length) kept.push(row.primary);
+    else text = swapped(text, table, "tie");
+  }
+  take(text);
+  const others = kept.length ? ` These have keys that a tie does not have: ${kept.join(", ")}.` : "";
+  return `${rows.length - kept.length} contacts are ties now.${others}`;
+}
+
+/**
+ * What a button in the list of faults does: its words, and a change that returns what it has done.
+ * The change is given the names that it acts on.
+ */
 const REMEDIES = {
   constant: ["Make all loads constant", () => {
     const growing = growingLoads(parsed.value);
@@ -997,34 +1014,40 @@ const REMEDIES = {
     return `${found.length} ${found.length === 1 ? "load grows" : "loads grow"} with the load factor again.`;
   }],
   kind: ["Choose the kind", () => goToForm("model", "add-model-kind")],
-  material: ["Choose a material", () => goToForm("material", "add-body")],
-  tie: ["Glue them instead", () => {
-    const rows = refusedRows(parsed.value.contact, setup.refused);
-    const kept = [];
-    let text = caseText;
-    for (const row of rows) {
-      const table = parseToml(text).tables.find(({ path, value }) => path[0] === "contact" && value.primary === row.primary && value.secondary === row.secondary);
-      if (extraKeys(table, "tie").length) kept.push(row.primary);
-      else text = swapped(text, table, "tie");
-    }
-    take(text);
-    const others = kept.length ? ` These have keys that a tie does not have: ${kept.join(", ")}.` : "";
-    return `${rows.length - kept.length} contacts are ties now.${others}`;
+  material: ["Choose a material", (bodies) => goToForm("material", "add-body", bodies?.[0])],
+  support: ["Add a support", () => goToForm("support", "add-components")],
+  load: ["Add a load", () => goToForm("pressure", "kind")], // the kind of load is still open
+  contact: ["Add a contact", (surfaces) => {
+    chosen.clear();
+    surfaces.forEach((name) => chosen.add(name));
+    paintFaces();
+    goToForm("contact", "add-coulomb");
+    return `Chosen: ${surfaces.join(" and ")}. Press Add, or choose a tie.`;
   }],
+  joint: ["Go to its contact", (sides) => {
+    const number = parsed.value.contact.findIndex(({ primary, secondary }) => sides.includes(primary) && sides.includes(secondary));
+    const swap = part(`e-contact-${number}-swap`);
+    (swap.disabled ? part(`e-contact-${number}-primary`) : swap).focus();
+  }],
+  bolts: ["Glue bolts to their nuts", () => glue(boltedRows(parsed.value.contact, setup.joints))],
+  tie: ["Glue them instead", () => glue(refusedRows(parsed.value.contact, setup.refused))],
 };
 
-/** Show the form of an entry, with the focus in one of its fields. */
-function goToForm(kind, field) {
+
+/** Show the form of an entry, with the focus in one of its fields, which may get a value. */
+function goToForm(kind, field, value) {
   part("kind").value = kind;
   showKind();
+  if (value !== undefined) part(field).value = value;
   part(field).focus();
 }
 
-function remedyButton(remedy) {
+function remedyButton(remedy, of) {
   const [words, change] = REMEDIES[remedy];
   const button = made("button", { type: "button" }, words);
+  if (of) button.setAttribute("aria-label", `${words}, ${of.join(" and ")}`);
   button.addEventListener("click", () => {
-    const changed = change();
+    const changed = change(of);
     if (changed) done(changed);
   });
   return button;
@@ -1052,13 +1075,13 @@ function showFaults(cards) {
   if (empty.length > 4) {
     lines.push({ words: `${empty.length} bodies have no material yet: ${empty.slice(0, 3).join(", ")} and ${empty.length - 3} more`, remedy: "material" });
   }
-  for (const { path, words, loose, remedy } of faults) {
+  for (const { path, words, loose, remedy, of } of faults) {
     const { table, key, id } = placeOf(path);
     if (id && wrongFields.has(id)) continue; // its line says what was typed
     if (id) atField.set(id, words);
     if (empty.length > 4 && path[0] === "material" && empty.includes(path[1])) continue;
     const place = table ? `${cardWords(table)}${key === undefined ? "" : `, ${key}`}` : path.length ? `[${path[0]}]` : "The case";
-    lines.push({ words: `${place}: ${words}`, id, loose, remedy: !lines.some((line) => line.remedy === remedy) && remedy });
+    lines.push({ words: `${place}: ${words}`, id, loose, of, remedy: (of || !lines.some((line) => line.remedy === remedy)) && remedy });
   }
   for (const table of cards) {
     for (const key of Object.keys(schemaOf(table.path, table.value).properties).concat(Object.keys(table.keys))) {
@@ -1075,7 +1098,7 @@ function showFaults(cards) {
   if (formAsks() !== askedLast) lines.push({ words: `What is asked: the form has changed, and the case file has not; press "Ask this"`, id: "ask-button" });
   const focused = part("left").contains(document.activeElement);
   part("left").replaceChildren(...(lines.length ? lines : [{ words: "Nothing. perfplast check performs all other tests." }])
-    .map(({ words, id, loose, remedy }) => {
+    .map(({ words, id, loose, remedy, of }) => {
       const target = id && document.getElementById(id);
       const item = made("li", { className: !lines.length ? "" : loose ? "loose" : "wrong" });
       if (target) {
@@ -1085,7 +1108,7 @@ function showFaults(cards) {
       } else {
         item.append(words);
       }
-      if (remedy) item.append(" ", remedyButton(remedy));
+      if (remedy) item.append(" ", remedyButton(remedy, of));
       return item;
     }));
   if (focused) (part("left").querySelector("button") ?? part("left-h")).focus({ preventScroll: true });
