@@ -117,7 +117,7 @@ def _remarks(readers: Sequence[ResultReader]) -> str:
 
 
 def _numbers(readers: Sequence[ResultReader]) -> str:
-    """Return a row for each number that at least one run has."""
+    """Return a table with a row for each number that at least one run has."""
     same_units = _units(readers[0]) == _units(readers[1])
     same_loads = _meaning(readers[0]) == _meaning(readers[1])
     ends = [last_load(reader) for reader in readers]

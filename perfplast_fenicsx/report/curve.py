@@ -74,7 +74,7 @@ class Curve:
 def curve_of(
     reports: Sequence[LevelReport], limit: StoredLimit | None, driven: bool, unit: str
 ) -> Curve | None:
-    """Return the curve of a run; None if it has fewer than two points."""
+    """Return the curve of a run; None if no level is solved or no load of a history acts."""
     solved = [a for a in reports if a.converged and math.isfinite(a.alpha)]
     if not solved:
         return None
@@ -121,7 +121,7 @@ def _bounds(limit: StoredLimit | None) -> tuple[tuple[float, float] | None, str]
 
 
 def to_svg(curve: Curve, sheet: Sheet = WIDE) -> str:
-    """Return the drawing with an alternative text."""
+    """Return the drawing of a curve as SVG, with an alternative text."""
     left, right, foot = sheet.left, sheet.width - EDGE, sheet.height - BOTTOM
     x_of = _axis(curve.far)
     xs = [x_of(a) for line in curve.lines for a in line.x] + [0.0]

@@ -114,7 +114,7 @@ def head_of(summary: Summary) -> str:
 
 
 def signatures(head: Mapping[str, str]) -> str:
-    """Return a table with a signature line for each person; empty if [report] names nobody."""
+    """Return a table with signature lines; empty if [report] has no key of :data:`HANDED_IN`."""
     if not any(key in head for key in HANDED_IN):
         return ""
     rows = [[key.capitalize(), escape(head.get(key, "")), "", ""] for key in SIGNED]

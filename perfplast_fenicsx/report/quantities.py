@@ -73,7 +73,7 @@ def _width(reader: ResultReader) -> float | None:
 
 
 def bolts(readers: Sequence[ResultReader]) -> list[Quantity]:
-    """Return the forces of all bolts of the runs, at the last solved level."""
+    """Return a quantity for each bolt of the runs: its force at the last solved level."""
     forces = [_last("bolts")(reader) or {} for reader in readers]
     names = dict.fromkeys(name for of_run in forces for name in of_run)
 

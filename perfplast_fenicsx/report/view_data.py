@@ -213,7 +213,7 @@ size of the bodies."""
 
 
 def view_marks(reader: ResultReader) -> list[dict[str, Any]]:
-    """Return lines that move with points of the skin, by kind.
+    """Return the lines that show loads and supports; they move with points of the skin.
 
     Returns:
         Each kind has a ``colour``, ``anchors`` (a point of the skin for each end of a line), and

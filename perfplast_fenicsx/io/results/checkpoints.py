@@ -1,6 +1,6 @@
 """Write and read checkpoints, with which a run continues on any number of ranks.
 
-A run writes ``checkpoint.h5`` after each level, and keeps the previous file as
+A run writes ``checkpoint.h5`` after each solved level, and keeps the previous file as
 ``checkpoint_before.h5``. The rows of arrays in both files have the order of cells and nodes in the
 mesh input. A checkpoint contains the state of the last level, the previous state, and the internal
 variables of the laws, each under its name. If the run searches for a limit load, the checkpoint

@@ -91,7 +91,10 @@ class FrictionFields:
         return values
 
     def _gathered(self, of_nodes: Floats) -> Floats:
-        """Return Σ_k f_k ψ_j(x_k) for each owned vertex j. Collective."""
+        """Return Σ_k f_k ψ_j(x_k) for each owned vertex j. Collective.
+
+        The values f_k belong to the nodes x_k, and ψ_j are the linear shape functions.
+        """
         on_vertices, on_nodes = self._to_nodes.createVecs()
         on_nodes.array[:] = of_nodes
         self._to_nodes.multTranspose(on_nodes, on_vertices)
@@ -236,7 +239,7 @@ class OutputFields:
         self.resultants = comm.allreduce(resultants)
 
     def _contact_areas(self, vertices: fem.FunctionSpace) -> Floats:
-        """Return ∫ψ_j over the contact surfaces for each owned vertex; 1 at all other vertices."""
+        """Return ∫ψ_j over contact surfaces for each owned vertex j; 1 at vertices off them."""
         tagged_mesh, tags = self._problem.tagged_mesh, self._problem.contact_tags
         if not tags:
             return np.ones(vertices.dofmap.index_map.size_local)

@@ -36,7 +36,7 @@ from perfplast_fenicsx.proof.verdict import Checked
 def write_proof(
     folder: ResultFolder, path: Path, lower: LowerProof | None, upper: VelocityProof | None
 ) -> None:
-    """Write the proofs of bounds. Collective.
+    """Write the proofs of a lower and an upper bound to a file. Collective.
 
     Args:
         folder: Result folder, which provides the ranks and the message for system errors.
@@ -91,7 +91,9 @@ def judge(
     high: BodyBounds,
     divisor: float | None = None,
 ) -> tuple[BodyBounds, BodyBounds]:
-    """Write the proof of two bounds, and replace bounds that the checker refuses. Collective.
+    """Write the proof of two bounds; return them, and replace those that the checker refuses.
+
+    Collective.
 
     Args:
         folder: The result folder.

@@ -171,7 +171,7 @@ def hold(file: IO[str]) -> bool:
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process holds a lock on a file; False if it is missing or has no locks."""
+    """Return whether a process holds a lock on a file; False if the file or locks are missing."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

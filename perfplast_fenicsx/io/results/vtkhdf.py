@@ -11,8 +11,8 @@ edges are curved, linear displacements are interpolated to the nodes of the curv
 A crash does not damage files. Rank 0 creates a file under a temporary name and reserves its whole
 size on the disk. Each rank writes its own rows directly into the file, at the position of the array
 and without HDF5. The file gets its final name when all data are on the disk. So no rank gathers an
-array, and a full disk is detected before an existing file changes. Every error comes from the
-operating system, so all ranks can report it.
+array, and a full disk is detected before an existing file changes. All errors are errors of the
+operating system, which :meth:`ResultFolder.on_each` raises on all ranks.
 """
 
 import os
@@ -335,7 +335,10 @@ class FieldWriter:
         return place, block(ordering, rows if shape else rows[:, 0])
 
     def _nodal(self, name: str, function: fem.Function) -> fem.Function:
-        """Return a function; interpolate it to the mesh points unless its degree is 0 or equal."""
+        """Return a function, interpolated to the mesh points if its degree is not 0 or theirs.
+
+        The degree of the points is that of the nodes in the mesh file.
+        """
         if function.function_space.element.basix_element.degree in (0, self._degree):
             return function
         if name not in self._interpolated:

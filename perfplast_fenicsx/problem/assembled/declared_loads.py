@@ -133,7 +133,9 @@ mean of its values at the ends. Formulas whose terms cancel lose some digits."""
 
 
 def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Return the tractions on straight facets at ζ = 1. Not collective.
+    """Return tractions at the vertices of straight facets at ζ = 1, and errors of linearity.
+
+    Not collective.
 
     Args:
         load: A traction, a pressure, or the cosine pressure of a bearing.
@@ -153,7 +155,9 @@ def linear_tractions(load: Load, corners: Floats, normals: Floats) -> tuple[Floa
 
 
 def linear_pores(load: PorePressure, corners: Floats) -> tuple[Floats, Floats]:
-    """Return the pore pressure in straight cells at ζ = 1. Not collective.
+    """Return pore pressures at the vertices of straight cells at ζ = 1, and errors of linearity.
+
+    Not collective.
 
     Args:
         load: The pore pressure.

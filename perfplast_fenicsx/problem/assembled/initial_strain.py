@@ -6,10 +6,11 @@ with the expansion coefficient a of the material. A stress σ₀ in the undeform
 
 A shank that is shortened by s has e₀ = −s ε(w), where w = φa is a displacement of the bolt alone
 along its axis a. The nodal values of φ rise from 0 at the beginning of the shank to 1 at its end.
-The law receives ε(u + sw), the strain of a continuous displacement, so only the shortening strains
-the bolt. The force of the shank is N = ⟨σ, ε(w)⟩. In equilibrium this is the force that one end of
-the bolt exerts on the other. N is exact on any mesh if no force acts on the shank between its
-ends; otherwise N is the mean force along the shank. N also equals ∂J/∂s, the force conjugate to s.
+The law receives ε(u + sw), the strain of a continuous displacement, so a bolt whose shortening
+nothing resists has no stress. The force of the shank is N = ⟨σ, ε(w)⟩. In equilibrium this is the
+force that one end of the bolt exerts on the other. N is exact on any mesh if no force acts on the
+shank between its ends; otherwise N is the mean force along the shank. N also equals ∂J/∂s, the
+force conjugate to s.
 """
 
 import math

@@ -285,7 +285,7 @@ class CellField(Protocol):
 
 @dataclass(frozen=True)
 class LinearInCells:
-    """A field that is evaluated only where it is linear in cells.
+    """A field that can be evaluated only in cells in which it is linear.
 
     Args:
         field: The field.

@@ -174,7 +174,7 @@ def turned(turn: Floats, arms: Floats) -> Floats:
 
 
 def fitting(what: str, value: Turn, size: int) -> Floats:
-    """Return ``size`` finite numbers; zeros if the value is missing.
+    """Return ``value`` as an array of ``size`` finite numbers; zeros if the value is missing.
 
     Raises:
         InputError: If the value does not fit; the message contains ``what``.

@@ -75,7 +75,7 @@ def stiffness_of_all(problem: Problem) -> float:
 
 
 def jagged_norm2(problem: Problem, u: fem.Function) -> Integral:
-    """Return ∫ 2μ|u|²/h², which is ‖u‖² if neighbouring nodes move in opposite directions.
+    """Return ∫ 2μ|u|²/h², which is about ‖u‖² if neighbouring nodes move in opposite directions.
 
     Collective.
 

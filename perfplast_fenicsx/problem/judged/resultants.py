@@ -22,7 +22,7 @@ from perfplast_fenicsx.problem.problem import Problem
 
 
 def moment(problem: Problem, forces: Floats) -> Floats:
-    """Return the sum of the moments of nodal forces on this rank. Not collective.
+    """Return the moment of the nodal forces on this rank about the origin. Not collective.
 
     Args:
         problem: Problem with the nodes.
