@@ -6,7 +6,8 @@ In the axes of the material, whose x axis is rotated about z by an angle, the yi
 
 (R. Hill, Proc. R. Soc. A 193 (1948), 281). The condition does not bound the mean stress. Elasticity
 is isotropic. Let s be orthonormal coordinates of the deviator along the principal axes of the form.
-The yield set is then Σ h_i s_i² ≤ Y². Stresses return as in :mod:`quadratic_law`, with B = Qᵀ.
+The yield set is then Σ h_i s_i² ≤ Y². Stresses outside the set return to it as in
+:mod:`quadratic_law`, with B = Qᵀ.
 """
 
 import math

@@ -271,7 +271,7 @@ def _cells(tagged_mesh: TaggedMesh) -> _Cells:
 
 
 def _area_vectors(corner: Floats) -> Floats:
-    """Return the normals of facets, whose lengths are the areas, shape (n, gdim)."""
+    """Return a normal of each facet, with the area of the facet as its length, shape (n, gdim)."""
     edges = corner[:, 1:] - corner[:, :1]
     if edges.shape[1] == 1:
         return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])

@@ -36,7 +36,7 @@ from perfplast_fenicsx.parallel import fetch_rows, send_rows
 
 
 def edge_stretches(mesh: Mesh, gradients: Floats) -> Floats:
-    """Return factors on the lengths of local edges, which are the same on all ranks. Collective.
+    """Return factors on the lengths of local edges; all ranks have the same factors. Collective.
 
     A factor is 1/2 plus the change of the fields along the edge, relative to the largest possible
     change for gradients of this size, averaged over the cells at the edge. Cells therefore become

@@ -34,9 +34,10 @@ def largest_share(
 ) -> float:
     """Return the largest unbalanced force of a piece relative to its loads.
 
-    In a piece without loads, the stress may be zero, and the residual is then harmless. In any
-    piece, an unbalanced force that is a small share of all loads counts as rounding, unless it
-    exceeds the strength of the piece's cells.
+    In a piece without loads, the stress may be zero, and the residual is then harmless. To the
+    loads of a piece, the function adds a thousandth of all loads, or of the strength of the piece's
+    cells if that is less; an unbalanced force in a lightly loaded piece may otherwise be only a
+    rounding error.
 
     Args:
         body: The bodies.

@@ -38,9 +38,9 @@ def reduction_of(
         The factor and the flags, or None for a half without a factor.
 
     Raises:
-        ProofError: If the factor is missing or not positive, if the flags do not fit the bodies, if
-            the strength of a parabola is divided, or if a strength is divided in only some of its
-            cells.
+        ProofError: If there are flags without a factor, if the factor is not positive, if the flags
+            do not fit the bodies, if the strength of a parabola is divided, or if a strength is
+            divided in only some of its cells.
     """
     if "strength_factor" not in arrays:
         if any(name in arrays for name in KEPT):

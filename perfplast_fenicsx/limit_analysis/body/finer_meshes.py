@@ -265,7 +265,7 @@ def finer_mesh(
     """Return the next mesh, or the reason why there is no next mesh. Collective.
 
     If the next mesh would have too many cells, the function marks as many cells as fit. A mesh with
-    hardly more cells than this one would cost as much and improve little. In 2D, a twelfth more
+    hardly more cells than the last one would cost as much and improve little. In 2D, a twelfth more
     cells at the right places can still close a fifth of the gap. In 3D each mesh costs more than
     all previous meshes together. The function therefore marks more cells if the next 3D mesh would
     have few additional cells.

@@ -172,8 +172,8 @@ class PointCoordinates:
     def working(self, pressure: Floats, deviator: Floats, out: Floats) -> None:
         """Set ``out`` to Mandel vectors that do the work of σ on strain rates, shape (count, m).
 
-        In plane strain, the out-of-plane component does no work. It is p in isotropic coordinates,
-        and zero otherwise.
+        In plane strain, the out-of-plane component does no work. This component is p in isotropic
+        coordinates, and zero otherwise.
         """
         if self.isotropic:
             out[:] = deviator

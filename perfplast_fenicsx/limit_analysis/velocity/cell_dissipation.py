@@ -251,8 +251,9 @@ def dissipation_of_cells(
     """Return upper bounds on the dissipation of cells, from strain rates in the cones' coordinates.
 
     Not collective. The dissipation is ∫ γ(‖dev ε‖ − t·dev ε), or ∫ (γ/α) tr ε in dilating bodies
-    (:mod:`standard_cones`). For sets of principal stresses, see :mod:`semidefinite_cones`. A volume
-    change that is too small for its deviator only because of rounding counts as admissible.
+    (:mod:`standard_cones`). For sets of principal stresses, see :mod:`semidefinite_cones`. A strain
+    rate whose volume change is too small for its deviator only because of rounding counts as
+    admissible.
 
     Args:
         problem: The bodies.

@@ -7,8 +7,8 @@ solution is then v + ζ w, where the multiplier ζ gives the required work. This
 paper; for a fixed active set, the method also solves the quadratic program of ALG3. The solves for
 v and w share one set-up.
 
-If only the held pairs change, the previous solution is corrected. A few pairs change the solution
-only slightly, so an inaccurate solve suffices.
+If only the held pairs change, the previous solution is corrected. A change of a few pairs changes
+the solution only slightly, so an inaccurate solve suffices.
 """
 
 from dataclasses import dataclass
