@@ -232,7 +232,9 @@ def compose(
     figure = Figure(figsize=(5.4 * columns, 5.9), dpi=dpi)
     FigureCanvasAgg(figure)
     figure.suptitle(words[0], fontsize=16, fontweight="bold", y=0.98, parse_math=False)
-    figure.text(0.5, 0.89, words[1], ha="center", fontsize=11.5, parse_math=False)
+    caption = figure.text(0.5, 0.89, words[1], ha="center", fontsize=11.5, parse_math=False)
+    room, needed = 0.98 * figure.bbox.width, caption.get_window_extent().width
+    caption.set_fontsize(11.5 * min(1.0, room / max(needed, 1.0)))
     width = 1 / columns
     for i, panel in enumerate(shown):
         axes = figure.add_axes((i * width, 0.14, width, 0.68))

@@ -58,6 +58,18 @@ def test_names_of_letters_that_the_font_lacks() -> None:
     assert labels_of(["梁_1", "a$b$"]) == ["?_1", "a$b$"]
 
 
+@pytest.mark.parametrize("repeats", [1, 40])
+def test_a_caption_is_never_wider_than_its_picture(repeats: int) -> None:
+    shown = figure_panels.panels([triangles(["a"], [0.5])], Units())
+    blank = np.zeros((8, 10, 3), dtype=np.uint8)
+    caption = " ".join(["strengths divided by F"] * repeats)
+    figure = figure_panels.compose(shown, [blank] * len(shown), ("A title", caption), FRONT)
+    figure.canvas.draw()
+    (text,) = [text for text in figure.texts if text.get_text() == caption]
+    box = text.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
+
+
 def test_pressures_of_a_limit_load_are_said_to_be_arbitrary() -> None:
     for unique in (True, False):
         shown = figure_panels.panels([triangles(["a"], [0.5])], Units(), unique=unique)
