@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from perfplast_fenicsx.problem.declared.loads import LOADS, FieldPores
+from perfplast_fenicsx.problem.declared.loads import LOADS, FieldPores, ForceBelow
 
 Table = Mapping[str, Any]
 Row = tuple[str, str]
@@ -234,7 +234,7 @@ class CaseWords:
         """Return the kind and size of a load."""
         if load["kind"] == FieldPores.__name__:
             return f"pore pressure of {load['value']}"
-        known = LOADS.get(load["kind"])
+        known = ForceBelow if load["kind"] == ForceBelow.__name__ else LOADS.get(load["kind"])
         words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
         acts = [f"{words} {self.number(load['value'], unit)}"] if load["value"] != [] else []
         if load.get("moment", []) != []:

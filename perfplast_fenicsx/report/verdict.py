@@ -89,7 +89,8 @@ def _of_strength(table: Mapping[str, Any]) -> Verdict:
         )
         words = f"By Davis' estimate the bodies {', and '.join(sides)}."
         return Verdict("found", words, [says, stands, *beside])
-    details = [says, f"{strict} strict; {proof} proves this again.", *beside]
+    repeat = "proves" if len(files) == 1 else "prove"
+    details = [says, f"{strict} strict; {proof} {repeat} this again.", *beside]
     mark: Mark = "proven" if len(sides) == 2 else "one-sided"
     return Verdict(mark, f"The bodies {', and '.join(sides)}.", details)
 

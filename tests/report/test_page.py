@@ -87,6 +87,10 @@ def test_the_case_in_words() -> None:
         ("lid", "moment 3 N mm/mm, times ζ"),
         ("lid", "force (0, -2.5) N/mm and moment 3 N mm/mm, times ζ"),
     ]
+    wet = {"kind": "ForceBelow", "on": "c", "value": [0, -1.5], "constant": True, "depth": "-y"}
+    assert CaseWords({"loads": [wet]}, Units("m", "kPa").table(False), "xy").loads() == [
+        ("c", "force per volume below a line (0, -1.5) kN/m^3, in full at any ζ")
+    ]
     assert CaseWords(GIVEN, {}, "xy").number(2.0, "force") == "2"
     staged = CaseWords(GIVEN, {}, "rz", staged=True)
     assert "times ζ" not in str(staged.loads() + staged.supports() + staged.contacts())
