@@ -206,7 +206,7 @@ def first_case(
     if glued is Glued.BOLTS and not any(is_bolt_with_nut(joint) for joint in survey.joints):
         raise InputError(
             "no body named as a bolt touches a body named as a nut; give them names such as "
-            "bolt_1 and nut_1 in the CAD system, or write [[tie]] in the case file."
+            "bolt_1 and nut_1 in the CAD system, or omit --bolted and write [[tie]] in the case."
         )
     zero = [0.0] * survey.dim
     text = HEAD.format(
