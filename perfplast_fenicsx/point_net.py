@@ -54,8 +54,8 @@ class Triangulation:
                 the file has only points.
 
         Raises:
-            InputError: If the points span no area, if two points coincide, or if cells of the file
-                have no area or overlap.
+            InputError: If the points span no area, if two points coincide (in a file with cells:
+                with unequal values), or if cells of the file have no area or overlap.
         """
         self.name, self.values = name, values
         told = b"" if cells is None else cells.astype(np.int64).tobytes()

@@ -98,7 +98,8 @@ def solid_cells(points: Floats, blocks: Sequence[Block], left_out: Mapping[str, 
         left_out: Number of elements of unsupported types, by type.
 
     Raises:
-        InputError: If there are no solid elements, or if a solid element has no volume.
+        InputError: If there are no solid elements, if flat elements do not lie in a plane
+            z = constant, or if an element has no volume.
     """
     solids = [block for block in blocks if block.kind.shape.dim > 1 and len(block.nodes)]
     if not solids:

@@ -98,8 +98,8 @@ def judge(
     Args:
         folder: The result folder.
         path: The file. It contains only proven bounds, and does not exist if nothing is proven.
-        low: Bounds whose lower bound is proven.
-        high: Bounds whose upper bound is proven.
+        low: Bounds of which the function uses the lower one.
+        high: Bounds of which the function uses the upper one.
         divisor: Factor F that divides the strengths of the bodies; None if there is no such factor.
 
     Returns:

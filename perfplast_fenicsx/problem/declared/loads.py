@@ -45,8 +45,9 @@ class Load:
         in_volume: Whether ``on`` is a volume rather than a surface.
         on: Physical name of the surface or volume.
         value: A number or formula, or one of them for each direction.
-        name: Name in messages and stages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str]
@@ -86,8 +87,9 @@ class Traction(SpreadLoad):
     Args:
         on: Physical name of the surface.
         value: The force per area (stress), a number or formula for each direction.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
         total: Whether the value is the total force on the surface, which the program distributes
             evenly over the area in the mesh.
     """
@@ -115,8 +117,9 @@ class Pressure(SpreadLoad):
     Args:
         on: Physical name of the surface.
         value: The pressure (stress), a number or formula; a positive pressure pushes on the body.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str] = "pressure"
@@ -142,8 +145,9 @@ class BodyForce(SpreadLoad):
     Args:
         on: Physical name of the volume.
         value: The force per volume, a number or formula for each direction.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str] = "force per volume"
@@ -169,8 +173,9 @@ class ForceBelow(BodyForce):
     Args:
         on: Physical name of the volume.
         value: The force per volume, a number for each direction.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
         depth: Formula that is positive below the line, such as "8 + 0.2*x - y".
     """
 
@@ -216,8 +221,9 @@ class PorePressure(SpreadLoad):
     Args:
         on: Physical name of the volume.
         value: The pressure (stress), a number or formula.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str] = "water pressure in the pores"
@@ -252,8 +258,9 @@ class PorePressure(SpreadLoad):
             on: Physical name of the volume.
             function: Continuous pressure (stress) of degree 1, on the mesh of the bodies or on a
                 mesh whose cells contain the cells of the bodies.
-            name: Name in messages.
-            constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+            name: Name in messages; in results and stages it is ``on`` by default.
+            constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+                stages multiplies it.
 
         Raises:
             InputError: As for :func:`perfplast_fenicsx.spatial_fields.field_of`.
@@ -319,8 +326,9 @@ class FieldPores(PorePressure):
     Args:
         on: Physical name of the volume.
         value: Origin of the field, in words.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
         field: The field (stress); None before the mesh exists.
     """
 
@@ -352,8 +360,9 @@ class EnclosedPores(PorePressure):
     Args:
         on: Physical name of the volume.
         value: The formula.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
         side: "above" if the function is nowhere below the formula, "below" if it is nowhere above
             the formula.
     """
@@ -388,8 +397,9 @@ class Force(Load):
             of depth): a number in plane meshes, one for each axis in 3D.
         point: Point where the force acts and about which the moment is taken (length). By default
             the origin for rigid surfaces, and the centroid for other surfaces.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str] = "force"
@@ -413,8 +423,9 @@ class Bearing(Load):
             depth), one number for each direction. The pressure has a cosine distribution and acts
             only where the surface faces the force. The program scales the pressure so that its
             resultant on the mesh is exact.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str] = "bearing force"
@@ -433,8 +444,9 @@ class CosinePressure(SpreadLoad):
     Args:
         on: Physical name of the surface.
         value: The vector a (stress): the largest pressure times its direction.
-        name: Name in messages.
-        constant: Whether the load acts in full at any load factor; if not, ζ multiplies it.
+        name: Name in messages; in results and stages it is ``on`` by default.
+        constant: Whether the load acts in full at any load factor; if not, ζ or a factor of
+            stages multiplies it.
     """
 
     words: ClassVar[str] = "bearing pressure"

@@ -90,8 +90,8 @@ class LevelReport:
         rounds: Number of fixed-point iterations for Coulomb's friction; 1 without it.
         friction_excess: Largest excess of a friction force over its bound c, relative to the
             largest c, at least 0.
-        driving_force: If ζ moves supports or obstacles, their work on the bodies per unit of ζ: the
-            force along each motion, times the motion at ζ = 1.
+        driving_force: Work of moved supports, moved obstacles and growing overlaps on the bodies
+            per unit of ζ: the force along each motion, times the motion at ζ = 1.
         stage: Name of the stage in a loading history; empty without stages, and for the level at
             rest before them. In stages, ζ is the time, which grows by 1 in each stage.
         factors: Factors of loads, temperatures and motions, by their names in stages.

@@ -60,8 +60,8 @@ class Resultants:
             the sum of the forces on the bodies. The second is the sum of their moments about the
             middle of the bodies, divided by the size of the bodies. Axisymmetry uses only the axial
             forces.
-        driving: Work of supports and obstacles on the bodies per unit of ζ: the force along each
-            motion, times the motion at ζ = 1.
+        driving: Work of supports, obstacles and growing overlaps on the bodies per unit of ζ: the
+            force along each motion, times the motion at ζ = 1.
         driving_by_name: Work of the motion of each name in stages, per unit of its factor.
     """
 
@@ -230,7 +230,7 @@ class LoadResultant:
     """The force and the moment of a load.
 
     Attributes:
-        name: Name of the load in messages; by default its surface or volume.
+        name: Name of the load; by default its surface or volume.
         on: Surface or volume of the load.
         kind: Kind of the load in case files.
         constant: Whether the load acts in full at any load factor.
