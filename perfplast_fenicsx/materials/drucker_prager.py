@@ -1,4 +1,4 @@
-r"""Define perfect plasticity with the Drucker–Prager condition, associated, in Hencky's form.
+r"""Define associated plasticity with the Drucker–Prager condition, in Hencky's form.
 
 The yield set is the cone K: ‖dev σ‖/√2 + ηp ≤ c with p = tr σ/3. The elastic stress of a strain e
 has the deviatoric norm r = 2μ‖dev e‖ and the mean p = κ tr e. With n = dev e/‖dev e‖ and D = μ +

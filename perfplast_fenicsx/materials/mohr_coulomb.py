@@ -1,4 +1,4 @@
-r"""Define perfect plasticity with the Mohr–Coulomb or Tresca condition, associated (Hencky).
+r"""Define associated plasticity with the Mohr–Coulomb or Tresca condition, in Hencky's form.
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ 2c cos φ, with s = sin φ and σ₁ ≥ σ₂ ≥ σ₃. For φ = 0 this
 set is Tresca's set. Stresses are projections of Ce in the norm of C⁻¹: a trial stress returns to a

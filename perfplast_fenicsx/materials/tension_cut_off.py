@@ -1,4 +1,4 @@
-r"""Define the Mohr–Coulomb or Tresca condition with a tensile strength, associated (Hencky).
+r"""Define associated Mohr–Coulomb or Tresca plasticity with a tensile strength, in Hencky's form.
 
 The yield set is (1 + s)σ₁ − (1 − s)σ₃ ≤ b and σ₁ ≤ f for principal stresses σ₁ ≥ σ₂ ≥ σ₃. The
 tensile strength f is below the apex b/2s of the first condition. A stress is the projection of Ce

@@ -390,8 +390,8 @@ class Iterate:
         """Advance by β δu, and return the size of the step in the criterion ``stopping``.
 
         Remark 1 of the paper defines the criteria. The criterion "energy" is the relative change of
-        J_ζ; with prescribed work ζ = 0, and J_ζ is Ψ − L₀. If bodies are loaded at ζ = 0, or if
-        laws have history, the change is relative to at least |Ψ| + ½‖σ‖².
+        J_ζ. If work is prescribed, the caller gives ζ = 0, and J_ζ is Ψ − L₀. If bodies are loaded
+        at ζ = 0, or if laws have history, the change is relative to at least |Ψ| + ½‖σ‖².
         """
         if stopping != "energy":
             increment = self.increment(stopping)
