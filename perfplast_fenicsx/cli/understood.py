@@ -203,11 +203,9 @@ class _Told:
         for contact in contacts:
             both = (contact.primary, contact.secondary)
             found = gaps.get(f"contact {contact.primary} {contact.secondary}")
-            areas = " and ".join(self._size(name) for name in both)
+            sizes = self._sizes(both)
             rubs = _friction(contact.tresca, contact.coulomb)
-            self.lines.append(
-                f"  '{both[0]}' and '{both[1]}': areas {areas}; {self._gap(found)}; {rubs}"
-            )
+            self.lines.append(f"  '{both[0]}' and '{both[1]}': {sizes}; {self._gap(found)}; {rubs}")
             self._mark(both, "contact", f"contact of '{both[0]}' and '{both[1]}'")
             for one in against:
                 if (one.surface, one.other) in (both, both[::-1]):
@@ -225,9 +223,9 @@ class _Told:
             self.lines.append("Ties:")
         for tie in ties:
             both = (tie.primary, tie.secondary)
-            areas = " and ".join(self._size(name) for name in both)
+            sizes = self._sizes(both)
             told = "" if tie in self.case.ties else "; the drawing has one face for both"
-            self.lines.append(f"  '{both[0]}' and '{both[1]}': areas {areas}{told}")
+            self.lines.append(f"  '{both[0]}' and '{both[1]}': {sizes}{told}")
             if told:
                 self.glued += both
             else:
@@ -245,7 +243,7 @@ class _Told:
         if not case.loading.divides:
             return
         weaker = divided_strengths(case.materials, rubbing)
-        self.lines.append(f"F divides the strengths of: {_few(weaker)}")
+        self.lines.append(f"F divides: {_few(weaker)}")
         if kept := kept_strengths(case.materials, rubbing):
             self.lines.append(f"F does not divide (reduced = false): {_few(kept)}")
 
@@ -362,6 +360,11 @@ class _Told:
         unit = self.units["length"]
         unit = f" {unit}{'' if self._flat else '^2'}" if unit else ""
         return f"{'length' if self._flat else 'area'} {self._size(*names, unit=unit)}"
+
+    def _sizes(self, names: Sequence[str]) -> str:
+        """Return the areas, or in the plane the lengths, of surfaces in words."""
+        sizes = " and ".join(self._size(name) for name in names)
+        return f"{'lengths' if self._flat else 'areas'} {sizes}"
 
     def _size(self, *names: str, unit: str = "") -> str:
         """Return the total area of surfaces in words, and in the drawing if the two differ."""

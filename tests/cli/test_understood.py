@@ -491,7 +491,7 @@ CASES = {
         + load("top")
         + support("x0", 'components = "x"')
         + '[[contact]]\nprimary = "lower"\nsecondary = "under"\n',
-        ("'lower' and 'under': areas 4 and 4; 9 pairs of nodes, touching; no friction",),
+        ("'lower' and 'under': lengths 4 and 4; 9 pairs of nodes, touching; no friction",),
         {
             **FLOOR,
             "top": side(1, 3.5),
@@ -521,7 +521,7 @@ CASES = {
     ),
     "a body in contact that no support holds": Told(
         support("bottom") + load("top") + '[[contact]]\nprimary = "lower"\nsecondary = "under"\n',
-        ("all supports together leave any rigid motion of 'upper'", "No load acts on 'plate'"),
+        ("all supports together leave all rigid motions of 'upper'", "No load acts on 'plate'"),
         {**FLOOR, "top": side(1, 3.5), "lower": TOP, "under": side(1, 2.5)},
         bodies=HIGHER,
         mapped=closed,

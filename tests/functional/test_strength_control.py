@@ -165,7 +165,7 @@ def test_a_strength_that_is_not_divided(
     told = capsys.readouterr().out
     if comm.rank != 0:
         return
-    assert "F divides the strengths of: 'ground'" in told
+    assert "F divides: the strength of 'ground'" in told
     assert "F does not divide (reduced = false): the strength of 'wall'" in told
     strength = json.loads((results / "summary.json").read_text())["limit"]["strength"]
     assert strength["in_words"].endswith(

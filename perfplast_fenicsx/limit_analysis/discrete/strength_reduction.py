@@ -146,7 +146,7 @@ def divided_strengths(
     See :func:`kept_strengths` for the arguments.
     """
     bodies = {name: it for name, it in materials.items() if is_divided(it)}
-    told = [f"'{name}'" for name, it in bodies.items() if not all_elastic([it])]
+    told = [f"the strength of '{name}'" for name, it in bodies.items() if not all_elastic([it])]
     return told + [_friction_on(it) for it in rubbing if it.rubs and is_divided(it)]
 
 

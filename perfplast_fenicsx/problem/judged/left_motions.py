@@ -104,7 +104,7 @@ def _in_words(problem: Problem, grams: Floats, some: Ints, alone: bool) -> list[
             continue
         words = _motions(problem, left)
         if left.shape[1] == problem.bodies.num_modes:
-            words = "any rigid motion"
+            words = "all rigid motions"
         by_words.setdefault(words, []).append(names[body])
     most = 6  # largest number of bodies that are named
     told = []
