@@ -106,8 +106,7 @@ def run(
         finer: Whether to halve the size of the elements.
 
     Returns:
-        ``SOLVED``; ``NO_SOLUTION`` if a level has no solution or the limit load is not found; or
-        the status of an interrupt.
+        ``SOLVED``; ``NO_SOLUTION`` without a level or limit load; or the status of an interrupt.
 
     Raises:
         InputError: If the case or the folder cannot be used.
