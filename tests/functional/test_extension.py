@@ -1,12 +1,14 @@
 """Test extensions of an installed package, which the command line finds by their entry points."""
 
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from perfplast_fenicsx.extensions import GROUP
-from tests.installed_package import install, perfplast
+from tests.installed_package import ROOT, install, perfplast
 from tests.models import steel_blocks_case
 
 pytestmark = pytest.mark.serial
@@ -49,6 +51,19 @@ def test_a_law_of_a_package_is_known_to_the_command_line(tmp_path: Path) -> None
         a for a in perfplast("info", folder=tmp_path).stdout.splitlines() if "extensions" in a
     )
     assert line.split() == ["extensions", "own-law", "1.5"]
+
+
+def test_an_extension_in_any_folder(tmp_path: Path) -> None:
+    install(tmp_path, "own_law", OWN, GROUP, "law = own_law")
+    found = subprocess.run(
+        [ROOT / "bin" / "perfplast", "info"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},  # without the repository
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert "own-law 1.5" in found.stdout, found.stderr
 
 
 FORMAT = """
