@@ -130,15 +130,17 @@ class MeshEstimate:
         """
         if self.estimate is None:
             known = self.static != 0 and math.isfinite(self.static)
-            carried = f", but not below {zeta}{rounded_down(self.static)}" if known else ""
-            beyond = "" if self.kinematic is None else f", nor above {zeta}{self.kinematic:.6g}"
-            return f"not found{carried}{beyond}; no bound of the body"
+            sides = [f"at least {zeta}{rounded_down(self.static)}"] if known else []
+            if self.kinematic is not None:
+                sides.append(f"at most {zeta}{self.kinematic:.6g}")
+            return f"not found, but {' and '.join(sides)} on this mesh" if sides else "not found"
         apart = self.apart
         if apart is None:
             side = "static" if self.kinematic is None else "kinematic"
-            return f"{zeta}{self.shown}, known only from its {side} side; no bound of the body"
-        sides = f"its static and kinematic sides {percent(apart)} apart"
-        return f"{zeta}{self.shown}, {sides}; no bound of the body"
+            known_by = f"only the {side} side is known"
+        else:
+            known_by = f"static and kinematic sides {percent(apart)} apart"
+        return f"{zeta}{self.shown} ({known_by}), an estimate for the body, not a bound"
 
 
 def percent(share: float) -> str:

@@ -12,18 +12,35 @@ pytestmark = pytest.mark.serial
     [
         (
             *(16.3187, 16.3791, 16.4396),
-            "16.38, its static and kinematic sides 0.74 % apart; no bound of the body",
+            "16.38 (static and kinematic sides 0.74 % apart), an estimate for the body, "
+            "not a bound",
         ),
         (
             *(26.619351, 26.619352, 26.619353),
-            "26.62, its static and kinematic sides less than 0.001 % apart; no bound of the body",
+            "26.62 (static and kinematic sides less than 0.001 % apart), an estimate for the body, "
+            "not a bound",
         ),
-        (98.7951, 98.7951, None, "98.8, known only from its static side; no bound of the body"),
-        (1.5, 2.0, 2.5, "2, its static and kinematic sides 67 % apart; no bound of the body"),
-        (1.5, None, None, "not found, but not below 1.5; no bound of the body"),
-        (1.5, None, 2.5, "not found, but not below 1.5, nor above 2.5; no bound of the body"),
-        (0.0, None, None, "not found; no bound of the body"),
-        (0.0, 2.0, 2.0, "2, known only from its kinematic side; no bound of the body"),
+        (
+            98.7951,
+            98.7951,
+            None,
+            "98.8 (only the static side is known), an estimate for the body, not a bound",
+        ),
+        (
+            1.5,
+            2.0,
+            2.5,
+            "2 (static and kinematic sides 67 % apart), an estimate for the body, not a bound",
+        ),
+        (1.5, None, None, "not found, but at least 1.5 on this mesh"),
+        (1.5, None, 2.5, "not found, but at least 1.5 and at most 2.5 on this mesh"),
+        (0.0, None, None, "not found"),
+        (
+            0.0,
+            2.0,
+            2.0,
+            "2 (only the kinematic side is known), an estimate for the body, not a bound",
+        ),
     ],
 )
 def test_in_words(

@@ -61,7 +61,7 @@ def test_it_ends_at_the_factor_of_its_mesh(read: Read) -> None:
         > 1
         > times(problem, found.factor * (1 + TOLERANCE))
     )
-    assert "an estimate from a mesh, and no bound" in found.in_words()
+    assert "an estimate from a mesh, not a bound" in found.in_words()
 
 
 @pytest.mark.mpi2

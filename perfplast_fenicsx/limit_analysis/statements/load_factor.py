@@ -273,7 +273,7 @@ class StrengthPath(NotebookResult):
 
     def in_words(self) -> str:
         """Return the result in a sentence."""
-        worth = "an estimate from a mesh, and no bound of the body"
+        worth = "an estimate from a mesh, not a bound of the body"
         if not self.points:
             return f"No curve of F over work was found: {self.reason}."
         last = self.points[-1]

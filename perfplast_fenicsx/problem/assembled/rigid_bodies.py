@@ -118,7 +118,6 @@ def check_touching(
         InputError: If such bodies touch or are guided; the message names the surfaces.
     """
     comm, fdim = V.mesh.comm, V.mesh.topology.dim - 1
-    stiff = "law = 'elastic', and make young 1e5 times as large as in the adjacent bodies"
 
     def moves(name: str) -> bool:
         nodes = fem.locate_dofs_topological(V, fdim, tagged_mesh.facets(name))
@@ -129,14 +128,16 @@ def check_touching(
         if moves(pair.primary) and moves(pair.secondary):
             raise InputError(
                 f"the surfaces '{pair.primary}' and '{pair.secondary}' both belong to bodies with "
-                f"law = 'rigid', so load levels cannot determine the forces between them; give one "
-                f"of the bodies {stiff}."
+                "law = 'rigid', so load levels cannot determine the forces between them; give one "
+                "of the bodies law = 'elastic', and make young 1e5 times as large as in the "
+                "adjacent bodies."
             )
     for obstacle in given.obstacles:
         if moves(obstacle.on):
             raise InputError(
                 f"the obstacle on '{obstacle.on}' touches a body with law = 'rigid', which is not "
-                f"supported where load levels are solved; give this body {stiff}."
+                "supported where load levels are solved; give this body law = 'elastic', and make "
+                "young 1e5 times as large as in the adjacent bodies."
             )
     for support in given.supports:
         if support.guides and moves(support.on):
