@@ -19,7 +19,8 @@ bound on this size.
    doi:10.1090/S0025-5718-1983-0717689-3). On the regular simplex with edges of length 1,
    :data:`SIZE` bounds this stress. The map x = By from the regular simplex to the cell turns the
    stress τ' into Bτ'Bᵀ. Products T of tractions and areas of the cell become B⁻¹T/det B on the
-   regular simplex.
+   regular simplex. In a needle-shaped cell of length L and height h, B⁻¹ divides tractions along
+   the cell by L, and tractions across the cell by h.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +33,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import across_of, bare_ends, pieces_of, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
-from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes, stretches_of
+from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes, stretches_of, to_regular
 from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
@@ -98,19 +99,22 @@ def cost_of(
     pushes, reason = _reactions(body, left, acting, plates)
     if pushes is None:
         return Cost(lost, reason)
-    on_sides = acting.on_sides + np.bincount(
-        body.outer // (body.dim + 1), weights=pushes, minlength=len(lost)
-    )
-    passed = _passed(body, shapes, acting, pushes, ends)
+    pushed = np.zeros(len(lost))
+    np.add.at(pushed, body.outer // (body.dim + 1), pushes)
+    cells = np.arange(len(lost))
+    on_sides = acting.on_sides + acting.mapped(cells, np.zeros((len(lost), body.dim)), pushed)
+    passed = _passed(body, shapes, acting, pushed, ends)
     if passed is None:
         return Cost(lost, "cells touch others only where ground without cohesion has no stress")
     curved = ends.reshape(len(lost), -1).any(axis=1)
     of_facets, of_force = (
         np.where(curved, *of) for of in zip(QUADRATIC, SIZE[body.dim], strict=True)
     )
-    inside = upwards(of_facets * (on_sides + passed) + of_force * left.cells.norms())
-    with np.errstate(invalid="ignore"):
-        size = np.where(inside > 0, _stretch(body, shapes, acting.volumes) * inside, 0.0)
+    within = acting.mapped(cells, left.cells.mid, left.cells.distances())
+    inside = upwards(of_facets * (on_sides + passed) + of_force * within)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        stretch = stretches_of(body) ** 2 / (acting.volumes / VOLUME[body.dim])
+        size = np.where(inside == 0, 0.0, upwards(stretch) * inside)
     return Cost(upwards(np.where(np.isnan(size), np.inf, size)), None)
 
 
@@ -121,8 +125,9 @@ class _Acting:
 
     Attributes:
         volumes: Volumes, bounded from below.
-        on_sides: Sum over the sides of each cell of the largest traction times area, shape
-            (num_cells,).
+        mapped: Function that returns upper bounds on |B⁻¹F| for forces F on cells.
+        on_sides: Sum over the sides of each cell of the largest |B⁻¹T| of tractions times area T,
+            shape (num_cells,).
         forces: Forces, shape (num_cells, d).
         moments: Moments about ``middles``, shape (num_cells, 1 or 3).
         errors: Errors of the forces and of the moments, shape (2, num_cells).
@@ -135,6 +140,7 @@ class _Acting:
     def __init__(self, body: Body, left: Remainder, shapes: Shapes) -> None:
         d, count, x = body.dim, len(body.cells), body.vertices[body.cells]
         self.volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
+        self.mapped = to_regular(shapes, self.volumes).sizes
         self.pieces = np.unique(pieces_of(body), return_inverse=True)[1].ravel()
         self.middles = x.mean(axis=1)
         self.extents = np.linalg.norm(x - self.middles[:, None], axis=2).max(axis=1)
@@ -221,9 +227,8 @@ class _Acting:
         np.add.at(self.errors[0], cells, off[0] + 8 * U * size)
         lost = off[1] + off[0] * far + 32 * U * (turn + size * far)
         np.add.at(self.errors[1], cells, lost)
-        np.add.at(
-            self.on_sides, cells, self._through(body, plates, (facets, of), (size, turn, off))
-        )
+        through = self._through(body, plates, (facets, of), (size, turn, off))
+        np.add.at(self.on_sides, cells, self.mapped(cells, np.zeros_like(forces), through))
 
     def through(self, body: Body, plates: Plates, facets: Longs, sizes: Floats) -> Floats:
         """Return upper bounds on the tractions times area with which facets transfer plate forces.
@@ -263,8 +268,9 @@ class _Acting:
         """Add to the cells the negative of tractions times area on sides."""
         d = body.dim
         cells = sides // (d + 1)
-        np.add.at(self.on_sides, cells, tractions.norms().max(axis=1, initial=0.0))
         mid = -tractions.mid
+        mapped = self.mapped(cells, mid, tractions.distances())
+        np.add.at(self.on_sides, cells, mapped.max(axis=1, initial=0.0))
         means = (np.eye(d) + 1) / (d * (d + 1))  # mean products of barycentric coordinates
         arms = body.vertices[vertices] - self.middles[cells][:, None]
         spread = np.einsum("ab,fbi->fai", means, mid)
@@ -292,18 +298,10 @@ def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
     return np.asarray(9 * arms.max(axis=1, initial=0.0) * (arms**2).sum(axis=1) / area**2)
 
 
-def _stretch(body: Body, shapes: Shapes, volumes: Floats) -> Floats:
-    """Return an upper bound on ‖B‖²‖B⁻¹‖/det B for each cell."""
-    largest, inverse = stretches_of(body, shapes, volumes)
-    with np.errstate(divide="ignore", over="ignore"):
-        found = largest**2 * inverse / (volumes / VOLUME[body.dim])
-    return upwards(found)
-
-
 def _passed(
-    body: Body, shapes: Shapes, acting: _Acting, pushes: Floats, zeros: Longs
+    body: Body, shapes: Shapes, acting: _Acting, pushed: Floats, zeros: Longs
 ) -> Floats | None:
-    """Return upper bounds on the tractions times area that each cell's facets transfer, summed.
+    """Return upper bounds on |B⁻¹T| of tractions times area that cells' facets transfer, summed.
 
     Return None if some cell has no facet that can transfer tractions. A traction that is
     zero at one end of a facet of length L is quadratic. For a force F and a moment M, its Bernstein
@@ -313,7 +311,7 @@ def _passed(
         body: The bodies.
         shapes: Shapes of the cells.
         acting: Forces and moments of each cell.
-        pushes: Sizes of additional forces on outer facets.
+        pushed: Sizes of additional forces on the outer facets of each cell, summed.
         zeros: Number of vertices of each side at which tractions are zero.
     """
     d, wide, count = body.dim, body.dim + 1, len(body.cells)
@@ -323,9 +321,8 @@ def _passed(
     x, found = body.vertices[body.cells], np.zeros(count)
     forces, turns = acting.forces.copy(), acting.moments.copy()
     force_errors, turn_errors = acting.errors.copy()
-    more = np.bincount(body.outer // wide, weights=pushes, minlength=count)
-    force_errors += more
-    turn_errors += more * acting.extents
+    force_errors += pushed
+    turn_errors += pushed * acting.extents
     sizes = np.linalg.norm(forces, axis=1) + force_errors  # sums of magnitudes
     away = np.flatnonzero(back >= 0)
     ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
@@ -334,6 +331,8 @@ def _passed(
     vectors = shapes.areas[away, back[away] % wide]
     least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
     area = np.maximum(least * (1 - 1e-12), np.finfo(float).tiny)
+    normals, tilts = np.zeros((count, d)), np.zeros(count)  # unit normals, and their errors
+    normals[away], tilts[away] = vectors.mid / area[:, None], vectors.distances() / area + 8 * U
     bends = np.zeros(count)  # traction times area for a unit moment
     arms = np.linalg.norm(ends - middles[away][:, None], axis=2)
     bends[away] = bends_of(d, arms, area)
@@ -349,12 +348,17 @@ def _passed(
         turn_errors[cells] += force_errors[cells] * arm + rounded[cells] * sizes[cells]
         turn = np.linalg.norm(turns[cells], axis=1)
         turn_errors[cells] += 32 * U * (turn + force * arm)
-        tractions = force + (turn + turn_errors[cells]) * bends[cells]
-        tractions *= times[back[cells]]
+        bending = (turn + turn_errors[cells]) * bends[cells]
         step = middles[cells] - acting.middles[towards]
         arm = np.linalg.norm(step, axis=1) + rounded[cells] + rounded[towards]
-        np.add.at(found, cells, tractions)
-        np.add.at(found, towards, tractions)
+        for side in (cells, towards):
+            passed = acting.mapped(side, forces[cells], force_errors[cells])
+            if d == 2:  # the tractions of a moment are normal to the facet
+                by = bending[:, None] * normals[cells]
+                passed += acting.mapped(side, by, bending * tilts[cells])
+            else:
+                passed += acting.mapped(side, 0 * forces[cells], bending)
+            np.add.at(found, side, times[back[cells]] * passed)
         np.add.at(sizes, towards, sizes[cells])
         np.add.at(forces, towards, forces[cells])
         np.add.at(force_errors, towards, force_errors[cells])

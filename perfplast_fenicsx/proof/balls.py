@@ -69,6 +69,10 @@ class Balls:
         """Return upper bounds on the Euclidean norms along the last axis."""
         return upwards(np.sqrt((self.size**2).sum(axis=-1)))
 
+    def distances(self) -> Floats:
+        """Return upper bounds on the distances of vectors from ``mid``, along the last axis."""
+        return upwards(np.linalg.norm(self.rad + np.abs(self.low), axis=-1))
+
     def each(self, change: Callable[[Floats], Any]) -> "Balls":
         """Return the numbers after applying ``change`` to each of their three parts."""
         return Balls(*(np.asarray(change(part)) for part in (self.mid, self.low, self.rad)))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, put, stacked
+from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, put, stacked, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
@@ -105,31 +105,77 @@ def shapes_of(body: Body) -> Shapes:
     return Shapes(stacked(areas, 1), height * Balls.part(d))
 
 
-def stretches_of(body: Body, shapes: Shapes, volumes: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds on ‖B‖ and ‖B⁻¹‖ for the maps B from the regular simplex to the cells.
+@dataclass(frozen=True)
+class ToRegular:
+    """The maps B⁻¹ from the cells to the regular simplex with edges of length 1.
+
+    Attributes:
+        maps: Approximations of B⁻¹, shape (num_cells, d, d).
+        errors: Bounds on the errors of ``maps``, as spectral norms.
+        norms: Upper bounds on ‖B⁻¹‖.
+    """
+
+    maps: Floats
+    errors: Floats
+    norms: Floats
+
+    def sizes(self, cells: Longs, forces: Floats, off: Floats) -> Floats:
+        """Return upper bounds on |B⁻¹F| for forces F on cells, shape (n, ...).
+
+        Args:
+            cells: The cell of each force, shape (n,).
+            forces: Forces, shape (n, ..., d).
+            off: Bounds on the errors of the forces, shape (n, ...).
+        """
+        size = np.linalg.norm(forces, axis=-1)
+        errors, norms = (
+            of[cells].reshape(-1, *(1,) * (off.ndim - 1)) for of in (self.errors, self.norms)
+        )
+        with np.errstate(invalid="ignore", over="ignore"):
+            mapped = np.einsum("nij,n...j->n...i", self.maps[cells], forces)
+            found = np.linalg.norm(mapped, axis=-1) + errors * size + norms * off
+        found = np.where((size == 0) & (off == 0), 0.0, found)
+        return upwards(np.where(np.isnan(found), np.inf, found))
+
+
+def to_regular(shapes: Shapes, volumes: Floats) -> ToRegular:
+    """Return the maps from the cells to the regular simplex.
 
     Args:
-        body: The bodies.
         shapes: Shapes of the cells.
         volumes: Volumes, bounded from below.
     """
-    d = body.dim
+    d = shapes.areas.mid.shape[-1]
+    # The rows of B⁻¹ are combinations of the gradients −a/(dV).
+    maps = _regular(d).T @ (shapes.areas.mid[:, 1:] / d)
+    off = np.linalg.norm(shapes.areas.rad, axis=(1, 2))
+    rounded = 64 * U * np.linalg.norm(shapes.areas.mid, axis=(1, 2))
+    norms = np.linalg.norm(maps, ord=2, axis=(1, 2)) + off
+    rounding = 1e-12  # relative error of norms of small matrices
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        scale = 1 / volumes
+        return ToRegular(
+            maps * scale[:, None, None],
+            upwards((off + rounded) * scale),
+            norms * scale * (1 + rounding),
+        )
+
+
+def _regular(d: int) -> Floats:
+    """Return the vertices of the regular simplex, without the first vertex at the origin."""
     regular = np.zeros((d + 1, d))
     for i in range(1, d + 1):
         regular[i] = regular[:i].mean(axis=0)
         regular[i, i - 1] = np.sqrt(1 - ((regular[0] - regular[i]) ** 2).sum())
+    return regular[1:]
+
+
+def stretches_of(body: Body) -> Floats:
+    """Return upper bounds on ‖B‖ for the maps B from the regular simplex to the cells."""
     x = body.vertices[body.cells]
     edges = (x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
-    back = np.linalg.inv(regular[1:].T)
-    largest = np.linalg.norm(edges @ back, ord=2, axis=(1, 2))
-    # The rows of B⁻¹ are combinations of the gradients −a/(dV).
-    turned = regular[1:].T @ (shapes.areas.mid[:, 1:] / d)
-    inverse = np.linalg.norm(turned, ord=2, axis=(1, 2)) + np.linalg.norm(
-        shapes.areas.rad, axis=(1, 2)
-    )
-    rounding = 1e-12  # relative error of norms of small matrices
-    with np.errstate(divide="ignore", over="ignore"):
-        return largest * (1 + rounding), inverse / volumes * (1 + rounding)
+    largest = np.linalg.norm(edges @ np.linalg.inv(_regular(body.dim).T), ord=2, axis=(1, 2))
+    return np.asarray(largest * (1 + 1e-12))  # relative error of norms of small matrices
 
 
 def remainder_of(

@@ -35,7 +35,14 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import across_of, pieces_of, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
-from perfplast_fenicsx.proof.remainder import Anchors, Outer, Shapes, stretches_of, summed
+from perfplast_fenicsx.proof.remainder import (
+    Anchors,
+    Outer,
+    Shapes,
+    stretches_of,
+    summed,
+    to_regular,
+)
 from perfplast_fenicsx.proof.rings import (
     PAIRS,
     coefficients_of_radius,
@@ -258,7 +265,8 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
         turn = (sides + acting.within) * extent / spread
         radial = sides + turn * np.abs(heights).max(axis=1)
         inside = QUADRATIC[0] * sides + QUADRATIC[1] * (acting.within + radial)
-        largest, inverse = stretches_of(body, shapes, acting.volumes)
+        largest = stretches_of(body)
+        inverse = to_regular(shapes, acting.volumes).norms
         section = largest**2 * inverse / (acting.volumes / REGULAR[2]) * inside
         some = np.where(radii > 0, radii, np.inf).min(axis=1)
         touches = (radii == 0).any(axis=1)

@@ -31,7 +31,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.mechanism import Mechanism
 from perfplast_fenicsx.proof.pieces import across_of, joined
 from perfplast_fenicsx.proof.places import numbers_in_cell
-from perfplast_fenicsx.proof.remainder import Shapes, stretches_of
+from perfplast_fenicsx.proof.remainder import Shapes, stretches_of, to_regular
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
@@ -78,7 +78,7 @@ def undone(
     mean = change.sum(axis=1) * Balls.part(d + 1)
     uneven = (change - mean[:, None]).size.max(axis=1)
     volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
-    largest, inverse = stretches_of(body, shapes, volumes)
+    largest, inverse = stretches_of(body), to_regular(shapes, volumes).norms
     of_change, of_bump = SIZE[d]
     inside = np.where(uneven > 0, of_change * largest * inverse * uneven, 0.0)
     through = np.zeros(len(body.facets))

@@ -439,6 +439,25 @@ def test_facets_that_do_not_match(other: bool) -> None:
         assert (np.sort(pairs.turned) == [4, 7]).all()
 
 
+def test_blocks_a_thousand_times_as_wide_as_high() -> None:
+    """Rounding makes the elimination of very flat cells inexact; the bound is strict."""
+    heights = (2.7e-3, 3.0e-2)
+    metal = VonMises(young=1e3, poisson=0.3, yield_stress=math.sqrt(3.0))
+    problem = Problem(
+        stacked_blocks(COMM, 1, heights),
+        {"lower": metal, "upper": metal},
+        [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
+        [Pressure("top", 1.0), Pressure("top", 0.04, constant=True)],
+        [Contact("lower_top", "upper_bottom")],
+        degree=2,
+    )
+    exact = math.sqrt(3.0) - 0.04
+    lower = limit_bounds(problem, 1e-3).lower
+    assert lower.strict
+    assert lower.value is not None
+    assert 0.99 * exact <= lower.value <= exact
+
+
 def test_a_bound_that_does_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = punch_problem(2)
     monkeypatch.setattr(machine_memory, "physical_memory", lambda: 2**10)

@@ -242,6 +242,23 @@ def test_a_small_gap_of_balance_costs_little_and_is_told() -> None:
     assert check_lower(them).proven == less.reached
 
 
+def test_a_residual_of_slender_cells_costs_the_square_of_their_slenderness() -> None:
+    """The cost is the stress of a bent beam, L/h² times a residual moment, and not more."""
+    costs = []
+    for slenderness in (1e2, 1e3):
+        them = strip(8 * slenderness, 8)
+        them["traction"][-1, :, 0] = 1.0
+        exact, noise = 2.0, 1e-11
+        changes = noise * np.random.default_rng(1).normal(size=them["stress"].shape)
+        them["stress"][..., 0, 0] = exact
+        them["stress"] += changes + changes.swapaxes(2, 3)
+        them["bound"] = np.array(exact)
+        reached = check_lower(them).reached
+        assert reached is not None
+        costs.append(exact / reached - 1)
+    assert 50 < costs[1] / costs[0] < 200
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_sizes_of_stresses_on_the_regular_simplex(dim: int) -> None:
     """The test computes the numbers in the argument from conditions on the parts of the simplex."""

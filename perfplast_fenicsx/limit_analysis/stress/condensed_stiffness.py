@@ -36,6 +36,7 @@ def source() -> str:
 #include <stdlib.h>
 #include <string.h>
 
+#define LEAST 1e-13 /* as RIDGE */
 #define LANES 4 /* number of cells treated at once; equal entries are adjacent */
 typedef double lanes __attribute__((vector_size(8 * LANES), may_alias));
 
@@ -64,7 +65,8 @@ static inline void less_products(lanes *restrict p, lanes *restrict q, const lan
 }
 
 /* Eliminate the first n rows of symmetric matrices for all cells at once. The rows contain the
-   lower triangles. Return whether the elimination failed for any cell. */
+   lower triangles. In very flat cells, rounding may make a pivot negative; no pivot is less than
+   LEAST times its entry before the elimination. Return whether the elimination failed. */
 static int eliminate(lanes **row, int n, int all) {
   int failed = 0;
   for (int j = 0; j < n; j += 4) {
@@ -76,7 +78,11 @@ static int eliminate(lanes **row, int n, int all) {
         if (m < i)
           row[i][m] = sum * row[m][m]; /* the diagonal stores inverses */
         else {
-          for (int l = 0; l < LANES; ++l) failed |= !(sum[l] > 0);
+          for (int l = 0; l < LANES; ++l) {
+            double least = LEAST * row[i][i][l];
+            if (!(sum[l] > least)) sum[l] = least;
+            failed |= !(sum[l] > 0);
+          }
           row[i][i] = 1.0 / roots_of(sum);
         }
       }

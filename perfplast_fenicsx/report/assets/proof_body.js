@@ -170,6 +170,7 @@ function shape(body) {
     [0.5, Math.sqrt(0.75), 0], [0.5, Math.sqrt(1 / 12), Math.sqrt(2 / 3)]];
   const back = d === 2 ? [[1, 0], [-Math.sqrt(1 / 3), Math.sqrt(4 / 3)]] : [[1, 0, 0],
     [-Math.sqrt(1 / 3), Math.sqrt(4 / 3), 0], [-Math.sqrt(1 / 6), -Math.sqrt(1 / 6), Math.sqrt(1.5)]];
+  body.maps = [];
   body.stretch = range(n).map((c) => {
     const edges = range(d).map((k) => range(d).map(
       (i) => num(X.v[cells[c * w + k + 1] * d + i] - X.v[cells[c * w] * d + i], e)));
@@ -177,8 +178,12 @@ function shape(body) {
       (i) => row.reduce((sum, r, k) => sum + r * columns[k][i], 0))));
     const slopes = range(d).map((k) => body.area[c * w + k + 1].map((y) => y / (d * body.volume[c])));
     const turned = range(d).map((i) => range(d).map((k) => regular[k][i]));
+    body.maps[c] = turned.map((row) => range(d).map((i) => row.reduce((sum, r, k) => sum + r * slopes[k][i], 0)));
     return [product(back, edges) * UP, product(turned, slopes) * UP];
   });
+  /** The size of a force with an error, mapped to the regular simplex like the tractions of a cell. */
+  body.mapped = (c, v, off) => (norm(body.maps[c].map((row) => dots(row, v)))
+    + body.stretch[c][1] * (off + 64 * U * norm(v))) * UP;
 }
 
 /** Find the opposite side of each inner side, and the side of each outer facet. */

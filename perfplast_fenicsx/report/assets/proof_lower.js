@@ -28,12 +28,16 @@ class Left {
     Object.assign(this, { body, e, unit: body.revolved || d === 3 ? 6 : 2, factorial: d === 2 ? 2 : 6 });
     this.F = range(n).map(() => new Array(d).fill(0n));
     this.M = range(n).map(() => new Array(2 * d - 3).fill(0n));
-    // Tractions times area on sides, forces known only by their size, and forces in cells
+    // Tractions times area on sides and forces in cells, both mapped to the regular simplex, and forces
+    // known only by their size. Around an axis, nothing is mapped.
     for (const name of ["onSides", "loose", "within"]) this[name] = new Float64Array(n);
     this.acts = new Uint8Array(n * d); // whether loads act along axes
   }
 
   size(v) { return norm(v.map((y) => sizeOf(y, this.e))) * UP; }
+
+  /** The size of a force on a cell, mapped to the regular simplex. */
+  mapped(c, v, off) { return this.body.revolved ? norm(v) * UP + off : this.body.mapped(c, v, off); }
 
   /** Apply −r to a side, with r at its vertices (or coefficients) and errors up to `off`. */
   act(side, vertices, r, off, bare = null) {
@@ -48,7 +52,7 @@ class Left {
         cross(sum.map((y, i) => y + X[v * d + i]), r[j]).forEach((y, i) => { M[c][i] -= y; });
       });
     }
-    this.onSides[c] += (Math.max(...r.map((y) => this.size(y))) + off) / (d - 1);
+    this.onSides[c] += Math.max(...r.map((v) => this.mapped(c, v.map((y) => num(y, this.e)), off))) / (d - 1);
     this.loose[c] += off / (d - 1);
   }
 
@@ -58,19 +62,28 @@ class Left {
     if (this.body.bareEnds?.[side]) refuse("a rigid surface ends where ground with c = 0 has no stress");
     F.forEach((y, i) => { this.F[c][i] += y; });
     M.forEach((y, i) => { this.M[c][i] += y; });
-    this.onSides[c] += this.traction(side, F, M, off, 2 * off * this.body.reach[c]);
+    this.onSides[c] += this.onto(c, side, this.traction(side, F, M, off, 2 * off * this.body.reach[c]));
     this.loose[c] += off;
   }
 
-  /** The traction times area with which a side transmits a force and a moment, both with errors. */
+  /**
+   * The traction times area with which a side transmits a force and a moment, both with errors: a
+   * force, the error of the force, and the traction of the moment, which is normal to a side in 2D.
+   */
   traction(side, F, M, off, turn) {
-    const { body, e, unit } = this, { d, w, X } = body;
-    if (body.revolved) return 1.5 * (sizeOf(F[1], e) / unit + off) * UP; // zero on the axis
+    const { body, e, unit } = this, { d, w, X } = body, force = F.map((y) => num(y, e) / unit);
+    if (body.revolved) return [[0, 1.5 * force[1]], 1.5 * off, 0]; // zero on the axis
     const ends = body.ends(side), sum = range(d).map((i) => ends.reduce((y, v) => y + X[v * d + i], 0n));
     const shift = cross(sum.map((y) => BigInt(w) * y), F);
     const moment = norm(M.map((y, i) => sizeOf(BigInt(d) * y - shift[i], e + body.e)));
-    const force = norm(F.map((y) => sizeOf(y, e))) / unit + off;
-    return (force + (moment / (d * w * this.factorial) + turn) * body.bend(side)) * UP;
+    return [force, off, (moment / (d * w * this.factorial) + turn) * body.bend(side) * UP];
+  }
+
+  /** The size of such a traction on a cell, mapped to the regular simplex. */
+  onto(c, side, [force, off, bend]) {
+    const { d, area, revolved } = this.body, along = area[side];
+    if (revolved || d === 3) return this.mapped(c, force, off + bend);
+    return this.mapped(c, force, off) + bend * this.mapped(c, along.map((y) => y / norm(along)), 8 * U);
   }
 }
 
@@ -144,7 +157,7 @@ function stressBound(body, half) {
       const middle = range(d).map((i) => range(w).reduce((sum, k) => sum + X[cells[c * w + k] * d + i], 0n));
       Object.assign(left.F, { [c]: rest });
       Object.assign(left.M, { [c]: cross(middle, rest) });
-      left.within[c] = left.size(rest) / left.factorial;
+      left.within[c] = left.mapped(c, rest.map((y) => num(y, e)), 0) / left.factorial;
     }
   }
   for (let side = 0; side < n * w; side++) {
@@ -182,7 +195,7 @@ function stressBound(body, half) {
   anchors.push(...plates(body, left, rest, factors));
   reactions(body, anchors, left).forEach((p, i) => {
     const c = Math.floor(body.outer[i] / w);
-    left.onSides[c] += p;
+    left.onSides[c] += left.mapped(c, new Array(d).fill(0), p);
     left.loose[c] += p;
   });
   passOn(body, left);
@@ -511,8 +524,9 @@ function reactions(body, anchors, left) {
       ? sum + Math.abs(y) * scale[place.get(i)] * (needed[place.get(i)] + worst) : sum), 0);
     if (!(force + Math.abs(pushed[k]) * UP <= of.most)) lost();
     for (const i of [of.i, of.o]) if (i >= 0) {
-      held[i] += of.k === undefined ? force : left.traction(body.outer[i],
-        ...whole(of, force, Math.ceil), 0, 0) * UP;
+      if (of.k === undefined) { held[i] += force; continue; }
+      const [most, off, bend] = left.traction(body.outer[i], ...whole(of, force, Math.ceil), 0, 0);
+      held[i] += (norm(most) + off + bend) * UP;
     }
   });
   return held;
@@ -545,8 +559,8 @@ function passOn(body, left) {
     if (towards[c] < 0) continue;
     const there = Math.floor(across[towards[c]] / w);
     const times = body.bareEnds[towards[c]] ? 3 : 1; // quadratic tractions are zero at one end
-    const passed = times * left.traction(towards[c], F[c], M[c], all[c], bent[c]);
-    onSides[c] += passed; onSides[there] += passed;
+    const passed = left.traction(towards[c], F[c], M[c], all[c], bent[c]);
+    for (const one of [c, there]) onSides[one] += times * left.onto(one, towards[c], passed);
     F[c].forEach((y, i) => { F[there][i] += y; });
     M[c].forEach((y, i) => { M[there][i] += y; });
     all[there] += all[c];
@@ -559,10 +573,10 @@ function passOn(body, left) {
 /** The size of a stress that balances the forces on a cell. */
 function ofCell(body, left, c) {
   const curved = range(body.w).some((k) => body.bareEnds[c * body.w + k]);
-  const [ofSides, ofForce] = OF_STRESS[curved ? "rings" : body.d], [large, inverse] = body.stretch[c];
+  const [ofSides, ofForce] = OF_STRESS[curved ? "rings" : body.d], [large] = body.stretch[c];
   const regular = body.volume[c] / (body.d === 2 ? Math.sqrt(3) / 4 : Math.SQRT2 / 12);
   const inside = ofSides * left.onSides[c] + ofForce * left.within[c];
-  return inside > 0 ? (large * large * inverse * inside * UP) / regular : 0;
+  return inside > 0 ? (large * large * inside * UP) / regular : 0;
 }
 
 /** The same around an axis, where radial forces in the cell balance it as a plane body. */
