@@ -208,6 +208,21 @@ def check_deforms(materials: Mapping[str, object]) -> None:
         )
 
 
+def check_returns(materials: Mapping[str, Material]) -> None:
+    """Refuse a law that yields, but inherits the stress of :class:`ElasticLaw`, before levels.
+
+    Raises:
+        InputError: If there is such a law; the message names the first volume.
+    """
+    for name, material in materials.items():
+        law = getattr(material, "body", material).law  # of a material that remembers its flow
+        if law.yields is not ElasticLaw.yields and law.stress is ElasticLaw.stress:
+            raise InputError(
+                f"the law of '{name}', {law.__name__}, has no return mapping, so load levels would "
+                "be elastic at any load; give control = 'bounds', or define its method stress."
+            )
+
+
 def require_not_negative(field: str, value: Strength) -> None:
     """Refuse a material parameter that is negative or not finite.
 

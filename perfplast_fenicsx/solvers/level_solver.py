@@ -14,7 +14,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.errors import InputError, check_finite
-from perfplast_fenicsx.materials.elastic import check_deforms
+from perfplast_fenicsx.materials.elastic import check_deforms, check_returns
 from perfplast_fenicsx.materials.nonassociated_flow import check_flows
 from perfplast_fenicsx.problem.declared.prescribed import Prescribed
 from perfplast_fenicsx.problem.judged.report import Iteration
@@ -182,8 +182,9 @@ class LevelSolver(Stepper, ABC):
 
         Raises:
             InputError: If Total FETI is selected but does not support the problem, or if friction
-                is associated. Also raised if all bodies are rigid, if a rigid body has no rigid
-                motions (:meth:`Problem.with_rigid_motions`), or if only bounds support a material.
+                is associated. Also raised if all bodies are rigid, or if a rigid body has no rigid
+                motions (:meth:`Problem.with_rigid_motions`). Also raised if only bounds support a
+                material, or if a law yields but has no return mapping.
         """
         check_deforms(problem.given.materials)
         if problem.has_rigid and problem.rigid_bodies is None:
@@ -193,6 +194,7 @@ class LevelSolver(Stepper, ABC):
             )
         check_slip_is_true(problem)
         check_flows(problem.given.materials)
+        check_returns(problem.given.materials)
         self.problem = problem
         self.tolerance, self.max_iterations = end
         self.criterion = criterion

@@ -14,6 +14,7 @@ from meshes.strip_footing import write_strip_footing
 from perfplast_fenicsx import (
     Adaptation,
     DruckerPrager,
+    Newton,
     Pressure,
     Problem,
     ResultFolder,
@@ -22,6 +23,7 @@ from perfplast_fenicsx import (
     VonMises,
     adaptive_bounds,
 )
+from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.proof_file import write_proof
 from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
@@ -124,6 +126,12 @@ def test_drucker_and_prager_match_it(read: Read, angle: float) -> None:
     one, other = (limit_bounds(footing(mesh, it)) for it in (Ground(angle), match))
     assert one.lower.value == pytest.approx(other.lower.value, rel=1e-9)
     assert one.upper.value == pytest.approx(other.upper.value, rel=1e-9)
+
+
+def test_levels_refuse_a_law_without_a_return_mapping(read: Read) -> None:
+    """The levels would be elastic at any load, with a duality gap of zero."""
+    with pytest.raises(InputError, match="TrescaLimits"):
+        Newton(footing(ground(read), Clay()))
 
 
 def test_tresca_is_von_mises_of_the_same_shear_strength(read: Read) -> None:
