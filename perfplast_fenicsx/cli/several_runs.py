@@ -243,7 +243,9 @@ def _told(
         if not all(ends) or abs(ends[0][-1]["zeta"] - ends[1][-1]["zeta"]) > 1e-9:
             return ["The runs end at different load levels, so their results are not compared."]
         before, after = (end[-1]["max_displacement"] for end in ends)
-        change = f"{percent(abs(after / before - 1))} {_way(before, after)}" if before else "none"
+        if not before:
+            return ["All displacements are zero on the mesh as given."]
+        change = f"{percent(abs(after / before - 1))} {_way(before, after)}"
         return [f"The largest displacement is {change} with half the size."]
     told = []
     before, after = (limit["estimate"] for limit in limits if limit is not None)

@@ -59,7 +59,7 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
     if question is Question.STANDS:
         known = [bound.value if bound.strict else None for bound in (lower, upper)]
         stands = Standing(*known)
-        return f"{body} {stands.verdict}: {stands.in_words()}; this is strict{reasons}."
+        return f"{body} {stands.verdict}: {stands.in_words()}; this result is strict{reasons}."
     if UNLIMITED in lower.why_not and UNLIMITED in upper.why_not:
         return f"{sentence(UNLIMITED)}."
     if upper.strict and upper.value is not None and upper.value < 0:
@@ -92,7 +92,7 @@ def least_words(carried: float | None, none_below: float | None, lower: float | 
         told.append(f"the body carries no load factor below {rounded_down(none_below)}")
     if not told:
         return "Nothing is proven for the least load factor that is carried."
-    words = f"{' and '.join(told)}; this is strict."
+    words = f"{' and '.join(told)}; this result is strict."
     words = sentence(words)
     if none_below is not None and none_below > 0:
         return f"{words} The body does not carry the constant loads alone."

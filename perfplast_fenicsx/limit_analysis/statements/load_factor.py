@@ -92,7 +92,7 @@ class Standing:
         if self.upper is not None:
             sides.append(f"{rounded_up(self.upper)} times at most")
         if not sides:
-            return "whether the constant loads are carried was not found"
+            return "it was not found whether the constant loads are carried"
         words = f"the constant loads are carried {' and '.join(sides)}, at any load factor"
         if self.upper is None or self.upper >= 1:
             return words
