@@ -174,8 +174,8 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             f"The bodies carry ζ = {rounded_down(lower)} for certain, and collapse at ζ = "
             f"{rounded_up(upper)} at the latest.",
             [
-                "Both bounds are strict: apart from rounding they hold for the bodies "
-                "that the mesh fills, not only for the mesh.",
+                "Both bounds are strict: they hold for the bodies that the mesh fills, not only for "
+                "the mesh.",
                 *beside,
                 known,
                 *ended,
@@ -242,10 +242,12 @@ def _of_levels(reader: ResultReader) -> Verdict:
         return Verdict("open", sentence, [f"Why: {last.reason}.", *details])
     if _stopped(reader.summary, len(reports)):
         planned = reader.summary.planned
-        what = f"{len(reports)} of {planned} steps are" if planned else "the limit load is not"
+        what = "the limit load is not found"
+        if planned:
+            what = f"{len(reports)} of {planned} steps are solved"
         signal = reader.interrupted
         state = f"was interrupted ({signal})" if signal else "continues or was stopped"
-        sentence = f"{_so_far(last, driven)}; {what} found, and the run {state}."
+        sentence = f"{_so_far(last, driven)}; {what}, and the run {state}."
         return Verdict("open", sentence, details)
     if last.stage:
         stages = len({report.stage for report in reports if report.stage})

@@ -131,7 +131,7 @@ def test_one_rank_is_ended_and_others_go_on(whole: tuple[Path, Path], tmp_path: 
     assert "Traceback" not in err
     assert len(path_of(folder)) == 5 + 3  # the solved level is on file
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "8 of 16 steps are found, and the run was interrupted (SIGTERM)." in page
+    assert "8 of 16 steps are solved, and the run was interrupted (SIGTERM)." in page
 
     assert main(["run", str(case), "--restart", str(folder)]) == SOLVED
     same_path(folder, whole[1])

@@ -241,7 +241,7 @@ def test_refused(
 
 def test_more_is_refused(comm: MPI.Intracomm) -> None:
     for corners in ([], [{"pull": 1.0}], [{"pull": 1.0}, {"pull": 1.0}]):
-        with pytest.raises(InputError, match="that differ"):
+        with pytest.raises(InputError, match="two different corners"):
             LoadDomain.of_corners(corners)
     ranges = LoadDomain.of_ranges({"pull": (0.0, 1.0)})
     with pytest.raises(InputError, match=r"a single cone of stresses.*'lower' \(Unknown\)"):

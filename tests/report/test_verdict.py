@@ -103,11 +103,11 @@ def test_runs_that_have_not_come_to_their_end() -> None:
     stopped = of_levels(plain(4.0), plain(8.0), planned=5, case=True)
     assert stopped.mark == "open"
     assert stopped.sentence == (
-        "The bodies carry ζ = 8 on this mesh; 2 of 5 steps are found, and the run continues or was"
-        " stopped."
+        "The bodies carry ζ = 8 on this mesh; 2 of 5 steps are solved, and the run continues or "
+        "was stopped."
     )
     killed = of_levels(plain(4.0), plain(8.0), planned=5, case=True, interrupted="SIGTERM")
-    assert killed.sentence.endswith("found, and the run was interrupted (SIGTERM).")
+    assert killed.sentence.endswith("solved, and the run was interrupted (SIGTERM).")
     assert "interrupted (SIGINT) at its first" in of_levels(interrupted="SIGINT").sentence
     search = of_levels(plain(4.0), case=True)
     assert search.mark == "open"

@@ -132,7 +132,10 @@ def why_unbounded(problem: Problem) -> str:
 def _remedy(problem: Problem) -> str:
     """Return a remedy for a mesh without an admissible mechanism."""
     if problem.degree == 1:
-        return "since linear elements lock; use quadratic elements (degree = 2 under [element])"
+        return (
+            "perhaps because linear elements lock; use quadratic elements (degree = 2 under "
+            "[element])"
+        )
     return "but there may be one on a finer mesh"
 
 
@@ -382,8 +385,8 @@ def _search(
         steps: list[InteriorStep] = []
         if program.degree == program.num_pairs:
             reason = (
-                "nothing can yield; give the bodies that may collapse a yield stress, or ask for"
-                " bounds of blocks that collapse by their joints (control = 'bounds')"
+                "nothing can yield; give the bodies that may collapse a yield stress, or ask for "
+                "bounds of blocks that collapse at their joints (control = 'bounds')"
             )
             return discrete_result(
                 problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question

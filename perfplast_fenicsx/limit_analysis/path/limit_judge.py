@@ -278,7 +278,9 @@ def not_level(points: Points, plastic_cells: int, degree: int, dilates: bool = F
             "linear elements may lock, because plastic flow preserves volume, and the limit load of"
             " this mesh may be infinite; use quadratic elements (degree = 2 under [element])"
         )
-    return told + "the bodies may carry any multiple of the loads; or refine"
+    return told + (
+        "the bodies may carry any multiple of the loads, or the mesh is too coarse; refine the mesh"
+    )
 
 
 FAR = 1e6
