@@ -174,8 +174,8 @@ def _of_limit(limit: StoredLimit, table: Mapping[str, Any]) -> Verdict:
             f"The bodies carry ζ = {rounded_down(lower)} for certain, and collapse at ζ = "
             f"{rounded_up(upper)} at the latest.",
             [
-                "Both bounds are strict: they hold for the bodies that the mesh fills, not only for "
-                "the mesh.",
+                "Both bounds are strict: they hold for the bodies that the mesh fills, not only "
+                "for the mesh.",
                 *beside,
                 known,
                 *ended,
