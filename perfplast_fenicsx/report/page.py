@@ -325,7 +325,10 @@ def _combinations(reader: ResultReader) -> str:
     for line, row in zip(shown, rows, strict=True):
         if row["combination"] == name:
             line[0] += " (this page)"
-    note = "<p>Each row lists the ζ that is certainly carried, and the ζ of certain collapse.</p>"
+    note = (
+        "<p>Each row lists the factor, ζ or F, with which the bodies certainly stand, and the "
+        "factor with which they certainly collapse.</p>"
+    )
     return _section("combinations", "All combinations", table(heads, shown) + note)
 
 

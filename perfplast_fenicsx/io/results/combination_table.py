@@ -36,7 +36,10 @@ def write_table(folder: Path, found: Mapping[str, Mapping[str, Any] | None]) -> 
     try:
         replace(folder / TABLE, csv_table(rows))
     except OSError as error:
-        raise InputError(f"'{TABLE}' cannot be written: {error.strerror}.") from error
+        raise InputError(
+            f"'{TABLE}' cannot be written ({error.strerror}); free some space, or "
+            "give another folder with -o."
+        ) from error
     return rows
 
 
