@@ -257,7 +257,7 @@ def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
         f"{total} contact nodes{f' of {named}' if named else ''}{more} have more independent "
         "conditions than degrees of freedom; list each pair of faces once, remove supported nodes "
         "from the contact surfaces, or tie bodies that meet at a coarsely meshed corner ([[tie]]; "
-        "perfplast mesh --tied)."
+        "perfplast mesh --glued)."
     )
     error.contacts = found
     raise error
