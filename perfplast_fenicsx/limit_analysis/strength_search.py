@@ -74,7 +74,7 @@ class _Point:
 
 @dataclass
 class _Search:
-    """The state of a search for the curve.
+    """The state of a search for the curve F(ω).
 
     Attributes:
         weakening: The problem, whose strengths the search divides by F.

@@ -6,7 +6,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 
 
 def pieces_of(body: Body) -> Longs:
-    """Return an index for each cell, equal in connected cells, shape (num_cells,)."""
+    """Return an index for each cell, the same for connected cells, shape (num_cells,)."""
     one, other = (body.sides[0] // (body.dim + 1)).T
     return joined(len(body.cells), one, other)
 

@@ -70,7 +70,7 @@ class Rigid:
         return found
 
     def motion(self, x: Floats, v: Floats) -> tuple[Floats, float]:
-        """Return the rigid motion that fits velocities best, and the largest difference.
+        """Return the rigid motion that fits given velocities best, and the largest deviation.
 
         Args:
             x: Points, shape (n, d).
