@@ -1,8 +1,10 @@
 """Test ``perfplast report`` and ``run --report``: the page in a browser, and refusals."""
 
+import base64
 import json
 import re
 import shutil
+import zlib
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from html import escape
@@ -18,6 +20,7 @@ from matplotlib.image import imsave
 
 from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, SOLVED
+from perfplast_fenicsx.report.frame import asset
 from tests.functional.browser_page import Page, alone
 from tests.functional.test_command_line import CASE, one_line, write
 
@@ -237,12 +240,55 @@ def test_a_browser_without_webgl_shows_a_sentence_and_the_still_picture(
     assert "<noscript><style>#view { display: none; }</style></noscript>" in told
 
 
+LIGHT_ARROWS = """(() => {
+    const canvas = document.getElementById("canvas");
+    const { width, height } = canvas;
+    const pen = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+    pen.drawImage(canvas, 0, 0);
+    const { data } = pen.getImageData(0, 0, width, height);
+    let count = 0;
+    for (let at = 0; at < data.length; at += 4) {
+        count += [255, 160, 160].every((wanted, k) => Math.abs(data[at + k] - wanted) < 15);
+    }
+    return count;
+})()"""
+"""Script that returns the number of pixels with the light red of loads on dark paper."""
+
+CONTRASTS_IN_THE_DARK = """
+const light = (colour) => colour.map((a) => a / 255)
+    .map((a) => (a <= 0.04045 ? a / 12.92 : ((a + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, a, k) => sum + a * [0.2126, 0.7152, 0.0722][k], 0);
+const contrast = (colour) => (light(colour) + 0.05) / (light(DARK) + 0.05);
+const { marks } = JSON.parse(document.getElementById("data").textContent);
+const lines = [...marks.map(({ colour }) => colour), ...Object.values(MARK_COLOURS)];
+return [
+    BODIES.map((colour) => contrast(colour.map((a) => DIM_ON_DARK * a))),
+    lines.map((colour) => contrast(onDark(colour).map((a) => 255 * a))),
+];
+"""
+"""Script that returns the contrasts of bodies in the least light, and of marks, to dark paper."""
+
+
+def corners_of_pictures(pdf: bytes) -> list[bytes]:
+    """Return the colour in the first corner of each picture that Chromium prints."""
+    found = []
+    for head in re.finditer(rb"<<[^>]*/Subtype\s*/Image[^>]*>>\s*stream\r?\n", pdf):
+        if b"/DeviceGray" not in head[0]:  # a mask
+            length = re.search(rb"/Length (\d+)", head[0])
+            assert length is not None
+            found.append(zlib.decompress(pdf[head.end() :][: int(length[1])])[:3])
+    return found
+
+
 @alone
 def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
-    """The page follows the colour scheme, its pictures stay light, and print has their colours."""
+    """Page and view follow the colour scheme, still pictures stay light, and paper is white."""
     page = Page(browser, results / "report.html")
     paper = "getComputedStyle(document.body).backgroundColor"
     assert page(paper) == "rgb(255, 255, 255)"
+
+    page.choose("field", "")
+    assert page(LIGHT_ARROWS) == 0
 
     def emulate(media: str, scheme: str) -> None:
         features = [{"name": "prefers-color-scheme", "value": scheme}]
@@ -254,9 +300,22 @@ def test_in_the_dark_and_on_paper(results: Path, browser: Any) -> None:
     assert page("getComputedStyle(document.querySelector('.curve')).backgroundColor") == (
         "rgb(255, 255, 255)"
     )
-    assert page.pixels()[0, 0].tolist() == [255, 255, 255]
+    assert page.pixels()[0, 0].tolist() == [22, 25, 29]
+    assert page(LIGHT_ARROWS) > 20
+    emulate("", "dark")
+    printed = browser.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})["data"]
+    corners = corners_of_pictures(base64.b64decode(printed))
+    assert len(corners) >= 5  # the large picture and four sides
+    assert corners == [b"\xff\xff\xff"] * len(corners)
+    page.wait("!matchMedia('print').matches")
+    assert page.pixels()[0, 0].tolist() == [22, 25, 29]
+    scripts = asset("colours.js") + asset("case_marks.js")
+    bodies, lines = browser.execute_script(scripts + CONTRASTS_IN_THE_DARK)
+    assert min(bodies) >= 3
+    assert min(lines) >= 4.5
     emulate("print", "dark")
     page.wait(f"{paper} === 'rgb(255, 255, 255)'")
+    assert page.pixels()[0, 0].tolist() == [255, 255, 255]
     legend = "getComputedStyle(document.getElementById('legend-bar')).printColorAdjust"
     assert page(legend) == "exact"
     button = "Object.assign(document.createElement('button'), { id: 'prove' })"

@@ -12,6 +12,14 @@ const BODIES = [
   [150, 150, 200], [190, 190, 110], [150, 160, 170],
 ];
 
+const WHITE = [255, 255, 255];
+const DARK = [22, 25, 29]; // --paper of page.css in dark colours
+const DIM = 0.55; // least light on a body
+const DIM_ON_DARK = 0.68; // the same on dark paper
+
+/** A colour of lines (parts of 1) as it is drawn on dark paper, beside the bodies. */
+const onDark = (colour) => colour.map((part) => 0.6 + 0.4 * (part / Math.max(...colour)));
+
 const css = (colour) => `rgb(${colour.join(" ")})`;
 
 /** The scale as 256 pixels. */

@@ -7,11 +7,10 @@ const data = JSON.parse(part("data").textContent);
 function drawAxes(camera) {
   const [u, v, w] = camera.axes;
   const names = data.axisymmetric ? ["r", "z"] : data.plane ? ["x", "y"] : ["x", "y", "z"];
-  const colours = ["#9c1c1c", "#14592f", "#1f4f8a"];
   part("axes").innerHTML = names.map((name, k) => {
     const [x, y] = [34 * u[k], -34 * v[k]];
-    return `<g><line x2="${x}" y2="${y}" stroke="${colours[k]}"` +
-      ` stroke-width="${w[k] < -0.3 ? 1.5 : 3}"/><text x="${1.25 * x}" y="${1.25 * y + 5}" fill="${colours[k]}"` +
+    return `<g><line x2="${x}" y2="${y}" stroke="currentColor"` +
+      ` stroke-width="${w[k] < -0.3 ? 1.5 : 3}"/><text x="${1.25 * x}" y="${1.25 * y + 5}" fill="currentColor"` +
       ` text-anchor="middle">${name}</text></g>`;
   }).join("");
 }
@@ -24,10 +23,10 @@ function drawLargest(viewer) {
   if (!found) return;
   part("largest").setAttribute("viewBox", `0 0 ${canvas.clientWidth} ${canvas.clientHeight}`);
   const left = found.x > 0.5 * canvas.clientWidth;
-  part("largest").innerHTML = ["#fff", "#1b1f24"].map((colour, k) =>
-    `<circle cx="${found.x}" cy="${found.y}" r="7" stroke="${colour}" stroke-width="${5 - 3 * k}"/>`).join("") +
+  part("largest").innerHTML = [5, 2].map((width) =>
+    `<circle cx="${found.x}" cy="${found.y}" r="7" stroke-width="${width}"/>`).join("") +
     `<text x="${found.x + (left ? -11 : 11)}" y="${found.y + 4}"` +
-    ` stroke="#fff" stroke-width="3" paint-order="stroke" text-anchor="${left ? "end" : "start"}">largest: ${short(found.value)}</text>`;
+    ` stroke-width="3" paint-order="stroke" text-anchor="${left ? "end" : "start"}">largest: ${short(found.value)}</text>`;
 }
 
 /** Legend and numbers beside the controls. */
@@ -156,7 +155,8 @@ function connect(viewer) {
     viewer.redraw();
   });
   part("legend-bar").style.background = scaleGradient();
-  window.addEventListener("beforeprint", () => viewer.paint());
+  window.addEventListener("beforeprint", () => { part("printed").src = viewer.print(); });
+  window.addEventListener("afterprint", () => viewer.follow());
   if (!data.plane && !data.faces) viewer.sides = new Sides(viewer, part("sides"));
   followPointers(viewer, named);
   followKeys(viewer, {

@@ -42,7 +42,7 @@ function coarsened(mesh) {
 class Drawing {
   constructor(canvas, mesh) {
     const many = mesh.triangles.length / 3 > MANY;
-    const gl = canvas.getContext("webgl2", { antialias: !many, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { antialias: !many, preserveDrawingBuffer: true, stencil: true });
     if (!gl) throw new Error("this browser has no WebGL 2");
     Object.assign(this, { gl, canvas, mesh, program: makeProgram(gl), places: {} });
     this.faces = this.bundle(mesh.triangles);
@@ -130,15 +130,22 @@ class Drawing {
     this.gl[`uniform${kind}`](this.places[name], ...values);
   }
 
-  /** Draw with the settings in `look`: camera, amount, cut, field, range, hidden, picked, meshed, turning. */
+  /**
+   * Draw with the settings in `look`: camera, amount, cut, field, range, hidden, picked, meshed,
+   * turning, dark.
+   */
   draw(look) {
     const { gl, canvas, mesh } = this;
     const { width, height } = canvas;
     const half = look.camera.half(width, height);
     const [u, v, w] = look.camera.axes;
     gl.viewport(0, 0, width, height);
-    gl.clearColor(1, 1, 1, 1);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.clearColor(...(look.dark ? DARK : WHITE).map((a) => a / 255), 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    const darkField = look.dark && look.field; // its low values are as dark as the paper
+    this.uniform("1f", "ambient", look.dark ? DIM_ON_DARK : DIM);
+    this.uniform("1i", "rimmed", darkField);
+    this.uniform("3f", "ink", ...(darkField ? [0.9, 0.9, 0.9] : [0.25, 0.25, 0.25]));
     this.uniform("1f", "amount", look.amount);
     this.uniform("Matrix3fv", "turn", false, [0, 1, 2].flatMap((k) => [u[k], v[k], w[k]]));
     this.uniform("3fv", "centre", look.camera.centre);
@@ -153,18 +160,23 @@ class Drawing {
     gl.bindVertexArray((few ? this.fewFaces : this.faces).array);
     this.uniform("1f", "nearer", 0);
     this.uniform("1i", "mode", look.field ? 1 : 0);
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.ALWAYS, 1, 1); // 1 where a body is drawn
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.REPLACE);
     this.bodies(gl.TRIANGLES, 3, few ? few.starts : mesh.triangleStarts, look, (body) => {
       this.uniform("3fv", "colour", bodyColour(body).map((a) => a / 255));
       this.uniform("1f", "glow", body === look.picked && !look.field ? 0.25 : 0);
     });
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP);
     gl.bindVertexArray(this.edges.array);
     this.uniform("1f", "nearer", 2e-4);
     this.uniform("1i", "mode", 2);
-    this.bodies(gl.LINES, 2, mesh.lineStarts, look, (body) => {
+    this.lines(look, (colour) => this.bodies(gl.LINES, 2, mesh.lineStarts, look, (body) => {
       // Colours of a field stay those of the legend: the edges tell which body is picked.
-      this.uniform("3fv", "colour", body === look.picked ? [0.8, 0.05, 0.4] : [0.12, 0.13, 0.15]);
-    });
+      colour(body === look.picked ? [0.8, 0.05, 0.4] : [0.12, 0.13, 0.15]);
+    }));
     if (look.outlined) {
+      gl.stencilFunc(gl.ALWAYS, 1, 1);
       this.uniform("1f", "amount", 0);
       this.uniform("3f", "colour", 0.5, 0.52, 0.56);
       this.bodies(gl.LINES, 2, mesh.lineStarts, look, () => {});
@@ -172,11 +184,28 @@ class Drawing {
     }
     if (!look.marked) return;
     this.uniform("1f", "nearer", 4e-4);
-    for (const { array, corners, colour } of this.marks) {
-      gl.bindVertexArray(array);
-      this.uniform("3fv", "colour", colour);
-      gl.drawArrays(gl.LINES, 0, corners.length);
-    }
+    this.lines(look, (setColour) => {
+      for (const { array, corners, colour } of this.marks) {
+        gl.bindVertexArray(array);
+        setColour(colour);
+        gl.drawArrays(gl.LINES, 0, corners.length);
+      }
+    });
+  }
+
+  /**
+   * Draw lines by a function, which is given a function that sets their colour. On dark paper, the
+   * lines are lighter beside the bodies, and also on bodies with the dark colours of a field.
+   */
+  lines({ dark, field }, draw) {
+    const { gl } = this;
+    const set = (colour) => this.uniform("3fv", "colour", colour);
+    const setLighter = (colour) => set(onDark(colour));
+    if (!dark || field) return draw(dark ? setLighter : set);
+    gl.stencilFunc(gl.EQUAL, 1, 1);
+    draw(set);
+    gl.stencilFunc(gl.EQUAL, 0, 1);
+    draw(setLighter);
   }
 
   bodies(kind, corners, starts, look, prepare) {

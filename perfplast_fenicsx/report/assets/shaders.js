@@ -37,6 +37,9 @@ uniform vec4 cut;        // normal, place
 uniform bool plane;
 uniform bool meshed;
 uniform float glow;
+uniform float ambient;   // least light on a body
+uniform bool rimmed;     // whether bodies have a light rim, which sets dark values off from dark paper
+uniform vec3 ink;        // of lines of the mesh
 uniform bool marked;     // whether values are marks of faces: 1 support, 2 load, 4 chosen, summed
 out vec4 pixel;
 
@@ -52,20 +55,22 @@ void main() {
     return;
   }
   float light = 1.0;
+  float rim = 0.0;
   if (!plane) {
     vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
-    light = 0.55 + 0.45 * max(dot(normal, normalize(vec3(-0.35, 0.55, 0.75))), 0.0);
+    light = mix(ambient, 1.0, max(dot(normal, normalize(vec3(-0.35, 0.55, 0.75))), 0.0));
+    if (rimmed) rim = 0.6 * smoothstep(0.2, 0.0, normal.z);
   }
   if (meshed) {
     vec3 distance = corner / fwidth(corner);
     float edge = min(min(distance.x, distance.y), distance.z);
-    base = mix(vec3(0.25), base, 0.6 + 0.4 * smoothstep(0.2, 1.2, edge));
+    base = mix(ink, base, 0.6 + 0.4 * smoothstep(0.2, 1.2, edge));
   }
   int mark = marked && mode == 0 ? int(shade + 0.5) : 0;
   if ((mark & 1) != 0) base = mix(base, vec3(0.5, 0.66, 1.0), 0.85);
   if ((mark & 2) != 0) base = mix(base, vec3(1.0, 0.6, 0.55), (mark & 1) != 0 ? 0.5 : 0.85);
   if ((mark & 4) != 0) base = mix(base, vec3(0.65, 1.0, 0.1), 0.85);
-  pixel = vec4(mix(base * light, vec3(1.0, 0.85, 0.4), glow), 1.0);
+  pixel = vec4(mix(mix(base * light, vec3(0.8), rim), vec3(1.0, 0.85, 0.4), glow), 1.0);
 }
 `;
 

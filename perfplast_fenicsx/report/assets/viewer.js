@@ -15,7 +15,11 @@ class Viewer {
     this.look = {
       camera: this.camera, amount: 0, reach: 0, cut: [0, 0, 0, 1], field: false, range: [0, 1],
       hidden: new Set(), picked: -1, meshed: false, marked: true, outlined: false, turning: false,
+      dark: false,
     };
+    this.scheme = matchMedia("screen and (prefers-color-scheme: dark)");
+    this.scheme.addEventListener("change", () => this.follow());
+    this.look.dark = this.scheme.matches;
     this.asked = 0;
     this.pace = 0; // mean time between the frames of a turn (ms)
     this.share = 1; // of the enlarged motion
@@ -23,6 +27,12 @@ class Viewer {
     new ResizeObserver(() => this.redraw()).observe(canvas);
     window.addEventListener("resize", () => this.redraw());
     this.watchPixels();
+  }
+
+  /** Follow the colour scheme of the screen; paper is white. */
+  follow() {
+    this.look.dark = this.scheme.matches;
+    this.redraw();
   }
 
   /** Redraw whenever the size of the screen's pixels changes, for example on another screen. */
@@ -130,7 +140,14 @@ class Viewer {
     });
   }
 
-  /** Draw at once, for example for printing, which does not wait for a frame. */
+  /** Draw at once on white paper, and return the picture: printing shows the last frame of a canvas. */
+  print() {
+    this.look.dark = false;
+    this.paint();
+    return this.canvas.toDataURL();
+  }
+
+  /** Draw at once. */
   paint() {
     this.fit();
     this.look.amount = this.amount;
