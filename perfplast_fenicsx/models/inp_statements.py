@@ -351,7 +351,9 @@ class OnSurfaces:
             if axes is None:
                 last = row[2] if len(row) > 2 and row[2] else row[1]
                 if not (row[1].isdigit() and last.isdigit()):
-                    self._remarks.append(f"*BOUNDARY '{', '.join(row)}' is not understood")
+                    self._remarks.append(
+                        f"*BOUNDARY '{', '.join(row)}' is not understood and is ignored"
+                    )
                     continue
                 axes = "".join(str(k) for k in range(int(row[1]), int(last) + 1))
             here = {AXES[int(k) - 1] for k in axes if k in "123"[: self._dim]}

@@ -496,11 +496,11 @@ class Mortar:
                 f"{missed:.2g}: expect pressure errors of a few per cent where facets are "
                 "coarse, and a tenth of these errors on a mesh of second order"
             )
-        shares = " and ".join(f"{min(share, 1):.0%}" for share in chosen.covered)
+        own, others = (f"{min(share, 1):.0%}" for share in chosen.covered)
         return (
-            f"{self.place}: mortar contact, hosted by {count} nodes of "
-            f"'{chosen.host.name}'; of this surface and of '{chosen.guest.name}', {shares} "
-            f"are covered by the other surface{straight}."
+            f"{self.place}: mortar contact, hosted by {count} nodes of '{chosen.host.name}'; "
+            f"'{chosen.guest.name}' covers {own} of this surface, and this surface covers "
+            f"{others} of '{chosen.guest.name}'{straight}."
         )
 
     def _gap(self, V: fem.FunctionSpace, chosen: Side, primary: bool) -> Floats:

@@ -247,7 +247,8 @@ def _matching(tagged_mesh: TaggedMesh, primary: str, secondary: str) -> TaggedMe
         return finer
     words = (
         f"the bounds hold for a projected model: '{primary}' and '{secondary}', whose chords"
-        f" differ, are both the polygon through the nodes of both, up to {moved:.2g} away"
+        f" differ, are both replaced by the polygon through the nodes of both, up to {moved:.2g}"
+        " away"
     )
     return replace(finer, taken=(*finer.taken, words))
 
