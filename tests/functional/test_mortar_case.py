@@ -70,7 +70,7 @@ def test_bodies_meshed_apart(
     assert main(["run", str(case), "-o", str(results)]) == SOLVED
     out = capsys.readouterr().out
     remark = (
-        "hosted by 49 nodes of 'outer_tube_seam'; of this surface and of 'inner_tube_seam', 100%"
+        "hosted by 49 nodes of 'outer_tube_seam'; 'inner_tube_seam' covers 100% of this surface"
     )
     assert comm.rank or remark in out
     assert remark in (results / "run.log").read_text(encoding="utf-8")
