@@ -366,10 +366,12 @@ def mesh_in_words(summary: Summary) -> str:
     mesh, degree = summary.mesh, summary.given.get("degree")
     elements = "" if degree is None else f", elements of degree {degree}"
     size = f"{mesh['cells']} cells, {mesh['vertices']} vertices, {mesh['dofs']} unknowns"
-    meshes = ((summary.limit or {}).get("body") or {}).get("meshes", [])
-    if len(meshes) < 2:
+    limit = summary.limit or {}
+    of_bounds = [one["cells"] for one in (limit.get("body") or {}).get("meshes", [])]
+    cells = (limit.get("strength") or {}).get("cells") or of_bounds
+    if len(cells) < 2:
         return f"{size}{elements}"
-    last = f"{meshes[-1]['cells']} cells, the last of {len(meshes)} meshes{elements}"
+    last = f"{cells[-1]} cells, the last of {len(cells)} meshes{elements}"
     return f"{last}; the first mesh: {size}"
 
 

@@ -156,6 +156,7 @@ class _Strength(TypedDict):
     lower: float | None
     upper: float | None
     curve: list[_Times]
+    cells: NotRequired[list[int]]
     estimate: NotRequired[bool]
     path: NotRequired[_StrengthPath | None]
 

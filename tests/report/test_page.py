@@ -120,6 +120,8 @@ def test_the_mesh_is_that_of_the_results() -> None:
     assert mesh_in_words(summary) == (
         f"3982 cells, the last of 2 meshes, elements of degree 2; the first mesh: {one}"
     )
+    summary.limit = {"strength": {"cells": [80, 97]}, "body": {"meshes": []}}
+    assert mesh_in_words(summary).startswith("97 cells, the last of 2 meshes")
     summary.limit = {"body": None}
     assert mesh_in_words(summary).startswith(one)
 

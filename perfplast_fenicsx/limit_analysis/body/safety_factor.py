@@ -84,6 +84,7 @@ class FactorOfSafety(NotebookResult):
         kept: Strengths that F does not divide, in words.
         missed: A sentence on why a factor is missing, or why both factors are further apart than
             requested; empty otherwise.
+        cells: Number of cells of each mesh; empty for rigid blocks.
     """
 
     lower: float | None
@@ -99,6 +100,7 @@ class FactorOfSafety(NotebookResult):
     path: StrengthPath | None = None
     kept: tuple[str, ...] = ()
     missed: str = ""
+    cells: tuple[int, ...] = ()
 
     def table(self) -> dict[str, Any]:
         """Return the table for ``summary.json``."""
@@ -108,7 +110,7 @@ class FactorOfSafety(NotebookResult):
             "in_words": self.in_words(),
         }
         known |= {"curve": self.rows(), "searches": self.searches, "estimate": self.estimate}
-        known |= {"kept": list(self.kept)}
+        known |= {"kept": list(self.kept), "cells": list(self.cells)}
         return known | {"path": self.path and self.path.table()}
 
     def rows(self) -> list[Row]:
@@ -226,6 +228,7 @@ def _from_curves(
         estimate=by_davis(given.materials),
         kept=tuple(kept_strengths(given.materials, rubbing)),
         missed=_missed(lower, upper, curves, adaptation, ended),
+        cells=tuple(number_of_cells(curve.problem.tagged_mesh) for curve in curves),
     )
 
 
