@@ -45,9 +45,9 @@ def loose(adhesion: Floats, friction: Floats) -> bool:
 def excess(shear: Floats, pressure: Floats, adhesion: Floats, friction: Floats) -> Floats:
     """Return the parts of shear tractions beyond μp, relative to the adhesion.
 
-    The returned values are at most 1 for admissible tractions. A stress divided by the largest value is
-    admissible, because the admissible set contains 0. Without adhesion, the value is 0, and
-    :func:`unheld` decides whether the traction is admissible.
+    The returned values are at most 1 for admissible tractions. A stress divided by the largest
+    value is admissible, because the admissible set contains 0. Without adhesion, the value is 0,
+    and :func:`unheld` decides whether the traction is admissible.
 
     Args:
         shear: ‖τ‖ at the vertices of facets, shape (n, d).
