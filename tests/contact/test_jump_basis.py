@@ -187,8 +187,8 @@ def test_more_rows_than_freedom_are_refused(comm: MPI.Intracomm) -> None:
     terms = [(every, host, normal)]
     constraints = make_constraints(V, host.astype(np.int32), kind * 1.0, normal, kind, terms)
     fixed = np.zeros((index_map.size_local + index_map.num_ghosts, 3), bool)
-    words = ["1 contact nodes have more independent conditions", "perfplast mesh --glued"]
+    words = ["at 1 node: contact in three directions", "perfplast mesh --glued"]
     assert_refused(lambda: make_basis(V, constraints, fixed), words)
     whole = named(comm, constraints)
-    words = ["1 contact nodes of surface 0 have"]
+    words = ["at 1 node of surface 0: contact"]
     assert_refused(lambda: make_basis(V, whole, fixed), words)

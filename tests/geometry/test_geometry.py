@@ -170,7 +170,7 @@ def test_contacts_that_a_run_would_refuse(
         assert main([*command, *glued]) == 0
         if MPI.COMM_WORLD.rank == 0:
             said = capfd.readouterr().out
-            assert ("warning: perfplast run would refuse these contacts: 1 contact" in said) == told
+            assert ("warning: perfplast run would refuse these contacts: too many faces" in said) == told
 
 
 @pytest.mark.parametrize(

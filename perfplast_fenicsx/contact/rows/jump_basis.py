@@ -231,7 +231,7 @@ def _choose(
         factor[:, : k + 1] = 0
         reduced -= factor[:, :, None] * reduced[:, k][:, None, :]
     mine = np.unique(surface[entangled[group[: len(surface)]]]) if names else ()
-    _refuse(comm, int(entangled.sum()), [names[number] for number in mine])
+    _refuse(comm, gdim, int(entangled.sum()), [names[number] for number in mine])
     block = np.broadcast_to(np.eye(most), (len(nodes), most, most)).copy()
     both = (member[:, :, None] >= 0) & (member[:, None, :] >= 0)
     picked = np.take_along_axis(rows, np.repeat(chosen[:, None, :], most, axis=1), axis=2)
@@ -240,7 +240,7 @@ def _choose(
     return chosen[group, slot], inverse[group, slot], member[group]
 
 
-def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
+def _refuse(comm: MPI.Intracomm, gdim: int, nodes: int, contacts: Sequence[str]) -> None:
     """Refuse nodes with more conditions than degrees of freedom, on any rank. Collective.
 
     Raises:
@@ -254,10 +254,11 @@ def _refuse(comm: MPI.Intracomm, nodes: int, contacts: Sequence[str]) -> None:
     named = ", ".join(found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
     error = TooManyConditions(
-        f"{total} contact nodes{f' of {named}' if named else ''}{more} have more independent "
-        "conditions than degrees of freedom; list each pair of faces once, remove supported nodes "
-        "from the contact surfaces, or tie bodies that meet at a coarsely meshed corner ([[tie]]; "
-        "perfplast mesh --glued)."
+        f"too many faces meet at {total} {'node' if total == 1 else 'nodes'}"
+        f"{f' of {named}' if named else ''}{more}: contact in {'two' if gdim == 2 else 'three'} "
+        "directions, or in fewer at a support, already stops every motion of a node; tie bodies "
+        "that meet there ([[tie]]; perfplast mesh --glued), list each pair of faces once, or "
+        "remove supported nodes from the contact surfaces."
     )
     error.contacts = found
     raise error
