@@ -43,6 +43,7 @@ from perfplast_fenicsx.materials.nonassociated_flow import flow_words
 from perfplast_fenicsx.pictures.drawing_process import draw
 from perfplast_fenicsx.problem.contact_check import left_out
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
+from perfplast_fenicsx.problem.judged.oblique_facets import interlocked
 from perfplast_fenicsx.problem.judged.state import check_slip_is_true
 from perfplast_fenicsx.problem.problem import Problem
 from perfplast_fenicsx.problem.variant import halved, variant
@@ -274,7 +275,8 @@ def warn_of(comm: MPI.Intracomm, case: Case, problem: Problem) -> None:
     points = problem.tagged_mesh.mesh.geometry.x
     places = np.asarray(points, dtype=np.float64)
     odd = odd_magnitudes(case.units, case.materials, case.loads, comm, places)
-    for remark in (*problem.tagged_mesh.remarks, *odd):
+    slides = [remark] if (remark := interlocked(problem)) else []
+    for remark in (*problem.tagged_mesh.remarks, *odd, *slides):
         if comm.rank == 0:
             log.warning("%s", remark)
 

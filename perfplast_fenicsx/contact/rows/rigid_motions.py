@@ -407,20 +407,28 @@ class FreeMotions:
 
         Collective.
         """
-        if not self.count:
-            return None
-        drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
-        # Smallest relative work of a load on a motion that is not a rounding error. The reference
-        # is the work of nodal forces that all act along the motion.
-        driven = 1e-8
-        some = np.flatnonzero(drives > driven)
-        if not some.size:
+        moved = self.moved_by(forces)
+        if not moved:
             return None
         return (
-            f"{self.words(some)} can move as a rigid body, and a load does work on this "
+            f"{moved} can move as a rigid body, and a load does work on this "
             "motion, but neither supports nor contact prevent it; add a support, or a contact "
             "that stops this motion."
         )
+
+    def moved_by(self, forces: Sequence[PETSc.Vec], least: float = 1e-8) -> str:
+        """Return the bodies and motions on which a force does work; "" without any. Collective.
+
+        Args:
+            forces: Nodal forces.
+            least: Smallest work that counts, relative to the work of nodal forces that all act
+                along the motion. The default is above the level of rounding errors.
+        """
+        if not self.count:
+            return ""
+        drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
+        some = np.flatnonzero(drives > least)
+        return self.words(some) if some.size else ""
 
     def check(self, forces: Sequence[PETSc.Vec]) -> None:
         """Refuse motions on which these forces do work, and log the other motions. Collective.
