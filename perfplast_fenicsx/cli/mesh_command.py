@@ -23,7 +23,7 @@ from perfplast_fenicsx.geometry.first_case import (
     Glued,
     affordable_cells,
     first_case,
-    is_bolt_with_nut,
+    is_thread,
 )
 from perfplast_fenicsx.geometry.kept_mesh import make_mesh
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
@@ -399,7 +399,7 @@ def _page(
         "sets": [{"name": one.name, "faces": one.faces} for one in survey.sets],
         "joints": [
             {"bodies": one.bodies, "surfaces": one.surfaces, "glued": one.shared}
-            | {"bolted": is_bolt_with_nut(one)}
+            | {"bolted": is_thread(one)}
             for one in survey.joints
         ],
         "refused": {"why": refused.why, "pairs": refused.pairs} if refused else None,

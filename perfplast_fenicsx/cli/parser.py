@@ -129,7 +129,7 @@ def _add_bodies(mesh: argparse.ArgumentParser) -> None:
     glued.add_argument(
         "--glued", "--tied", dest="tied", action="store_true", help="glue all bodies that touch"
     )
-    glued.add_argument("--bolted", action="store_true", help="glue only bolts to their nuts")
+    glued.add_argument("--bolted", action="store_true", help="glue only nuts to their threads")
 
 
 ENDINGS = {

@@ -103,19 +103,23 @@ class Glued(Enum):
     """The joints that are glued in a first case."""
 
     SHARED = 0  # joints of bodies that share faces in the drawing
-    BOLTS = 1  # also joints of bolts with nuts
+    BOLTS = 1  # also threads with their nuts
     ALL = 2
     NOTHING = 3
 
     def glues(self, joint: Joint) -> bool:
         """Return whether a joint becomes a tie, not a contact."""
-        bolted = self is Glued.BOLTS and is_bolt_with_nut(joint)
+        bolted = self is Glued.BOLTS and is_thread(joint)
         return self is Glued.ALL or bolted or (joint.shared and self is not Glued.NOTHING)
 
 
-def is_bolt_with_nut(joint: Joint) -> bool:
-    """Return whether a joint connects a bolt and a nut, according to the names of the bodies."""
-    return are_bolt_and_nut(*joint.bodies)
+def is_thread(joint: Joint) -> bool:
+    """Return whether a nut is screwed on the other body of a joint.
+
+    The names of the bodies decide: the other body is a bolt, or the bore of the joint belongs to
+    the nut, whatever the name of the body in it.
+    """
+    return are_bolt_and_nut(*joint.bodies) or NUT.search(joint.bore) is not None
 
 
 def are_bolt_and_nut(one: str, other: str) -> bool:
@@ -203,7 +207,7 @@ def first_case(
         InputError: If bolts are to be glued to nuts, but no bolt touches a nut.
     """
     options = options or MeshingOptions()
-    if glued is Glued.BOLTS and not any(is_bolt_with_nut(joint) for joint in survey.joints):
+    if glued is Glued.BOLTS and not any(is_thread(joint) for joint in survey.joints):
         raise InputError(
             "no body named as a bolt touches a body named as a nut; give them names such as "
             "bolt_1 and nut_1 in the CAD system, or omit --bolted and write [[tie]] in the case."
@@ -261,13 +265,13 @@ def _others(options: MeshingOptions) -> str:
 
 
 def _joint(joint: Joint, glued: Glued, options: MeshingOptions) -> str:
-    bolt, tied = is_bolt_with_nut(joint), glued.glues(joint)
+    bolt, tied = is_thread(joint), glued.glues(joint)
     if tied and joint.shared and glued is not Glued.ALL:
         bolt, why = False, "; the drawing has one face for both; write [[contact]] to separate them"
     else:
         why = ""
     other = (
-        ("; a bolt and its nut: write [[tie]] to glue them")
+        ("; a thread with its nut: write [[tie]] to glue them")
         if bolt
         else "; write [[tie]] to glue them"
     )

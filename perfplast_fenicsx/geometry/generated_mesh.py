@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import gmsh
@@ -13,6 +14,7 @@ from perfplast_fenicsx.geometry.joints import box
 from perfplast_fenicsx.geometry.measured import elements, mesh_measure, missed_areas, qualities
 from perfplast_fenicsx.geometry.meshing_options import MeshingOptions
 from perfplast_fenicsx.geometry.parts import Part
+from perfplast_fenicsx.geometry.straight_facets import Sleeve, mesh_sleeves, sleeves_of
 
 USUAL = 10.0
 """Default number of elements around a circle."""
@@ -21,6 +23,53 @@ USUAL = 10.0
 def most_elements(dim: int, bodies: int) -> int:
     """Return the largest number of elements of an automatic mesh; adapted meshes have more."""
     return int(ADAPTED[dim] * (IN_CONTACT if bodies > 1 else 1.0))
+
+
+LARGEST, SMALLEST, AROUND = "MeshSizeMax", "MeshSizeMin", "MeshSizeFromCurvature"
+SCRIPTED = {
+    LARGEST: 1e22,
+    SMALLEST: 0.0,
+    "MeshSizeFactor": 1.0,
+    AROUND: 0.0,
+    "MeshSizeExtendFromBoundary": 1.0,
+    "ElementOrder": 1.0,
+    "Algorithm": 6.0,
+    "Algorithm3D": 1.0,
+}
+"""Gmsh's options (``Mesh.``) that a script may set, with gmsh's defaults."""
+
+
+def with_scripted(options: MeshingOptions) -> tuple[MeshingOptions, float, list[str]]:
+    """Return options with the sizes that a script has set, if the user gives no sizes.
+
+    Args:
+        options: The given options.
+
+    Returns:
+        The options, the smallest edge length in the script (0 without one), and a remark on values
+        in the script that are not used.
+    """
+    numbers = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in SCRIPTED}
+    given = {name: number for name, number in numbers.items() if number != SCRIPTED[name]}
+    unused = dict[str, str]()
+    if options.size is not None:
+        for name in (LARGEST, SMALLEST, "MeshSizeFactor"):
+            unused[name] = f"size = {options.size:g} is given"
+            gmsh.option.setNumber(f"Mesh.{name}", SCRIPTED[name])
+    elif LARGEST in given:
+        options = replace(options, size=given[LARGEST])
+    if options.curvature is not None:
+        unused[AROUND] = f"curvature = {options.curvature:g} is given"
+    elif AROUND in given:
+        options = replace(options, curvature=given[AROUND])
+    unused["MeshSizeExtendFromBoundary"] = "sizes extend from the boundary"
+    unused |= dict.fromkeys(("Algorithm", "Algorithm3D"), "the program tries several algorithms")
+    if options.order != given.get("ElementOrder", options.order):
+        unused["ElementOrder"] = f"order = {options.order}; give another order by --order"
+    gmsh.option.setNumber("Mesh.ElementOrder", 1)  # the program curves the elements afterwards
+    told = [f"Mesh.{it} = {given[it]:g} ({why})" for it, why in unused.items() if it in given]
+    remarks = [f"the script sets values that are not used: {', '.join(told)}"] if told else []
+    return options, 0.0 if SMALLEST in unused else numbers[SMALLEST], remarks
 
 
 @dataclass(frozen=True)
@@ -33,6 +82,8 @@ class Sizes:
         points: Points without a size; a script may give sizes at points.
         scripted: Whether a script defines size fields, which remain unchanged.
         least: Smallest size that curvature may require, relative to the largest size.
+        smallest: Smallest size that a script gives (Mesh.MeshSizeMin); 0 if it gives none.
+        sleeves: Cylindrical joints whose facets lie along the axis.
     """
 
     dim: int
@@ -40,10 +91,21 @@ class Sizes:
     points: tuple[tuple[int, int], ...]
     scripted: bool
     least: float
+    smallest: float = 0.0
+    sleeves: Sequence[Sleeve] = ()
 
     @staticmethod
-    def of(dim: int, parts: Sequence[Part]) -> "Sizes":
-        """Return the bodies and points of gmsh's current model, before it is meshed."""
+    def of(
+        dim: int, parts: Sequence[Part], sliding: Sequence[int] = (), smallest: float = 0.0
+    ) -> "Sizes":
+        """Return the bodies and points of gmsh's current model, before it is meshed.
+
+        Args:
+            dim: Dimension of the bodies.
+            parts: The bodies.
+            sliding: Faces at which bodies may slide on each other.
+            smallest: See :class:`Sizes`.
+        """
         points = gmsh.model.getEntities(0)
         given = gmsh.model.mesh.getSizes(points)
         free = tuple(p for p, h in zip(points, given, strict=True) if h == 0)
@@ -54,7 +116,7 @@ class Sizes:
         smallest = 0.2
         scripted = bool(len(gmsh.model.mesh.field.list()))
         least = smallest if len(free) == len(points) else 0.0
-        return Sizes(dim, parts, free, scripted, least)
+        return Sizes(dim, parts, free, scripted, least, smallest, sleeves_of(sliding))
 
     @property
     def usual(self) -> float:
@@ -94,7 +156,7 @@ class Sizes:
             gmsh.option.setNumber(f"Mesh.MeshSize{name}", value)
         chosen = [size, *options.sizes.values()]
         gmsh.option.setNumber("Mesh.MeshSizeMax", max(chosen))
-        least = self.least * size * min(1.0, USUAL / max(curvature, 1.0))
+        least = self.smallest or self.least * size * min(1.0, USUAL / max(curvature, 1.0))
         gmsh.option.setNumber(
             "Mesh.MeshSizeMin", min([least, *options.sizes.values(), *(finer or {}).values()])
         )
@@ -163,7 +225,7 @@ def generate(
     """
     dim, parts = sizes.dim, sizes.parts
     size = sizes.set(options, finer)
-    _generate(dim, parts)
+    _generate(dim, parts, sizes.sleeves if options.order == 1 else ())
     if options.order == 2:
         gmsh.model.mesh.setOrder(2)
         if min(qualities(dim, part).min() for part in parts) < 10 * POOR:
@@ -177,13 +239,20 @@ def generate(
     return size
 
 
-def _generate(dim: int, parts: Sequence[Part]) -> None:
+def _generate(dim: int, parts: Sequence[Part], sleeves: Sequence[Sleeve] = ()) -> None:
     """Mesh with the first algorithm that gives good elements, or else with the best algorithm.
+
+    The first algorithm keeps facets along the axes of ``sleeves``; if this gives flat elements or
+    none, the function meshes without these facets.
 
     Raises:
         InputError: If no algorithm makes elements (with the message of the first), or if all make
             flat elements.
     """
+    if sleeves:
+        with suppress(InputError):
+            if min(_worst_by(dim, parts, ALGORITHMS[0], sleeves).values()) >= FLAT:
+                return
     worst: dict[tuple[int, int], dict[str, float]] = {}
     failures = list[InputError]()
     for algorithm in ALGORITHMS:
@@ -208,7 +277,9 @@ def _generate(dim: int, parts: Sequence[Part]) -> None:
         _worst_by(dim, parts, best)
 
 
-def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> dict[str, float]:
+def _worst_by(
+    dim: int, parts: Sequence[Part], algorithm: tuple[int, int], sleeves: Sequence[Sleeve] = ()
+) -> dict[str, float]:
     """Mesh with an algorithm, and return the quality of the worst element of each body."""
     if any(
         elements(dim, part).size for part in parts
@@ -218,7 +289,11 @@ def _worst_by(dim: int, parts: Sequence[Part], algorithm: tuple[int, int]) -> di
         gmsh.option.setNumber(f"Mesh.{name}", number)
     # an exception would leave gmsh in a locked state
     gmsh.option.setNumber("General.AbortOnError", 1)
+    if sleeves:
+        mesh_sleeves(sleeves)
+        gmsh.option.setNumber("Mesh.MeshOnlyEmpty", 1)
     gmsh.model.mesh.generate(dim)
+    gmsh.option.setNumber("Mesh.MeshOnlyEmpty", 0)
     gmsh.option.setNumber("General.AbortOnError", 2)
     empty = [
         part
@@ -261,14 +336,23 @@ EXACT = 0.01
 """Largest relative error of a face's area that causes no remark."""
 
 
-def mesh_with_areas(dim: int, parts: Sequence[Part], options: MeshingOptions) -> float:
+def mesh_with_areas(
+    dim: int,
+    parts: Sequence[Part],
+    options: MeshingOptions,
+    sliding: Sequence[int] = (),
+    smallest: float = 0.0,
+) -> float:
     """Mesh the bodies with accurate areas of faces, and return the largest edge length.
+
+    Facets of cylinders among the ``sliding`` faces, at which bodies may slide on each other, lie
+    along the axis. A script may give the ``smallest`` edge length.
 
     If no size is given, the function uses an automatic size with few elements. It then refines arcs
     until the areas are accurate. If a mesh with finer arcs has flat elements, too many elements or
     no elements, the function restores the previous mesh.
     """
-    most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts)
+    most, sizes = most_elements(dim, len(parts)), Sizes.of(dim, parts, sliding, smallest)
     if options.size is None:
         longest = _usual_size(sizes, options, most)
         options = replace(options, size=longest)

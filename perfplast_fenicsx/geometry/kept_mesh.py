@@ -164,7 +164,7 @@ drawing."""
 DRAWN = b"$Comments\nareas in the drawing: "
 """Beginning of the section in a .msh file with the areas of surfaces in the drawing."""
 
-KIND = "single faces, shared ones, areas of the drawing"
+KIND = "single faces, shared ones, areas of the drawing, facets along cylinders"
 """Version of the content of mesh files; the program replaces a file of another version."""
 
 END = b"\n$EndComments\n"

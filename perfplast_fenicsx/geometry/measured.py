@@ -9,7 +9,13 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.geometry.face_labels import hex_of, word_of
-from perfplast_fenicsx.geometry.free_faces import FaceSet, FreeFace, round_of, shape_of
+from perfplast_fenicsx.geometry.free_faces import (
+    FaceSet,
+    FreeFace,
+    cylinder_of,
+    round_of,
+    shape_of,
+)
 from perfplast_fenicsx.geometry.joints import Seam
 from perfplast_fenicsx.geometry.parts import Part
 from perfplast_fenicsx.geometry.survey import Body, Face, Joint, NamedFaces
@@ -114,7 +120,29 @@ def measured_joint(
     shapes = tuple(sorted({shape_of(dim - 1, face) for face in seam.faces[0]}))
     area = sum(mesh_measure(dim - 1, face) for face in seam.faces[0])
     drawn = cad_measure(dim - 1, seam.faces[0])
-    return Joint((one, other), sides, area, shapes, frozenset((one, other)) in shared, drawn)
+    bodies = parts[seam.bodies[0]], parts[seam.bodies[1]]
+    bore = _around(bodies, seam.faces[0]) if shapes == ("cylindrical",) else ""
+    both = frozenset((one, other)) in shared
+    return Joint((one, other), sides, area, shapes, both, drawn, bore)
+
+
+def _around(bodies: tuple[Part, Part], faces: Sequence[int]) -> str:
+    """Return the name of the body that lies outside cylindrical faces; "" if both or none do."""
+    outside = set[str]()
+    beyond = 1e-3  # distance of the examined point from the face, relative to the radius
+    for face in faces:
+        on = cylinder_of(2, face)
+        assert on is not None  # the face is cylindrical
+        bounds = gmsh.model.getParametrizationBounds(2, face)
+        point = np.array(gmsh.model.getValue(2, face, np.mean(bounds, axis=0)))
+        out = point - on.centre
+        place = point + beyond * (out - (out @ on.axis) * on.axis)
+        outside |= {
+            part.name
+            for part in bodies
+            if any(gmsh.model.isInside(3, tag, place) for tag in part.tags)
+        }
+    return outside.pop() if len(outside) == 1 else ""
 
 
 def measured_faces(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,13 @@ from perfplast_fenicsx.geometry.face_labels import (
 )
 from perfplast_fenicsx.geometry.face_names import face_names
 from perfplast_fenicsx.geometry.free_faces import FreeFace, numbered_faces
-from perfplast_fenicsx.geometry.generated_mesh import EXACT, POOR, mesh_with_areas, regular_edge
+from perfplast_fenicsx.geometry.generated_mesh import (
+    EXACT,
+    POOR,
+    mesh_with_areas,
+    regular_edge,
+    with_scripted,
+)
 from perfplast_fenicsx.geometry.geometry_file import is_script
 from perfplast_fenicsx.geometry.joints import (
     Seam,
@@ -438,7 +445,10 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     """
     begin(Stage("reading it"))
     drawing = read_parts(source)
-    dim, parts, remarks = drawing.dim, drawing.parts, [*drawing.remarks]
+    dim, parts, remarks, smallest = drawing.dim, drawing.parts, [*drawing.remarks], 0.0
+    if is_script(source):
+        options, smallest, unused = with_scripted(options)
+        remarks += unused
     shared = _shared(dim, parts)
     labels, unsure = labels_of(source, parts)
     remarks += unsure
@@ -467,7 +477,9 @@ def mesh_file(source: Path, target: Path, options: MeshingOptions) -> Survey:
     faces, alike = numbered_faces(dim - 1, free, extent, marked)
     names, sets = face_names(dim - 1, parts, faces, alike, options, of_file)
     begin(Stage("meshing", _names_of_faces(dim, parts)))
-    longest = mesh_with_areas(dim, parts, options)
+    sliding = [] if is_script(source) else _sliding(dim, parts, seams, shared)
+    longest = mesh_with_areas(dim, parts, options, sliding, smallest)
+    longest *= gmsh.option.getNumber("Mesh.MeshSizeFactor")
     if options.close_gaps and dim == 3:
         straighten(parts, seams)
     missed = max(missed_areas(dim, parts).values(), default=0.0)
@@ -517,6 +529,17 @@ def _inside_bodies(parts: Sequence[Part]) -> set[int]:
 def _shared(dim: int, parts: Sequence[Part]) -> set[frozenset[str]]:
     """Return the names of pairs of bodies that share faces in the drawing."""
     return {frozenset(parts[k].name for k in seam.bodies) for seam in find_seams(dim, parts)}
+
+
+def _sliding(
+    dim: int, parts: Sequence[Part], seams: Sequence[Seam], shared: AbstractSet[frozenset[str]]
+) -> list[int]:
+    """Return the faces in space at which bodies touch but share no face in the drawing."""
+    found = dict[int, None]()
+    for seam in seams:
+        if dim == 3 and frozenset(parts[k].name for k in seam.bodies) not in shared:
+            found |= dict.fromkeys(tag for side in seam.faces for tag in side)
+    return list(found)
 
 
 def _names_of_faces(dim: int, parts: Sequence[Part]) -> dict[int, str]:

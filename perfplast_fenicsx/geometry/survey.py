@@ -41,6 +41,7 @@ class Joint:
         shared: Whether the bodies share these faces in the drawing, like layers of ground;
             otherwise they touch as separate solids.
         cad: Area in the file; None if it is unknown.
+        bore: Name of the body around a cylindrical joint; "" for joints of other shapes.
     """
 
     bodies: tuple[str, str]
@@ -49,6 +50,7 @@ class Joint:
     shapes: tuple[str, ...]
     shared: bool = False
     cad: float | None = None
+    bore: str = ""
 
 
 @dataclass(frozen=True)

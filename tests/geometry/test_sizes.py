@@ -8,7 +8,7 @@ import gmsh
 import pytest
 
 from perfplast_fenicsx.errors import InputError
-from perfplast_fenicsx.geometry import MeshingOptions, mesh_geometry
+from perfplast_fenicsx.geometry import MeshingOptions, Survey, mesh_geometry
 from perfplast_fenicsx.mesh import gmsh_session
 
 pytestmark = pytest.mark.serial
@@ -51,3 +51,51 @@ def test_where_faces_cross_on_a_coarse_mesh_a_finer_one_is_made(made: Made, tmp_
     assert found.size > 1.0
     with pytest.raises(InputError, match=r"cannot be meshed: .*or give another size"):
         mesh_geometry(path, tmp_path / "body.msh", MeshingOptions(size=8.0, curvature=10.0))
+
+
+BOX = 'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\n'
+
+
+@pytest.fixture
+def from_script(tmp_path: Path) -> Callable[..., Survey]:
+    """Mesh a box by a script with some more lines."""
+
+    def meshed(lines: str, **options: float) -> Survey:
+        path = tmp_path / "box.geo"
+        path.write_text(BOX + lines)
+        return mesh_geometry(path, tmp_path / "box.msh", MeshingOptions(**options), trust=True)
+
+    return meshed
+
+
+def cells(found: Survey) -> int:
+    """Return the number of elements."""
+    return sum(body.cells for body in found.bodies)
+
+
+def test_sizes_in_a_script_apply(from_script: Callable[..., Survey]) -> None:
+    """A larger smallest size or a factor also counts."""
+    plain = from_script("Mesh.MeshSizeMax = 0.25;\n")
+    assert plain.size == pytest.approx(0.25)
+    assert not plain.remarks
+    assert cells(plain) == cells(from_script("", size=0.25))
+    finer = from_script("Mesh.MeshSizeMax = 0.25;\nMesh.MeshSizeFactor = 0.7;\n")
+    assert finer.size == pytest.approx(0.7 * 0.25)
+    assert cells(finer) > 1.5 * cells(plain)
+
+
+def test_a_given_size_replaces_those_in_a_script(from_script: Callable[..., Survey]) -> None:
+    found = from_script("Mesh.MeshSizeMax = 0.5;\nMesh.MeshSizeFactor = 3;\n", size=0.25)
+    assert cells(found) == cells(from_script("", size=0.25))
+    (remark,) = found.remarks
+    assert "Mesh.MeshSizeMax = 0.5 (size = 0.25 is given)" in remark
+    assert "Mesh.MeshSizeFactor = 3" in remark
+
+
+def test_options_that_a_script_may_not_set(from_script: Callable[..., Survey]) -> None:
+    found = from_script("Mesh.Algorithm = 5;\nMesh.ElementOrder = 2;\n", size=0.5)
+    (remark,) = found.remarks
+    assert "Mesh.Algorithm = 5 (the program tries" in remark
+    assert "Mesh.ElementOrder = 2 (order = 1" in remark
+    assert found.degree == 1
+    assert from_script("Mesh.ElementOrder = 2;\n", size=0.5, order=2).remarks == []
