@@ -20,7 +20,7 @@ from perfplast_fenicsx.__main__ import main
 from perfplast_fenicsx.cli.mesh_command import PICTURE, describe
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.geometry import MeshingOptions, Survey, generated_mesh, mesher
-from perfplast_fenicsx.geometry.first_case import Glued, first_case
+from perfplast_fenicsx.geometry.first_case import Glued, first_case, is_thread
 from perfplast_fenicsx.geometry.geometry_file import check_file
 from perfplast_fenicsx.geometry.meshing_options import NamedFace
 from perfplast_fenicsx.geometry.part_names import unique_names
@@ -170,7 +170,9 @@ def test_contacts_that_a_run_would_refuse(
         assert main([*command, *glued]) == 0
         if MPI.COMM_WORLD.rank == 0:
             said = capfd.readouterr().out
-            assert ("warning: perfplast run would refuse these contacts: too many faces" in said) == told
+            assert (
+                "warning: perfplast run would refuse these contacts: too many faces" in said
+            ) == told
 
 
 @pytest.mark.parametrize(
@@ -222,6 +224,26 @@ def test_bolts_with_nuts() -> None:
         assert tomllib.loads(text)["loading"]["control"] == "bounds"
     with pytest.raises(InputError, match="no body named as a bolt touches"):
         first_case(Survey(3, 1, 4, bodies), "a", "a.step", glued=Glued.BOLTS)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "bore", "threaded"),
+    [
+        (("nut_1", "rod"), "nut_1", True),
+        (("axle", "ecrou"), "ecrou", True),
+        (("nut_1", "bracket"), "bracket", False),
+        (("rod", "bracket"), "bracket", False),
+        (("nut_1", "rod"), "", False),
+        (("nut_1", "bolt_1"), "", True),
+    ],
+)
+def test_a_nut_around_a_rod_is_on_a_thread(
+    bodies: tuple[str, str], bore: str, threaded: bool
+) -> None:
+    """A nut in the bore of another body is on no thread there, and a bearing has no thread."""
+    surfaces = (f"{bodies[0]}_joint_1", f"{bodies[1]}_joint_1")
+    joint = Joint(bodies, surfaces, 1.0, ("cylindrical",), bore=bore)
+    assert is_thread(joint) == threaded
 
 
 @pytest.mark.parametrize(
