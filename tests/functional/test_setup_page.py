@@ -1274,6 +1274,31 @@ def test_forms_add_what_they_say(prop: Path, browser: Any) -> None:
     assert page.case == before
 
 
+def test_one_support_holds_several_faces(prop: Path, browser: Any) -> None:
+    """The page offers a support for each face first, and one support on a name of the faces."""
+    page = SetupPage(browser, prop / "setup.html")
+    adds = "document.getElementById('adds').textContent"
+    page.press("beam_x_low", "beam_y_low")
+    page.choose("kind", "support")
+    assert page(adds) == "Adds 2 supports, one for each face."
+    page.choose("one-load", "one")
+    assert page(adds) == "Adds one support on 2 faces."
+    page.type("one-name", "")
+    page.add("support", components='"x"')
+    assert page.part("add-fault").text == "Name of these faces: is missing; give a text."
+    page.part("one-name").send_keys("held_1")
+    page.add("support", components='"x"')
+    page.wait("document.getElementById('e-support-0') !== null")
+    page.press("beam_x_high", "beam_z_high")
+    page.choose("kind", "pressure")
+    assert page(adds) == "Adds one load on 2 faces."
+    page.choose("kind", "support")
+    assert page.part("one-name").get_attribute("value") == "held_2"
+    case = tomllib.loads(page.case)
+    assert case["geometry"]["face"] == [{"name": "held_1", "faces": ["beam_x_low", "beam_y_low"]}]
+    assert case["support"] == [{"on": "held_1", "components": "x"}]
+
+
 @pytest.mark.long
 def test_one_load_acts_on_several_faces(prop: Path, browser: Any) -> None:
     """The page announces the loads, takes empty components as 0, and adds loads at the click."""

@@ -312,9 +312,9 @@ const KINDS = {
       ...(setup.dim === 3 ? ["xy", "xz", "yz"].map((axes) => [axes.split("").join(" and "), quoted(axes)]) : []),
       ["normal to a flat face", quoted("normal")],
     ] })],
-    tables: ([components]) => [...chosen].map((name) =>
-      [["support"], true, { on: quoted(name), ...(components && { components }) }]),
+    tables: ([components]) => onChosen((name) => [["support"], true, { on: quoted(name), ...(components && { components }) }]),
     least: 1,
+    refused: () => (isTogether() ? nameFault(part("one-name").value.trim()) : ""),
   },
   ...Object.fromEntries(Object.entries(LOADS).map(([key, label]) => [key, {
     label,
@@ -331,14 +331,11 @@ const KINDS = {
       const numbers = given.slice(0, -1);
       const value = numbers.length === 1 ? numbers[0] : `[${numbers.join(", ")}]`;
       const load = (name) => [["load"], true, { on: quoted(name), [key]: value, ...(constant && { constant }) }];
-      if (!isOneLoad()) return [...chosen].map(load);
-      const name = part("one-name").value.trim();
-      const face = [["geometry", "face"], true, { name: quoted(name), faces: toToml([...chosen]) }];
-      return [...(name === nameOfChosen() ? [] : [face]), load(name)];
+      return onChosen(load);
     },
     least: 1,
     get most() { return OF_WHOLE_FACE.includes(key) && !canBeNamed() ? 1 : Infinity; },
-    refused: () => (isOneLoad() ? nameFault(part("one-name").value.trim()) : ""),
+    refused: () => (isTogether() ? nameFault(part("one-name").value.trim()) : ""),
   }])),
   gravity: {
     label: "Gravity",
@@ -439,12 +436,22 @@ if (setup.dim === 2) {
   };
 }
 
-/* ---- Loads on several faces ---- */
+/* ---- Loads and supports on several faces ---- */
 
 /** Whether one name can cover the chosen faces; surfaces that touch have no other name. */
 const canBeNamed = () => ![...chosen].some((name) => setup.joints.some(({ surfaces }) => surfaces.includes(name)));
 
-const isOneLoad = () => !part("together").hidden && part("one-load").value === "one";
+const isTogether = () => !part("together").hidden && part("one-load").value === "one";
+
+const together = { load: "one", support: "each" }; // what the user has chosen; a new name means a new mesh
+
+/** The tables of an entry on the chosen faces: one for a name of all of them, or one for each. */
+function onChosen(table) {
+  if (!isTogether()) return [...chosen].map(table);
+  const name = part("one-name").value.trim();
+  const face = [["geometry", "face"], true, { name: quoted(name), faces: toToml([...chosen]) }];
+  return [...(name === nameOfChosen() ? [] : [face]), table(name)];
+}
 
 /** The name that the case has for just the chosen faces; undefined without one. */
 const nameOfChosen = () => (parsed?.value.geometry?.face ?? []).find?.(({ faces }) =>
@@ -460,30 +467,42 @@ function nameFault(name) {
 function offeredName() {
   const names = drawn.surfacesOf(parsed?.value ?? {});
   let number = 1;
-  while (Object.hasOwn(names, `loaded_${number}`)) number++;
-  return nameOfChosen() ?? `loaded_${number}`;
+  const word = part("kind").value === "support" ? "held" : "loaded";
+  while (Object.hasOwn(names, `${word}_${number}`)) number++;
+  return nameOfChosen() ?? `${word}_${number}`;
 }
 
-/** Offer one load on all chosen faces, and say what the button adds. */
+const whatOf = (kind) => (kind in LOADS ? "load" : kind);
+
+/** Offer one load or support on all chosen faces, and say what the button adds. */
 function offerTogether() {
   const kind = part("kind").value;
-  const isLoad = kind in LOADS;
-  part("together").hidden = !(isLoad && chosen.size > 1 && canBeNamed());
-  part("one-name").parentElement.hidden = !isOneLoad();
+  const what = whatOf(kind);
+  part("together").hidden = !(what in together && chosen.size > 1 && canBeNamed());
+  if (what in together) {
+    const [one, each] = part("one-load").options;
+    one.textContent = `one ${what}, on all of them together`;
+    each.textContent = `a ${what} on each of them`;
+    part("one-load").value = together[what];
+  }
+  part("one-name").parentElement.hidden = !isTogether();
   if (part("one-name").dataset.typed === undefined) part("one-name").value = offeredName();
   part("adds").textContent = chosen.size < 2 || choiceFault(KINDS[kind]) ? "" : addedTo(chosen.size, kind);
 }
 
 /** What the button adds for several chosen faces, in words; "" if this is one entry. */
 function addedTo(count, kind) {
-  if (kind === "support") return `Adds ${count} supports, one for each face.`;
+  if (kind === "support") return isTogether() ? `Adds one support on ${count} faces.` : `Adds ${count} supports, one for each face.`;
   if (!(kind in LOADS)) return "";
   const whole = OF_WHOLE_FACE.includes(kind);
   const what = kind === "moment" ? "moment" : "force";
-  if (isOneLoad()) return `Adds one load on ${count} faces${whole ? `: the ${what} is the total of all of them` : ""}.`;
+  if (isTogether()) return `Adds one load on ${count} faces${whole ? `: the ${what} is the total of all of them` : ""}.`;
   return `Adds ${count} loads, one for each face${whole ? `, each with the whole ${what}` : ""}.`;
 }
-part("one-load").addEventListener("change", offerTogether);
+part("one-load").addEventListener("change", ({ target }) => {
+  together[whatOf(part("kind").value)] = target.value;
+  offerTogether();
+});
 part("one-name").addEventListener("input", ({ target }) => { target.dataset.typed = ""; });
 
 const pair = () => {
@@ -557,7 +576,7 @@ part("adding").addEventListener("submit", (event) => {
   say("");
   const key = components[0]?.input.id.split("-")[1];
   const understood = empty.length ? ` Empty components are 0: ${key} = ${tables.at(-1)[2][key]}.` : "";
-  const words = kind.words?.(values) ?? `${tables.length > 1 && !isOneLoad() ? `${tables.length} entries, ` : ""}${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}${isOneLoad() ? `, together '${part("one-name").value.trim()}'` : ""}`;
+  const words = kind.words?.(values) ?? `${tables.length > 1 && !isTogether() ? `${tables.length} entries, ` : ""}${kind.label.toLowerCase()}${kind.least ? ` on ${[...chosen].join(", ")}` : ""}${isTogether() ? `, together '${part("one-name").value.trim()}'` : ""}`;
   done(`Added: ${words}.${understood}`);
   delete part("one-name").dataset.typed;
   if (kind.least) { // the entry acts on the chosen faces
