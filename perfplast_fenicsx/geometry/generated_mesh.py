@@ -113,9 +113,9 @@ class Sizes:
         # larger number of elements around a circle, the limit is smaller in proportion. Without
         # this limit, fillets, threads and engraved letters would need most of the elements and
         # of the time.
-        smallest = 0.2
+        curved = 0.2
         scripted = bool(len(gmsh.model.mesh.field.list()))
-        least = smallest if len(free) == len(points) else 0.0
+        least = curved if len(free) == len(points) else 0.0
         return Sizes(dim, parts, free, scripted, least, smallest, sleeves_of(sliding))
 
     @property

@@ -288,7 +288,7 @@ def test_a_crack_of_a_script_lies_inside_a_body(tmp_path: Path, curves: str) -> 
     script, target = tmp_path / "soil.geo", tmp_path / "soil.msh"
     script.write_text(SCRIPT + named, encoding="utf-8")
     if "," in curves:
-        with pytest.raises(InputError, match="'c_left' and 'c_right' are"):
+        with pytest.raises(InputError, match="'c_left' and 'c_right' name both sides"):
             mesh_geometry(script, target, trust=True)
         return
     mesh_geometry(script, target, trust=True)

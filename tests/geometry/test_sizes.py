@@ -99,3 +99,19 @@ def test_options_that_a_script_may_not_set(from_script: Callable[..., Survey]) -
     assert "Mesh.ElementOrder = 2 (order = 1" in remark
     assert found.degree == 1
     assert from_script("Mesh.ElementOrder = 2;\n", size=0.5, order=2).remarks == []
+
+
+def test_the_number_of_elements_does_not_depend_on_the_unit(made: Made, tmp_path: Path) -> None:
+    """A small hole needs elements of a fifth of the largest size in any unit."""
+    counts = []
+    for unit in (1.0, 1000.0):
+
+        def plate(unit: float = unit) -> None:
+            occ = gmsh.model.occ
+            block = occ.addBox(0, 0, 0, unit, unit, 0.5 * unit)
+            hole = occ.addCylinder(0.5 * unit, 0.5 * unit, 0, 0, 0, 0.5 * unit, 0.05 * unit)
+            occ.cut([(3, block)], [(3, hole)])
+
+        found = mesh_geometry(made(plate), tmp_path / "body.msh", MeshingOptions(size=0.5 * unit))
+        counts.append(cells(found))
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)
