@@ -49,7 +49,7 @@ def test_rows_are_fetched_by_number(comm: MPI.Intracomm) -> None:
     assert (fetched == np.column_stack([numbers, owners[numbers]])).all()
 
 
-@pytest.mark.mpi3
+@pytest.mark.mpi2
 def test_problems_that_are_dropped_leave_no_communicator(comm: MPI.Intracomm) -> None:
     """MPICH has 2048 communicators: a sweep over meshes failed when PETSc kept some of each.
 

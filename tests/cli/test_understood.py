@@ -680,6 +680,7 @@ def _named(meant: Understood, told: Told) -> bool:
 
 
 @pytest.mark.serial
+@pytest.mark.long(but=["one of two feet"])
 @pytest.mark.parametrize("name", ["one of two feet", "one foot of four in space"])
 def test_picture_is_drawn(
     name: str, read: Callable[[Told], tuple[Case, Problem]], tmp_path: Path

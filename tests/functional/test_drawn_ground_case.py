@@ -193,7 +193,6 @@ points = [[54, 35], [54, 33], [53, 31]]
 OF_ONE = {"a": (40.0, 10.0)}
 
 
-@pytest.mark.mpi2
 def test_a_crack_inside_one_region(shared_tmp_path: Path) -> None:
     """On one mesh the crack permits more mechanisms, and water pushes on both its sides."""
     whole, dry, wet = (

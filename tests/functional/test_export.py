@@ -192,6 +192,7 @@ CELLS = (
 )
 
 
+@pytest.mark.long
 @alone
 def test_a_notebook(results: Path, bounded: Path, tmp_path: Path, browser: Any) -> None:
     """Jupyter's kernel runs the notebook; a cell shows the report, which works in a browser."""

@@ -183,6 +183,7 @@ def test_a_run_with_coulombs_friction_goes_on(
 
 
 @pytest.mark.mpi2("")
+@pytest.mark.long(but=[""])
 @pytest.mark.parametrize("more", ["", CONSTANT])
 def test_a_search_for_the_limit_load_goes_on(
     more: str,

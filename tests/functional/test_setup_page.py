@@ -1000,6 +1000,7 @@ def test_a_wrong_entry_has_one_line(prop: Path, browser: Any) -> None:
     assert not any(line.startswith("Material of beam, young: 0 is") for line in after)
 
 
+@pytest.mark.long
 def test_many_bodies_without_a_material_have_one_line(
     browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

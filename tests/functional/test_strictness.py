@@ -196,9 +196,8 @@ def cantilever() -> Problem:
     return Problem(tagged_mesh, {"bar": bar}, [Support("left")], [load], degree=2)
 
 
-@pytest.mark.parametrize(
-    "cells", [300, pytest.param(4000, marks=[pytest.mark.long, pytest.mark.serial])]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("cells", [300, pytest.param(4000, marks=pytest.mark.serial)])
 def test_no_round_loses_a_bound(cells: int) -> None:
     found = adaptive_bounds(cantilever(), Adaptation(until=0.02, cells=cells))
     assert found.lower.strict

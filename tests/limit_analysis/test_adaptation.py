@@ -53,6 +53,7 @@ def count(tagged_mesh: TaggedMesh) -> int:
     return number
 
 
+@pytest.mark.long(but=["0.95-True-False", "1.05-False-True"])
 @pytest.mark.parametrize(
     ("share", "carried", "refused"),
     [(0.95, True, False), (1.05, False, True), (0.999, False, False)],

@@ -139,6 +139,7 @@ def test_nothing_is_left_of_an_elastic_load(body: Elastic | Flow) -> None:
         assert np.allclose(found, stress * np.array([0, 0, -1, 0, 0, 0]), rtol=0, atol=1e-10)
 
 
+@pytest.mark.long(but=["ground0"])
 @pytest.mark.parametrize(
     "ground",
     [DruckerPrager(YOUNG, 0.1, 50.0, 30.0, "compression"), MohrCoulomb(YOUNG, 0.1, 50.0, 30.0)],

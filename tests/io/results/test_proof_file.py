@@ -90,6 +90,7 @@ def test_curved_cells(shared_tmp_path: Path, read: Read) -> None:
 
 
 @pytest.mark.mpi2("2")
+@pytest.mark.long(but=["2"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_bounds_of_a_body(shared_tmp_path: Path, read: Read, dim: int) -> None:
     blocks = read(write_contact_patch, dim=dim, size=0.7)

@@ -126,7 +126,7 @@ def write(problem: Problem, path: Path) -> ResultFolder:
     return folder
 
 
-@pytest.mark.long(but=["1-1-2", "1-2-3", "2-2-3"])
+@pytest.mark.long(but=["1-1-2", "2-2-3"])
 @needs_pyvista
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("order", [1, 2])

@@ -66,7 +66,7 @@ CASES: dict[str, tuple[Callable[[], Problem], float]] = {
 
 
 @pytest.mark.long(but=["space"])
-@pytest.mark.mpi3("space")
+@pytest.mark.mpi2("space")
 @pytest.mark.parametrize(("make", "zeta"), CASES.values(), ids=CASES.keys())
 def test_as_with_active_sets(make: Callable[[], Problem], zeta: float) -> None:
     problem = make()
