@@ -98,6 +98,13 @@ BOLT = re.compile(r"bolt|screw|stud|schraube|vis(_|$)|boulon|tornillo|vite(_|$)|
 NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
 """Patterns of names of bolts and nuts in several languages."""
 
+NUT_ALONE = re.compile(
+    r"^((hex|lock|jam|cap|wing|flange|sechskant)_?)?(nut|mutter|ecrou|tuerca|dado|matice|matka)"
+    r"(_?m?\d+)*$"
+)
+PIN = re.compile(r"(^|_)(pin|dowel|stift|goupille|pipe)(_|$)")
+"""Names that are those of a nut as a whole, such as nut_1, and names of bodies without a thread."""
+
 
 class Glued(Enum):
     """The joints that are glued in a first case."""
@@ -116,10 +123,12 @@ class Glued(Enum):
 def is_thread(joint: Joint) -> bool:
     """Return whether a nut is screwed on the other body of a joint.
 
-    The names of the bodies decide: the other body is a bolt, or the bore of the joint belongs to
-    the nut, whatever the name of the body in it.
+    The names of the bodies decide: the other body is a bolt, or the bore of the joint belongs to a
+    body whose whole name is that of a nut. The body in the bore may then have any name but that of
+    a pin or pipe.
     """
-    return are_bolt_and_nut(*joint.bodies) or NUT.search(joint.bore) is not None
+    around_any = NUT_ALONE.search(joint.bore) and not any(map(PIN.search, joint.bodies))
+    return are_bolt_and_nut(*joint.bodies) or bool(around_any)
 
 
 def are_bolt_and_nut(one: str, other: str) -> bool:
@@ -209,8 +218,9 @@ def first_case(
     options = options or MeshingOptions()
     if glued is Glued.BOLTS and not any(is_thread(joint) for joint in survey.joints):
         raise InputError(
-            "no body named as a bolt touches a body named as a nut; give them names such as "
-            "bolt_1 and nut_1 in the CAD system, or omit --bolted and write [[tie]] in the case."
+            "no body named as a bolt touches a body named as a nut, and no body lies in the bore "
+            "of a nut; give them names such as bolt_1 and nut_1 in the CAD system, or omit "
+            "--bolted and write [[tie]] in the case."
         )
     zero = [0.0] * survey.dim
     text = HEAD.format(

@@ -385,6 +385,7 @@ def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
     # lengths
     enough = 0.95
     found: dict[tuple[int, int], float] = {}
+    factor = gmsh.option.getNumber("Mesh.MeshSizeFactor")  # gmsh multiplies all lengths by it
     for face, missed in missed_areas(dim, parts).items():
         if missed <= EXACT:
             continue
@@ -392,7 +393,7 @@ def finer_arcs(dim: int, parts: Sequence[Part]) -> dict[tuple[int, int], float]:
         for entity in [(dim - 1, face), *((1, int(curve)) for curve in around)]:
             if gmsh.model.getType(*entity) in ("Plane", "Line"):
                 continue
-            finer = math.sqrt(enough * EXACT / missed) * _edge_length(*entity)
+            finer = math.sqrt(enough * EXACT / missed) * _edge_length(*entity) / factor
             found[entity] = min(finer, found.get(entity, finer))
     return found
 

@@ -26,11 +26,13 @@ class Side:
 
     Attributes:
         around: Whether the curve is an arc.
+        straight: Whether gmsh has the curve as a line, which may be a single element.
         low: Smallest angle and position along the axis.
         high: Largest angle and position along the axis.
     """
 
     around: bool
+    straight: bool
     low: tuple[float, float]
     high: tuple[float, float]
 
@@ -100,7 +102,8 @@ def sleeves_of(faces: Iterable[int]) -> list[Sleeve]:
             # all angles are measured in the frame of the first face
             again = [_rectangle(face, on) or {} for face in own]
             together = {curve: side for some in again for curve, side in some.items()}
-            sleeves.append(Sleeve(on, dict(zip(own, map(tuple, again), strict=True)), together))
+            if all(again):
+                sleeves.append(Sleeve(on, dict(zip(own, map(tuple, again), strict=True)), together))
     return sleeves
 
 
@@ -152,8 +155,9 @@ def _side(curve: int, on: Cylinder) -> Side | None:
     near, radius = 10 * ALIKE, abs(on.radius)
     ends = ((float(angle.min()), float(along.min())), (float(angle.max()), float(along.max())))
     if np.ptp(along) <= near * radius:
-        return Side(True, *ends)
-    return Side(False, *ends) if np.ptp(angle) <= near else None
+        return Side(True, False, *ends)
+    straight = gmsh.model.getType(1, curve) == "Line"
+    return Side(False, straight, *ends) if np.ptp(angle) <= near else None
 
 
 @dataclass(frozen=True)
@@ -185,12 +189,14 @@ class Grid:
 
 
 def grid_of(sleeve: Sleeve, counts: dict[int, int]) -> Grid | None:
-    """Return the nodes of a sleeve, or None if its facets would be very unequal.
+    """Return the nodes of a sleeve, or None if its facets would be very unequal or if none exist.
 
     Args:
         sleeve: The sleeve.
         counts: Number of elements that each curve needs.
     """
+    if not min(counts.values(), default=0):
+        return None
     arcs = [(sleeve.sides[c], n) for c, n in counts.items() if sleeve.sides[c].around]
     lines = [(sleeve.sides[c], n) for c, n in counts.items() if not sleeve.sides[c].around]
     near = 10 * ALIKE
@@ -220,7 +226,7 @@ def grid_of(sleeve: Sleeve, counts: dict[int, int]) -> Grid | None:
     for side, n in lines:
         inside = (side.low[1] < middles) & (middles < side.high[1])
         # gmsh divides each spline at least once, even a short straight one
-        dense = n / side.length if n > 2 else 0.0
+        dense = n / side.length if n > 2 or side.straight else 0.0
         closest[inside] = np.maximum(closest[inside], dense)
     rows = np.ceil(heights * closest * (1 - near)).astype(int)
     return Grid(_divided(np.append(angles, angles[0] + TURN), pieces)[:-1], _divided(along, rows))

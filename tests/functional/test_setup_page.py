@@ -906,6 +906,10 @@ def test_what_contact_alone_holds_has_a_remedy(
     assert main(["check", str(case), "--trust"]) == SOLVED
     assert "together leave" not in capsys.readouterr().out
 
+    # a body that only a tie connects to a body that contact holds
+    page.drop(re.sub(r"\[\[(contact|tie)\]\][^\[]*plate[^\[]*bolt_1[^\[]*", "", page.case))
+    page.wait(f"{LEFT}.some((line) => line.includes('neither contact nor tie'))")
+
 
 @pytest.fixture(scope="module")
 def section(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -235,6 +235,11 @@ def test_bolts_with_nuts() -> None:
         (("rod", "bracket"), "bracket", False),
         (("nut_1", "rod"), "", False),
         (("nut_1", "bolt_1"), "", True),
+        (("hex_nut_m8", "rod"), "hex_nut_m8", True),
+        (("nut_1", "cotter_pin"), "nut_1", False),
+        (("nutating_disc", "shaft"), "nutating_disc", False),
+        (("nabe_mit_nut", "welle"), "nabe_mit_nut", False),
+        (("soldado_block", "axle"), "soldado_block", False),
     ],
 )
 def test_a_nut_around_a_rod_is_on_a_thread(

@@ -84,6 +84,21 @@ def test_sizes_in_a_script_apply(from_script: Callable[..., Survey]) -> None:
     assert cells(finer) > 1.5 * cells(plain)
 
 
+def test_a_factor_in_a_script_counts_once_on_arcs(tmp_path: Path) -> None:
+    """Arcs are refined until areas are accurate, to the same lengths with and without a factor."""
+    counts = []
+    for lines in (
+        "Mesh.MeshSizeMax = 0.5;\n",
+        "Mesh.MeshSizeMax = 0.25;\nMesh.MeshSizeFactor = 2;\n",
+    ):
+        path = tmp_path / "hole.geo"
+        hole = "Cylinder(2) = {0.5, 0.5, 0, 0, 0, 1, 0.3};\n"
+        cut = "BooleanDifference{ Volume{1}; Delete; }{ Volume{2}; Delete; }\n"
+        path.write_text(BOX + hole + cut + lines)
+        counts.append(cells(mesh_geometry(path, tmp_path / "hole.msh", trust=True)))
+    assert counts[1] == pytest.approx(counts[0], rel=0.05)
+
+
 def test_a_given_size_replaces_those_in_a_script(from_script: Callable[..., Survey]) -> None:
     found = from_script("Mesh.MeshSizeMax = 0.5;\nMesh.MeshSizeFactor = 3;\n", size=0.25)
     assert cells(found) == cells(from_script("", size=0.25))

@@ -448,11 +448,10 @@ function holdFaults(value, rows, surfaces, drawn, add) {
   const pressed = alone.map((body) => `'${body}'`);
   const some = pressed.length > 4 ? `${pressed.slice(0, 3).join(", ")} and ${pressed.length - 3} more bodies` : pressed.join(", ");
   const touching = bodiesOf("contact");
-  const { primary, secondary } = rows("contact").find((_, k) => touching[k].includes(alone[0]));
   const theirs = rows("contact").filter((_, k) => touching[k].some((body) => alone.includes(body)));
   const bolted = boltedRows(theirs, drawn.joints).length > 0;
   const words = `contact alone holds ${some}, and it stops each motion in one direction only; perfplast check names the rigid motions that are left. Unless loads press the surfaces together, glue ${bolted ? "bolts to their nuts, or another joint" : "a joint"} ([[tie]] instead of [[contact]]), or add a support`;
-  add(["support"], words, true, bolted ? "bolts" : "joint", bolted ? null : [primary, secondary]);
+  add(["support"], words, true, bolted ? "bolts" : "joint", bolted ? null : [theirs[0].primary, theirs[0].secondary]);
 }
 
 /** A field's text as TOML, or the words of what is wrong: `{ toml }` or `{ words }`. */
