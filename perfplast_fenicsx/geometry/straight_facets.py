@@ -1,7 +1,8 @@
-"""Mesh cylindrical joints with facets along the axis, so that the bodies can slide on each other.
+"""Mesh cylindrical joints with facets along the axis, so that bodies can slide along the axis.
 
 Facets of an arbitrary mesh of a cylinder are oblique to its axis. Two bodies with such facets
-interlock: without friction, they still resist sliding along the axis and rotation about it.
+interlock: without friction, they still resist sliding along the axis and rotation about it. Bodies
+with facets along the axis resist only rotation.
 """
 
 import math

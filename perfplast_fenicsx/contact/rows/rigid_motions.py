@@ -248,14 +248,43 @@ class OneSidedMotions:
 
         Collective.
         """
-        gain = self._gain(force)
-        v = self._most(gain, [])
-        if v is None or not gain @ v > AWAY:
+        v = self.away(force)
+        if v is None:
             return None
         return (
-            f"no equilibrium exists: the loads push {self._moving(v)} away from the contact "
+            f"no equilibrium exists: the loads push {self.moving(v)} away from the contact "
             "surface, and no support prevents this motion; add a support, or glue the surfaces"
         )
+
+    def away(self, force: PETSc.Vec, others: Sequence[PETSc.Vec] = ()) -> Floats | None:
+        """Return the motion on which a force does most work, if it does work on any. Collective.
+
+        Args:
+            force: Nodal forces.
+            others: Nodal forces that must not do negative work on the motion.
+
+        Returns:
+            Factors of the columns of ``basis``; None if the force does no work on any motion.
+        """
+        gain = self._gain(force)
+        v = self._most(gain, [self._gain(other) for other in others])
+        return None if v is None or not gain @ v > AWAY else v
+
+    def drive(self, force: PETSc.Vec, v: Floats) -> float:
+        """Return the work of nodal forces on a motion, relative to Σ ‖force‖‖motion‖. Collective.
+
+        Args:
+            force: Nodal forces.
+            v: Factors of the columns of ``basis``.
+        """
+        bodies, owned = self.bodies, self.V.dofmap.index_map.size_local
+        f = force.array_r.reshape(owned, bodies.gdim)
+        each = (self.basis @ v).reshape(bodies.count, bodies.num_modes)[bodies.of_node[:owned]]
+        modes = bodies.rigid_modes(self.V.tabulate_dof_coordinates()[:owned])
+        u = np.einsum("nim,nm->ni", modes, each)
+        sizes = np.linalg.norm(f, axis=1) * np.linalg.norm(u, axis=1)
+        work, most = self.V.mesh.comm.allreduce(np.array([np.sum(f * u), np.sum(sizes)]))
+        return float(work / (most or 1.0))
 
     def warn(self, forces: Sequence[PETSc.Vec]) -> None:
         """Log a warning on bodies that may separate while these forces do no work. Collective."""
@@ -270,7 +299,7 @@ class OneSidedMotions:
             "%s may move away from the contact surface: contact stops this motion in one direction "
             "only, and no load presses the surfaces together, so the position is undetermined; add "
             "a support or a load that presses them, or glue the surfaces",
-            self._moving(v),
+            self.moving(v),
         )
 
     def _gain(self, force: PETSc.Vec) -> Floats:
@@ -324,7 +353,7 @@ class OneSidedMotions:
             rows, room = np.concatenate([rows, new]), np.append(room, np.zeros(len(new)))
         return None
 
-    def _moving(self, v: Floats) -> str:
+    def moving(self, v: Floats) -> str:
         """Return the names of the bodies that take part in a motion."""
         each = np.abs(self.basis @ v).reshape(self.bodies.count, -1).max(axis=1)
         moving = sorted(self.names[body] for body in np.flatnonzero(each > AWAY))
@@ -416,16 +445,11 @@ class FreeMotions:
             "that stops this motion."
         )
 
-    def moved_by(self, forces: Sequence[PETSc.Vec], least: float = 1e-8) -> str:
-        """Return the bodies and motions on which a force does work; "" without any. Collective.
-
-        Args:
-            forces: Nodal forces.
-            least: Smallest work that counts, relative to the work of nodal forces that all act
-                along the motion. The default is above the level of rounding errors.
-        """
+    def moved_by(self, forces: Sequence[PETSc.Vec]) -> str:
+        """Return the bodies and motions on which a force does work; "" without any. Collective."""
         if not self.count:
             return ""
+        least = 1e-8  # smallest relative work that is no rounding error
         drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
         some = np.flatnonzero(drives > least)
         return self.words(some) if some.size else ""

@@ -1,16 +1,22 @@
-"""Find loads that only oblique facets of frictionless cylindrical contact carry.
+"""Find loads that only facets of frictionless cylindrical contact carry.
 
-A body can slide in a smooth bore along the axis, and rotate about it. Facets of an arbitrary mesh
-of the bore are oblique to the axis, so the bodies interlock, and the limit load has no meaning.
+A body can slide in a smooth bore along the axis, and rotate about it. The normals of contact rows
+deviate from the radial direction, because facets are flat, and oblique to the axis in an arbitrary
+mesh. The bodies then interlock, and the limit load has no meaning. If the facets lie along the
+axis, the bodies can slide, but still resist rotation.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from perfplast_fenicsx.arrays import Floats
+from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes
 from perfplast_fenicsx.contact.rows.constraints import (
     Constraints,
@@ -19,24 +25,37 @@ from perfplast_fenicsx.contact.rows.constraints import (
     stacked,
     unknowns,
 )
-from perfplast_fenicsx.contact.rows.rigid_motions import RigidMotions, held_motions
+from perfplast_fenicsx.contact.rows.rigid_motions import (
+    FreeMotions,
+    RigidMotions,
+    held_motions,
+    rigid_jumps,
+)
+from perfplast_fenicsx.contact.surfaces.surface_facets import SHARP
 from perfplast_fenicsx.problem.problem import Problem
 
 NEAR = 1e-5
 """Distance from a cylinder up to which vertices lie on it, relative to its radius; also the
 difference up to which two axes count as equal."""
 
+SLIGHT = 0.05
+"""Angle (degrees) up to which a normal counts as radial, and a facet as parallel to the axis."""
+
+MUCH = 0.05
+"""Smallest relative work that matters; polygons displace the resultant of a load across the
+axis."""
+
 
 @dataclass(frozen=True)
 class FacetedCylinder:
-    """A contact surface whose vertices lie on a cylinder, with facets oblique to the axis.
+    """A contact surface whose vertices lie on a cylinder, with normals that are not all radial.
 
     Attributes:
         source: Number of the contact among the sources of contact rows.
         surfaces: Names of both surfaces.
         axis: Unit vector of the axis.
         centre: A point of the axis.
-        tilt: Largest angle between a facet and the axis (degrees).
+        tilt: Largest angle between a normal and the radial direction (degrees).
     """
 
     source: int
@@ -47,37 +66,170 @@ class FacetedCylinder:
 
 
 def interlocked(problem: Problem) -> str | None:
-    """Return a remark if a load acts on a motion that only oblique facets resist. Collective.
+    """Return a remark if a load acts on a motion that only facets of cylinders resist. Collective.
 
-    The remark names the motion, the contacts and a remedy.
+    Loads are forces and moved supports. The remark names the bodies, a contact and a remedy.
     """
     found = _with_common_axes(faceted_cylinders(problem))
     if not found:
         return None
-    V, bodies = problem.V, problem.bodies
     smooth = _smooth(problem, found)
-    held = stacked(V, [problem.sliding, problem.ties])
-    motions = RigidMotions(V, bodies, problem.fixed, smooth, held)
-    free = held_motions(V, bodies, problem.free.names, motions)
-    for matrix in (smooth.B, held.B, held.shares, held.weights):
-        matrix.destroy()
-    # smallest relative work that matters; polygons displace the resultant of a load across the axis
-    much = 0.05
-    moving = free.moved_by([problem.loads.dead, problem.loads.live], much)
-    if not moving:
+    forces = [problem.loads.dead, problem.loads.live]
+    free = _free(problem, smooth, problem.fixed)
+    moved = (
+        _moved_both_ways(problem, found, free, forces)
+        or _moved_away(problem, found, free, forces)
+        or _moved_by_supports(problem, found, smooth)
+    )
+    smooth.B.destroy()
+    if moved is None:
         return None
-    worst = max(found, key=lambda one: one.tilt)
+    moving, worst = moved
     one, other = worst.surfaces
     return (
-        f"a load moves {moving}, and only facets of cylinders resist this motion: those of "
-        f"'{one}' and '{other}' are up to {worst.tilt:.2g} degrees oblique to the axis. Smooth "
-        "cylinders without friction carry no load here, so the limit load has no meaning: write "
-        "[[tie]] for a thread, give the contact friction, or add a support"
+        f"a load moves {moving}, and only facets of cylinders resist this motion: the normals of "
+        f"'{one}' and '{other}' deviate by up to {worst.tilt:.2g} degrees from the radial "
+        "direction. Smooth cylinders without friction carry no load here, so the limit load has no "
+        "meaning: write [[tie]] for a thread, give the contact friction, or add a support"
     )
 
 
+def _free(problem: Problem, rows: Constraints, fixed: npt.NDArray[np.bool_]) -> FreeMotions:
+    """Return the motions that contact rows, ties, friction and fixed components leave free.
+
+    Collective.
+    """
+    V, bodies = problem.V, problem.bodies
+    held = stacked(V, [problem.sliding, problem.ties])
+    motions = RigidMotions(V, bodies, fixed, rows, held)
+    free = held_motions(V, bodies, problem.free.names, motions)
+    for matrix in (held.B, held.shares, held.weights):
+        matrix.destroy()
+    return free
+
+
+Moved = tuple[str, FacetedCylinder]
+"""Bodies and motions in words, and the contact with the largest tilt that resists them."""
+
+
+def _moved_both_ways(
+    problem: Problem,
+    found: Sequence[FacetedCylinder],
+    free: FreeMotions,
+    forces: Sequence[PETSc.Vec],
+) -> Moved | None:
+    """Return the motions that only cylinders resist, in both directions, and that forces drive.
+
+    Collective.
+    """
+    drives = np.abs([free.drive(force) for force in forces]).max(axis=0)
+    moved, taking = [], []
+    for number in np.flatnonzero(drives > MUCH):
+        resisting = _resisting(problem, found, free.basis[:, number])
+        if resisting:
+            moved.append(number)
+            taking += resisting
+    if not moved:
+        return None
+    return free.words(np.array(moved)), max(taking, key=lambda one: one.tilt)
+
+
+def _moved_away(
+    problem: Problem,
+    found: Sequence[FacetedCylinder],
+    free: FreeMotions,
+    forces: Sequence[PETSc.Vec],
+) -> Moved | None:
+    """Return bodies that a force separates from a contact if cylinders are smooth. Collective.
+
+    The force must do work on the motion, and no other force may do negative work on it.
+    """
+    facets = problem.free.leaving
+    for number, force in enumerate(forces):
+        others = [*forces[:number], *forces[number + 1 :]]
+        v = free.leaving.away(force, others)
+        if (
+            v is None
+            or free.leaving.drive(force, v) <= MUCH
+            or facets.away(force, others) is not None
+        ):
+            continue
+        resisting = _resisting(problem, found, free.leaving.basis @ v)
+        if resisting:
+            return free.leaving.moving(v), max(resisting, key=lambda one: one.tilt)
+    return None
+
+
+def _moved_by_supports(
+    problem: Problem, found: Sequence[FacetedCylinder], smooth: Constraints
+) -> Moved | None:
+    """Return rigid motions with the displacements of supports that only cylinders resist.
+
+    Collective.
+    """
+    u = problem.motion.displacement_at(1.0)[: problem.V.dofmap.index_map.size_local].ravel()
+    if not problem.motion.moves_supports:
+        return None
+    at_rest = problem.fixed & ~(problem.motion.displacement != 0).any(axis=0)
+    free, facets = (_free(problem, rows, at_rest) for rows in (smooth, problem.constraints))
+    factors, differs = _following(problem, free, u)
+    small = 1e-6  # relative difference from rigid motions that counts as none
+    if differs > small or _following(problem, facets, u)[1] <= small:
+        return None
+    resisting = _resisting(problem, found, free.basis @ factors)
+    if not resisting:
+        return None
+    taking = np.flatnonzero(np.abs(factors) > small * np.abs(factors).max())
+    return free.words(taking), max(resisting, key=lambda one: one.tilt)
+
+
+def _following(problem: Problem, free: FreeMotions, u: Floats) -> tuple[Floats, float]:
+    """Return factors of the motions closest to moved supports, and the difference. Collective.
+
+    The difference is relative to the displacements of supports.
+
+    Args:
+        problem: The problem.
+        free: The motions.
+        u: Displacements of supports at the unknowns of this rank, 0 at other unknowns.
+    """
+    moved = u != 0
+    F, comm = free.at_nodes[moved].toarray(), problem.comm
+    gram, work = comm.allreduce(F.T @ F), comm.allreduce(F.T @ u[moved])
+    factors = np.linalg.lstsq(gram, work, rcond=1e-10)[0]
+    squares = np.array([np.sum((u[moved] - F @ factors) ** 2), np.sum(u**2)])
+    rest, all_of = comm.allreduce(squares)
+    return factors, float(np.sqrt(rest / (all_of or 1.0)))
+
+
+def _resisting(
+    problem: Problem, found: Sequence[FacetedCylinder], motion: Floats
+) -> list[FacetedCylinder]:
+    """Return the cylinders whose contact rows a rigid motion opens or closes. Collective.
+
+    Args:
+        problem: The problem.
+        found: The cylinders.
+        motion: Coefficients of the rigid motions of all bodies.
+    """
+    rows = problem.constraints
+    jumps = np.abs(rigid_jumps(problem.V, problem.bodies, rows.B) @ motion)
+    largest = [
+        problem.comm.allreduce(float(jumps[rows.surface == one.source].max(initial=0)), MPI.MAX)
+        for one in found
+    ]
+    rounding = 1e-9  # jumps up to this value, in motions of unit size, count as zero
+    small = 1e-3  # jumps below this fraction of the largest jump do not resist a motion
+    least = max(rounding, small * max(largest))
+    return [one for one, most in zip(found, largest, strict=True) if most > least]
+
+
 def faceted_cylinders(problem: Problem) -> list[FacetedCylinder]:
-    """Return the frictionless contacts on cylinders with oblique facets. Collective."""
+    """Return the frictionless contacts on cylinders whose normals are not all radial. Collective.
+
+    The edges of a prism with few sides also lie on a cylinder. If the facets are parallel to the
+    axis, a surface whose facets meet at more than 40° is such a prism.
+    """
     if problem.bodies.gdim != 3 or coordinate_map(problem.tagged_mesh.mesh).degree != 1:
         return []
     names = [source.name for source in problem.constraints.sources]
@@ -90,13 +242,46 @@ def faceted_cylinders(problem: Problem) -> list[FacetedCylinder]:
         fitted = _fitted(corners)
         if fitted is None:
             continue
-        axis, centre = fitted
-        tilt = float(np.degrees(np.arcsin(np.abs(_normals(corners)[0] @ axis).max())))
-        slight = 0.05  # tilt (degrees) that counts as none
-        if tilt > slight:
-            surfaces = (contact.primary, contact.secondary)
-            found.append(FacetedCylinder(names.index(name), surfaces, axis, centre, tilt))
+        surfaces = (contact.primary, contact.secondary)
+        one = FacetedCylinder(names.index(name), surfaces, *fitted, 0.0)
+        rows, radial = _radial(problem, one)
+        cosines = np.einsum("ni,ni->n", problem.constraints.normal[rows], radial)
+        apart = np.arccos(np.minimum(cosines, 1.0)).max(initial=0)
+        tilt = float(np.degrees(problem.comm.allreduce(apart, MPI.MAX)))
+        if tilt > SLIGHT and not _is_prism(corners, one):
+            found.append(replace(one, tilt=tilt))
     return found
+
+
+def _radial(problem: Problem, one: FacetedCylinder) -> tuple[Longs, Floats]:
+    """Return the contact rows on a cylinder, and radial unit vectors along their normals.
+
+    Rows at a flat end of the cylinder are omitted: their normals are far from radial.
+    """
+    constraints, x = problem.constraints, problem.V.tabulate_dof_coordinates()
+    rows = np.flatnonzero(constraints.surface == one.source)
+    out = x[constraints.host[rows]] - one.centre
+    out -= (out @ one.axis)[:, None] * one.axis
+    length = np.linalg.norm(out, axis=1, keepdims=True)
+    out = np.divide(out, length, out=np.zeros_like(out), where=length > 0)
+    along = np.einsum("ni,ni->n", constraints.normal[rows], out)
+    mostly = 0.7  # smallest cosine of the angle between a normal on the cylinder and its radius
+    kept = np.abs(along) >= mostly
+    return rows[kept], np.sign(along[kept])[:, None] * out[kept]
+
+
+def _is_prism(corners: Floats, one: FacetedCylinder) -> bool:
+    """Return whether facets are parallel to the axis, and meet at angles like those of a prism."""
+    normals = np.abs(_normals(corners)[0] @ one.axis)
+    mostly = 0.7  # largest axial component of the normal of a facet that is not at a flat end
+    around = normals < mostly
+    if np.degrees(np.arcsin(normals[around].max(initial=0))) > SLIGHT:
+        return False
+    out = corners[around] - one.centre
+    out -= (out @ one.axis)[:, :, None] * one.axis
+    out /= np.linalg.norm(out, axis=2, keepdims=True)
+    widest = np.einsum("fci,fdi->fcd", out, out).min(initial=1.0)
+    return bool(widest < SHARP)
 
 
 def _corners(problem: Problem, surface: str) -> Floats:
@@ -179,13 +364,10 @@ def _smooth(problem: Problem, found: Sequence[FacetedCylinder]) -> Constraints:
     row, column, value = entries_of(constraints.B)
     radial = constraints.normal.copy()
     on = np.zeros(len(radial), dtype=np.bool_)
-    x = V.tabulate_dof_coordinates()[constraints.host]
     for one in found:
-        own = constraints.surface == one.source
-        out = x[own] - one.centre
-        out -= (out @ one.axis)[:, None] * one.axis
-        radial[own] = out / np.linalg.norm(out, axis=1)[:, None]
-        on |= own
+        own, radial_there = _radial(problem, one)
+        radial[own] = radial_there
+        on[own] = True
     node, component = np.divmod(column, 3)
     sizes, total = unknowns(V), unknowns(V)[1] // 3
     pairs, number = np.unique(row * total + node, return_inverse=True)
