@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balls import Balls, U, crossed, upwards
+from perfplast_fenicsx.proof.balls import Balls, U, crossed, norms_of, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import across_of, bare_ends, pieces_of, tree_of
@@ -101,8 +101,8 @@ def cost_of(
         return Cost(lost, reason)
     pushed = np.zeros(len(lost))
     np.add.at(pushed, body.outer // (body.dim + 1), pushes)
-    cells = np.arange(len(lost))
-    on_sides = acting.on_sides + acting.mapped(cells, np.zeros((len(lost), body.dim)), pushed)
+    cells, none = np.arange(len(lost)), np.zeros((len(lost), body.dim))
+    on_sides = acting.on_sides + acting.mapped(cells, none, pushed)
     passed = _passed(body, shapes, acting, pushed, ends)
     if passed is None:
         return Cost(lost, "cells touch others only where ground without cohesion has no stress")
@@ -110,8 +110,8 @@ def cost_of(
     of_facets, of_force = (
         np.where(curved, *of) for of in zip(QUADRATIC, SIZE[body.dim], strict=True)
     )
-    within = acting.mapped(cells, left.cells.mid, left.cells.distances())
-    inside = upwards(of_facets * (on_sides + passed) + of_force * within)
+    within = acting.mapped(cells, left.cells.mid, left.cells.distances()) * of_force
+    inside = upwards(of_facets * (on_sides + passed) + within)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         stretch = stretches_of(body) ** 2 / (acting.volumes / VOLUME[body.dim])
         size = np.where(inside == 0, 0.0, upwards(stretch) * inside)
@@ -143,12 +143,12 @@ class _Acting:
         self.mapped = to_regular(shapes, self.volumes).sizes
         self.pieces = np.unique(pieces_of(body), return_inverse=True)[1].ravel()
         self.middles = x.mean(axis=1)
-        self.extents = np.linalg.norm(x - self.middles[:, None], axis=2).max(axis=1)
+        self.extents = norms_of(x - self.middles[:, None]).max(axis=1)
         self.on_sides = np.zeros(count)
         self.forces, self.moments = left.cells.mid.copy(), np.zeros((count, 2 * d - 3))
         pulls = left.cells.norms()
         rounded = 16 * U * np.abs(x).max(axis=(1, 2))
-        self.errors = np.stack([np.linalg.norm(left.cells.rad, axis=1), pulls * rounded])
+        self.errors = np.stack([norms_of(left.cells.rad), pulls * rounded])
         self.errors[0] += 4 * U * pulls
         self._put(body, body.outer, body.facets, left.outer)
         one, other = body.sides[0].T
@@ -219,9 +219,9 @@ class _Acting:
         off = upwards(errors[:, :d].sum(axis=1)), upwards((errors[:, d:] * extents).sum(axis=1))
         cells = body.outer[facets] // (d + 1)
         arms = plates.centres[of] - self.middles[cells]
-        size, turn = (np.linalg.norm(part, axis=1) for part in (forces, turns))
+        size, turn = (norms_of(part) for part in (forces, turns))
         far = np.abs(plates.centres[of]).max(axis=1) + np.abs(self.middles[cells]).max(axis=1)
-        far = upwards(np.linalg.norm(arms, axis=1)) + 8 * U * far
+        far = upwards(norms_of(arms)) + 8 * U * far
         np.add.at(self.forces, cells, forces)
         np.add.at(self.moments, cells, turns + moments(arms, forces))
         np.add.at(self.errors[0], cells, off[0] + 8 * U * size)
@@ -256,10 +256,10 @@ class _Acting:
         (facets, of), (size, turn, off) = at, wrench
         x = body.vertices[body.facets[facets]]
         middle = x.mean(axis=1)
-        arms = np.linalg.norm(x - middle[:, None], axis=2)
+        arms = norms_of(x - middle[:, None])
         area = body.areas[facets] * (1 - 1e-9)
         bends = bends_of(body.dim, arms, area)
-        reach = np.linalg.norm(plates.centres[of] - middle, axis=1)
+        reach = norms_of(plates.centres[of] - middle)
         reach = reach + 16 * U * np.abs(x).max(axis=(1, 2), initial=0.0)
         force = size + off[0]
         return upwards(force + (turn + off[1] + force * reach) * bends * (1 + 1e-9))
@@ -277,8 +277,8 @@ class _Acting:
         turns = moments(arms.reshape(-1, d), spread.reshape(-1, d))
         np.add.at(self.forces, cells, mid.mean(axis=1))
         np.add.at(self.moments, cells, turns.reshape(len(cells), d, 2 * d - 3).sum(axis=1))
-        size = np.linalg.norm(tractions.size, axis=2).mean(axis=1)
-        off = np.linalg.norm(tractions.rad + np.abs(tractions.low), axis=2).mean(axis=1)
+        size = norms_of(tractions.size).mean(axis=1)
+        off = tractions.distances().mean(axis=1)
         off += 32 * U * size
         np.add.at(self.errors[0], cells, off)
         far = self.extents[cells] + np.abs(body.vertices[vertices]).max(axis=(1, 2)) * 4 * U
@@ -323,7 +323,7 @@ def _passed(
     force_errors, turn_errors = acting.errors.copy()
     force_errors += pushed
     turn_errors += pushed * acting.extents
-    sizes = np.linalg.norm(forces, axis=1) + force_errors  # sums of magnitudes
+    sizes = norms_of(forces) + force_errors  # sums of magnitudes
     away = np.flatnonzero(back >= 0)
     ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
     middles = acting.middles.copy()  # middles of facets towards the root
@@ -331,10 +331,12 @@ def _passed(
     vectors = shapes.areas[away, back[away] % wide]
     least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
     area = np.maximum(least * (1 - 1e-12), np.finfo(float).tiny)
-    normals, tilts = np.zeros((count, d)), np.zeros(count)  # unit normals, and their errors
-    normals[away], tilts[away] = vectors.mid / area[:, None], vectors.distances() / area + 8 * U
+    # In 2D, the tractions of a moment are normal to the facet; in 3D they have any direction.
+    normals, tilts = np.zeros((count, d)), np.ones(count)  # unit normals, and their errors
+    if d == 2:
+        normals[away], tilts[away] = vectors.mid / area[:, None], vectors.distances() / area + 8 * U
     bends = np.zeros(count)  # traction times area for a unit moment
-    arms = np.linalg.norm(ends - middles[away][:, None], axis=2)
+    arms = norms_of(ends - middles[away][:, None])
     bends[away] = bends_of(d, arms, area)
     shift = acting.middles - middles
     rounded = 32 * U * np.abs(x).max(axis=(1, 2))
@@ -343,21 +345,18 @@ def _passed(
         # moments about the middle of the facet towards the root
         turns[cells] += moments(shift[cells], forces[cells])
         force_errors[cells] += 8 * U * sizes[cells]
-        force = np.linalg.norm(forces[cells], axis=1) + force_errors[cells]
-        arm = np.linalg.norm(shift[cells], axis=1) + rounded[cells]
+        force = norms_of(forces[cells]) + force_errors[cells]
+        arm = norms_of(shift[cells]) + rounded[cells]
         turn_errors[cells] += force_errors[cells] * arm + rounded[cells] * sizes[cells]
-        turn = np.linalg.norm(turns[cells], axis=1)
+        turn = norms_of(turns[cells])
         turn_errors[cells] += 32 * U * (turn + force * arm)
         bending = (turn + turn_errors[cells]) * bends[cells]
         step = middles[cells] - acting.middles[towards]
-        arm = np.linalg.norm(step, axis=1) + rounded[cells] + rounded[towards]
+        arm = norms_of(step) + rounded[cells] + rounded[towards]
         for side in (cells, towards):
             passed = acting.mapped(side, forces[cells], force_errors[cells])
-            if d == 2:  # the tractions of a moment are normal to the facet
-                by = bending[:, None] * normals[cells]
-                passed += acting.mapped(side, by, bending * tilts[cells])
-            else:
-                passed += acting.mapped(side, 0 * forces[cells], bending)
+            by = bending[:, None] * normals[cells]
+            passed += acting.mapped(side, by, bending * tilts[cells])
             np.add.at(found, side, times[back[cells]] * passed)
         np.add.at(sizes, towards, sizes[cells])
         np.add.at(forces, towards, forces[cells])
@@ -452,6 +451,8 @@ def exerted_of(
     """
     (mid, rad), (weights, most), (missing, errors) = rows, limits, without
     columns = mid.shape[1]
+    if not (np.isfinite(missing).all() and np.isfinite(errors).all()):
+        return None, TOO_LARGE
     active = (np.abs(missing) + errors > 0).ravel()
     if not active.any():
         return np.zeros(columns), None
@@ -462,7 +463,7 @@ def exerted_of(
     mid, rad = (part[kept] * weights for part in (mid, rad))
     # Contact near slip can exert only small forces, but supports can exert large forces. Therefore
     # rows are scaled to similar sizes by powers of 2, which causes no rounding error.
-    size = np.linalg.norm(mid, axis=1)
+    size = norms_of(mid)
     scale = 2.0 ** -np.round(np.log2(np.where(size > 0, size, 1.0)))
     mid, rad = mid * scale[:, None], rad * scale[:, None]
     gram = mid @ mid.T
@@ -535,12 +536,12 @@ def _missing(body: Body, acting: _Acting, about: tuple[Floats, Floats]) -> tuple
     forces, turning = np.zeros((count, d)), np.zeros((count, 2 * d - 3))
     np.add.at(forces, pieces, acting.forces)
     np.add.at(turning, pieces, turns)
-    size = np.linalg.norm(acting.forces, axis=1)
-    reach = np.linalg.norm(arms, axis=1) + acting.extents
+    size = norms_of(acting.forces)
+    reach = norms_of(arms) + acting.extents
     rounded = 4 * U * (np.bincount(pieces).max() + 16)
     far = 16 * U * np.abs(body.vertices[body.cells]).max(axis=(1, 2))
     off = acting.errors[0] + rounded * size
-    sizes = size * reach + np.linalg.norm(acting.moments, axis=1)
+    sizes = size * reach + norms_of(acting.moments)
     turned_off = acting.errors[1] + acting.errors[0] * reach + rounded * sizes + far * size
     errors = np.zeros((count, 3 * (d - 1)))
     errors[:, :d] = np.bincount(pieces, weights=off, minlength=count)[:, None]

@@ -31,6 +31,15 @@ def upwards(values: Floats, terms: int = 16) -> Floats:
     return np.asarray(values * (1 + 4 * terms * U))
 
 
+def norms_of(vectors: Floats) -> Floats:
+    """Return Euclidean norms along the last axis; at least 1e-150 for a vector that is not zero.
+
+    Squares of numbers below 1e-150 may underflow.
+    """
+    found = np.sqrt((vectors**2).sum(axis=-1))
+    return np.asarray(np.where((vectors != 0).any(axis=-1), np.maximum(found, 1e-150), found))
+
+
 @dataclass(frozen=True)
 class Balls:
     """Numbers that differ from ``mid + low`` by at most ``rad``.
@@ -67,11 +76,11 @@ class Balls:
 
     def norms(self) -> Floats:
         """Return upper bounds on the Euclidean norms along the last axis."""
-        return upwards(np.sqrt((self.size**2).sum(axis=-1)))
+        return upwards(norms_of(self.size))
 
     def distances(self) -> Floats:
         """Return upper bounds on the distances of vectors from ``mid``, along the last axis."""
-        return upwards(np.linalg.norm(self.rad + np.abs(self.low), axis=-1))
+        return upwards(norms_of(self.rad + np.abs(self.low)))
 
     def each(self, change: Callable[[Floats], Any]) -> "Balls":
         """Return the numbers after applying ``change`` to each of their three parts."""

@@ -81,13 +81,15 @@ def number_of(name: str, values: Any) -> float:
     """Return the value of a stored number as a float.
 
     Raises:
-        ProofError: If the value is not one finite real number.
+        ProofError: If the value is not one finite real number, or if it is beyond 1e60 or below
+            1e-60.
     """
     array = np.asarray(values)
     if array.shape != () or array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
         raise ProofError(f"{name} is not a single real number.")
     if not np.isfinite(array):
         raise ProofError(f"{name} is not finite.")
+    check_sizes(name, abs(float(array)))
     return float(array)
 
 

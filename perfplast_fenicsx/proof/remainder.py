@@ -15,7 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balls import Balls, U, contracted, crossed, put, stacked, upwards
+from perfplast_fenicsx.proof.balls import (
+    Balls,
+    U,
+    contracted,
+    crossed,
+    norms_of,
+    put,
+    stacked,
+    upwards,
+)
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.touching import Touching, obstacles_of, touching
@@ -127,13 +136,13 @@ class ToRegular:
             forces: Forces, shape (n, ..., d).
             off: Bounds on the errors of the forces, shape (n, ...).
         """
-        size = np.linalg.norm(forces, axis=-1)
+        size = norms_of(forces)
         errors, norms = (
             of[cells].reshape(-1, *(1,) * (off.ndim - 1)) for of in (self.errors, self.norms)
         )
         with np.errstate(invalid="ignore", over="ignore"):
             mapped = np.einsum("nij,n...j->n...i", self.maps[cells], forces)
-            found = np.linalg.norm(mapped, axis=-1) + errors * size + norms * off
+            found = norms_of(mapped) + errors * size + norms * off
         found = np.where((size == 0) & (off == 0), 0.0, found)
         return upwards(np.where(np.isnan(found), np.inf, found))
 

@@ -273,7 +273,7 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
         near = np.where(touches, np.minimum(some, radii.mean(axis=1)) / 2, some)
         size = section / near + radial / acting.volumes
     rounding = 1e-9
-    return np.where(inside > 0, np.where(np.isnan(size), np.inf, size * (1 + rounding)), 0.0)
+    return np.where(inside == 0, 0.0, np.where(np.isnan(size), np.inf, size * (1 + rounding)))
 
 
 def _passed(body: Body, acting: _Acting, pushes: Floats) -> Floats:

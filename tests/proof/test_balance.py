@@ -5,7 +5,7 @@ The bodies are single cells with known limits: strips, columns and blocks in con
 
 from collections.abc import Callable
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 import numpy.typing as npt
@@ -240,6 +240,61 @@ def test_a_small_gap_of_balance_costs_little_and_is_told() -> None:
     assert 1e-7 < 1 - less.reached / 2.0 < 1e-4
     them["factor"], them["bound"] = them["bound"], np.array(less.reached)
     assert check_lower(them).proven == less.reached
+
+
+def cubes(edge: float, strength: float) -> Arrays:
+    """Return three cubes in a row without stress, which two elastic cells at the ends pull apart.
+
+    Args:
+        edge: Edge of the cubes.
+        strength: Shear strength of the cube in the middle; the others are elastic.
+    """
+    places: dict[tuple[int, ...], int] = {}
+
+    def number(*place: int) -> int:
+        return places.setdefault(place, len(places))
+
+    cells = []
+    for first in range(3):
+        for axes in permutations(range(3)):
+            corners = [number(first, 0, 0)]
+            place = [first, 0, 0]
+            for axis in axes:
+                place[axis] += 1
+                corners.append(number(*place))
+            cells.append(corners)
+    sides = [tuple(sorted(set(cell) - {one})) for cell in cells for one in cell]
+    facets = np.array([side for side in dict.fromkeys(sides) if sides.count(side) == 1])
+    force = np.zeros((len(cells), 3))
+    force[0, 0], force[12, 0] = -strength / edge, strength / edge
+    deviator = np.eye(6)
+    deviator[:3, :3] -= 1 / 3
+    return {
+        "vertices": edge * np.array(list(places), dtype=float),
+        "cells": np.array(cells),
+        "cone": np.where(np.arange(len(cells)) // 6 == 1, 0, -1),
+        "cone_bound": np.array([RADIUS * strength]),
+        "cone_slope": np.zeros((1, 6)),
+        "cone_matrix": deviator[None],
+        "cone_sine": np.full(1, np.nan),
+        "body_force": force,
+        "facets": facets,
+        "surface": np.zeros(len(facets), dtype=int),
+        "held": np.zeros((len(facets), 3), dtype=np.uint8),
+        "traction": np.zeros((len(facets), 3, 3)),
+        "contacts": np.zeros((0, 2), dtype=int),
+        "obstacles": np.zeros(0, dtype=int),
+        "obstacle_normals": np.zeros((0, 3)),
+        "stress": np.zeros((len(cells), 4, 3, 3)),
+        "bound": np.array(16384.0),
+    }
+
+
+@pytest.mark.parametrize(("edge", "strength"), [(1.0, 1.0), (2.0**-185, 2.0**-193)])
+def test_forces_whose_squares_underflow(edge: float, strength: float) -> None:
+    """The factor is below 12 because of a shear plane at 45 degrees, in any unit."""
+    reached = check_lower(cubes(edge, strength)).reached
+    assert reached is None or reached < 12
 
 
 def test_a_residual_of_slender_cells_costs_the_square_of_their_slenderness() -> None:

@@ -287,6 +287,8 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "bound nan": (low(put("bound", (), np.nan)), "not finite"),
     "bound infinite": (low(put("bound", (), np.inf)), "not finite"),
     "upper bound infinite": (high(put("bound", (), np.inf)), "not finite"),
+    "bound huge": (low(put("bound", (), 1e61)), "1e-60 to 1e60"),
+    "upper bound tiny": (high(put("bound", (), 1e-61)), "1e-60 to 1e60"),
     "bound negative": (high(times("bound", -1.0)), "negative"),
     "two bounds": (low(make("bound", lambda a: np.array([a, a]))), "single real"),
     "no bound": (low(drop("bound")), "bound is missing"),

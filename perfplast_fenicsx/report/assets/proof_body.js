@@ -43,8 +43,9 @@ function bodyOf(A) {
     ...body.loads.flatMap((kind) => LOADS.map((name) => kind[name]))];
   for (const values of numbers) {
     if (!values.every(Number.isFinite)) refuse("some data are not finite");
-    if (largest(values) > 1e60) refuse("some data are larger than 1e60");
+    checkSizes(largest(values));
   }
+  Object.values(A.numbers).forEach((y) => checkSizes(Math.abs(y)));
   const all = (values, test, words) => { if (!values.every(test)) refuse(words); };
   const count = x.shape[0];
   for (const of of [body.cells, body.facets]) {

@@ -85,6 +85,11 @@ const axesOf = (d) => range(d).map((i) => range(d).map((k) => (i === k ? 1n : 0n
 const pairsOf = (d) => range(d).flatMap((i) => range(d).slice(i + 1).map((j) => [i, j]));
 const range = (n) => (n < 16 ? (few[n] ??= Object.freeze(count(n))) : count(n));
 
+/** Refuse numbers so large or so small that products of several may overflow or underflow. */
+function checkSizes(size) {
+  if (size !== 0 && !(size >= 1e-60 && size <= 1e60)) refuse("some data are outside the range 1e-60 to 1e60");
+}
+
 /** Eigenvalues of a symmetric matrix, and its eigenvectors in columns, by Jacobi rotations. */
 function eigen(matrix) {
   const n = matrix.length, a = matrix.map((row) => [...row]);

@@ -576,7 +576,7 @@ function ofCell(body, left, c) {
   const [ofSides, ofForce] = OF_STRESS[curved ? "rings" : body.d], [large] = body.stretch[c];
   const regular = body.volume[c] / (body.d === 2 ? Math.sqrt(3) / 4 : Math.SQRT2 / 12);
   const inside = ofSides * left.onSides[c] + ofForce * left.within[c];
-  return inside > 0 ? (large * large * inside * UP) / regular : 0;
+  return inside === 0 ? 0 : (large * large * inside * UP) / regular;
 }
 
 /** The same around an axis, where radial forces in the cell balance it as a plane body. */
@@ -589,7 +589,7 @@ function ofRing(body, left, c) {
   const turn = ((sides + within) * extent) / spread,
     radial = sides + turn * Math.max(...heights.map(Math.abs));
   const inside = ofSides * sides + ofForce * (within + radial), [large, inverse] = body.stretch[c];
-  if (!(inside > 0)) return 0;
+  if (inside === 0) return 0;
   const some = Math.min(...r.filter((y) => y > 0)), near = r.includes(0) ? Math.min(some, mean(r)) / 2 : some;
   const section = (large * large * inverse * inside) / (body.volume[c] / (Math.sqrt(3) / 4));
   return (section / near + radial / body.volume[c]) * UP;
