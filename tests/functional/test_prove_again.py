@@ -18,6 +18,7 @@ from tests.functional.test_random_statements import HINGED
 from tests.limit_analysis.test_rigid_blocks import pushed
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
+from tests.proof.test_balance import strip
 from tests.proof.test_blocks import in_space
 from tests.proof.test_forged_halves import finer
 from tests.proof.test_random_edits import KINDS, OF_BODIES, OF_PROOFS, edit
@@ -206,6 +207,18 @@ def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -
         found = checker(path)
         assert first_refuses(path, kind), (kind, change)
         assert "fault" in found[kind], (kind, change, found)
+
+
+def test_cells_of_very_unlike_sizes(tmp_path: Path, checker: Checker) -> None:
+    """The largest cell is 1e9 times as long as the smallest one."""
+    them = strip(1.0, 30)
+    x = 2.0 ** -np.arange(31.0)
+    them["vertices"] = np.concatenate([np.column_stack([x, 0 * x]), np.column_stack([x, x])])
+    them["traction"][-1, :, 0] = 1.0
+    them["bound"] = np.array(0.0)
+    path = write(tmp_path / "wedge.h5", {"lower": them})
+    assert first_bounds(path) == [0.0]
+    assert checker(path)["lower"] == {"claimed": 0, "proven": 0}
 
 
 def test_the_numbers_that_are_checked_are_hashed(

@@ -257,26 +257,27 @@ const boxOfPoints = (points) => [0, 1].map((end) => range(points[0].length).map(
 /** Boxes, sorted into grids of their size, so that boxes near another box are found quickly. */
 class Grid {
   constructor(boxes) {
-    Object.assign(this, { boxes, at: new Map(), levels: new Set(), tries: 0 });
+    Object.assign(this, { boxes, at: new Map(), levels: new Map(), tries: 0 }); // boxes of each level
     boxes.forEach((box, i) => {
       const level = Math.ceil(Math.log2(Math.max(...box[1].map((y, k) => y - box[0][k]))));
-      this.levels.add(level);
+      (this.levels.get(level) ?? this.levels.set(level, []).get(level)).push(i);
       this.places(box, level, (at) => (this.at.get(at) ?? this.at.set(at, []).get(at)).push(i));
     });
   }
 
-  places([low, high], level, visit) {
+  /** Visit the places of a box in the grid of a level; return false if there are more than `most`. */
+  places([low, high], level, visit, most = Infinity) {
     const [a, b] = [low, high].map((p) => p.map((y) => Math.floor(y / 2 ** level)));
+    if (a.reduce((product, y, k) => product * (b[k] - y + 1), 1) > most) return false;
     for (let i = a[0]; i <= b[0]; i++) for (let j = a[1]; j <= b[1]; j++) {
       for (let k = a[2] ?? 0; k <= (b[2] ?? 0); k++) visit(`${level},${i},${j},${k}`);
     }
+    return true;
   }
 
   /** Visit the numbers of the boxes that intersect a box. */
   near(box, visit) {
-    const seen = new Set();
-    for (const level of this.levels) this.places(box, level,
-      (at) => (this.at.get(at) ?? [-1]).forEach((i) => {
+    const seen = new Set(), test = (i) => {
       if (++this.tries > 2e7) {
         refuse("there are too many neighbouring cells for this checker to test them for overlap");
       }
@@ -285,7 +286,10 @@ class Grid {
       if (box[0].some((y, k) => y > this.boxes[i][1][k]) ||
         box[1].some((y, k) => y < this.boxes[i][0][k])) return;
       visit(i);
-    }));
+    };
+    for (const [level, own] of this.levels) { // a large box has more places in a fine grid than boxes are there
+      if (!this.places(box, level, (at) => (this.at.get(at) ?? [-1]).forEach(test), own.length)) own.forEach(test);
+    }
   }
 }
 
