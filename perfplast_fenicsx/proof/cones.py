@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from perfplast_fenicsx.proof import parabola
-from perfplast_fenicsx.proof.balls import U
+from perfplast_fenicsx.proof.balls import U, norms_of
 from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes
 from perfplast_fenicsx.proof.principal import (
     check_principal,
@@ -137,7 +137,8 @@ class Cones:
             np.abs(part).max(axis=tuple(range(1, part.ndim)), initial=0.0)
             for part in (self.slope, self.matrix)
         ]
-        check_sizes("a cone", np.max([self.bound, *sizes], axis=0))
+        for part in (self.bound, *sizes):
+            check_sizes("a cone", part)
         Cones(*(part[~self.is_pointwise] for part in vars(self).values()))._check_quadratic()
 
     def _check_quadratic(self) -> None:
@@ -300,8 +301,7 @@ class Cones:
         pull = np.where(self.grows & ~self.is_curved, self._pull, 1.0)[at, None]
         heads: Floats = free / pull
         rest = rates - heads[..., None] * self.slope[at][:, None]
-        sizes = np.linalg.norm(np.einsum("cij,cvj->cvi", self._back[at], rest), axis=2)
-        return heads, sizes
+        return heads, norms_of(np.einsum("cij,cvj->cvi", self._back[at], rest))
 
     def linear_power(self, at: Longs, rates: Floats) -> Floats:
         """Return the dissipation c max(z, ‖y‖) per volume, which is linear in admissible rates."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balls import Balls, U, upwards
+from perfplast_fenicsx.proof.balls import Balls, U, norms_of, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.mechanism import Mechanism
@@ -77,8 +77,9 @@ def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
     traces = [gradients[:, :, i, i] for i in range(d)]
     change = sum(traces[1:], start=traces[0])
     values = mid + low
-    errors = np.sqrt((rad**2).sum(axis=(2, 3))).max(axis=1)
-    errors = upwards(errors + 8 * U * np.sqrt((values**2).sum(axis=(2, 3))).max(axis=1))
+    count = len(mid)
+    errors, sizes = (norms_of(of.reshape(count, d + 1, -1)).max(axis=1) for of in (rad, values))
+    errors = upwards(errors + 8 * U * sizes)
     one = np.ones(len(body.cells))
     if not body.is_revolved:
         return Rates(vectors(values), errors, change, one, one)
@@ -141,7 +142,7 @@ def dissipated(body: Body, rates: Rates) -> Dissipated:
     """Return the dissipation of plastic cells."""
     cones, plastic = body.cones, body.plastic
     at, values = body.cone[plastic], rates.values[plastic]
-    sizes = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+    sizes = norms_of(values).max(axis=1, initial=0.0)
     short = np.full(len(body.cells), -np.inf)
     grows = cones.grows[at]
     lacking = cones.short(at[grows], values[grows])
@@ -172,7 +173,9 @@ def _in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, int]:
         squares = np.zeros((len(cells), len(points)))
         for component in sizes.transpose(2, 0, 1):
             squares += (component @ points.T) ** 2
-        total += float(np.einsum("cp,cp->", np.sqrt(squares), strength[cells] @ shares.T))
+        least = 1e-150 * (sizes != 0).any(axis=(1, 2))[:, None]  # squares of less may underflow
+        powers = np.maximum(np.sqrt(squares), least)
+        total += float(np.einsum("cp,cp->", powers, strength[cells] @ shares.T))
         total += _of_linear(along, strength[cells])
     some = np.flatnonzero(~linear & principal)
     parts = -(-len(some) * len(points) // (100 * at_once))
@@ -207,7 +210,7 @@ def _of_rings_in_all(body: Body, plastic: Flags, rates: Floats) -> tuple[float, 
         powers[some] = cones.principal_power(at[some], q[some])
         some = ~linear & ~principal
         convex, along = cones.convex_power(at[some], q[some])
-        powers[some] = np.linalg.norm(convex, axis=2) + along
+        powers[some] = norms_of(convex) + along
         shares = over_radius(radii @ part.T, np.full(len(radii), 1 / len(parts)))
         total += float(np.einsum("ci,ci->", shares, powers))
     return total, len(rates) + len(parts)

@@ -24,6 +24,9 @@ NUMBERS = (
 )
 """Names of numbers that a half stores as attributes."""
 
+SHAPING = ("vertices", "velocity", "a cone")
+"""Names of numbers whose products with several others may have squares that underflow."""
+
 FLAGS = ("held", "rigid_held", "revolved", "cell_kept", "contact_kept", "obstacle_kept")
 
 
@@ -69,12 +72,16 @@ def check_sizes(name: str, sizes: npt.ArrayLike) -> None:
         sizes: Non-negative numbers; an array of zeros is accepted.
 
     Raises:
-        ProofError: If a number is beyond 1e60, or below 1e-60.
+        ProofError: If a number is beyond 1e60 or below 1e-60; beyond 1e30 or below 1e-30 for
+            vertices, velocities and cones.
     """
-    largest = 1e60
+    largest = 1e30 if name in SHAPING else 1e60
     sizes = np.asarray(sizes)
     if not ((sizes == 0) | ((sizes >= 1 / largest) & (sizes <= largest))).all():
-        raise ProofError(f"{name} is outside the range 1e-60 to 1e60; choose other units.")
+        exponent = round(np.log10(largest))
+        raise ProofError(
+            f"{name} is outside the range 1e-{exponent} to 1e{exponent}; choose other units."
+        )
 
 
 def number_of(name: str, values: Any) -> float:

@@ -14,6 +14,7 @@ import pytest
 from perfplast_fenicsx.proof.balance import SIZE, VOLUME
 from perfplast_fenicsx.proof.balls import Balls, contracted, crossed
 from perfplast_fenicsx.proof.checker import check_lower
+from perfplast_fenicsx.proof.plain_arrays import ProofError
 
 pytestmark = pytest.mark.serial
 
@@ -290,11 +291,18 @@ def cubes(edge: float, strength: float) -> Arrays:
     }
 
 
-@pytest.mark.parametrize(("edge", "strength"), [(1.0, 1.0), (2.0**-185, 2.0**-193)])
-def test_forces_whose_squares_underflow(edge: float, strength: float) -> None:
+@pytest.mark.parametrize(("edge", "strength"), [(1.0, 1.0), (1e-19, 1e-29)])
+def test_very_small_forces(edge: float, strength: float) -> None:
     """The factor is below 12 because of a shear plane at 45 degrees, in any unit."""
     reached = check_lower(cubes(edge, strength)).reached
     assert reached is None or reached < 12
+
+
+def test_forces_whose_squares_underflow() -> None:
+    with pytest.raises(ProofError, match="1e-30 to 1e30"):
+        check_lower(cubes(2.0**-185, 2.0**-193))
+    with pytest.raises(ProofError, match="too small"):
+        check_lower(cubes(2.0**-68, 1.0))
 
 
 def test_a_residual_of_slender_cells_costs_the_square_of_their_slenderness() -> None:

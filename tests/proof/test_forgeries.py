@@ -177,7 +177,7 @@ def folded(them: Arrays) -> None:
 def weakest_cell(them: Arrays, speed: float) -> None:
     """Move everything down, beside a fast cell without dissipation."""
     them["velocity"][:, -1] -= 1.0
-    free_cell(1e-40, speed)(them)
+    free_cell(1e-29, speed)(them)
 
 
 def moved(axis: int, by: float) -> Callable[[Arrays], None]:
@@ -234,11 +234,11 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
         "no work",
     ),
     "a quick weak cell hides moved supports": (
-        alone("upper", in_turn(moved(0, 1.0), free_cell(1e-40, 1e20))),
+        alone("upper", in_turn(moved(0, 1.0), free_cell(1e-29, 1e20))),
         "exceed the work",
     ),
     "a quick weak cell hides volume": (
-        alone("upper", in_turn(lambda them: swollen(them, -1.0), free_cell(1e-40, 1e20))),
+        alone("upper", in_turn(lambda them: swollen(them, -1.0), free_cell(1e-29, 1e20))),
         "exceed the work",
     ),
     "all elastic, hardly loaded": (
@@ -296,8 +296,8 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "upper 1e-6 too small": (high(times("bound", 1 - 1e-6)), "only"),
     # invalid or absurd numbers
     "vertices nan": (both(times("vertices", np.nan)), "not finite"),
-    "vertices huge": (both(times("vertices", LARGE)), "1e-60 to 1e60"),
-    "vertices tiny": (both(times("vertices", 1e-300)), "1e-60 to 1e60"),
+    "vertices huge": (both(times("vertices", LARGE)), "1e-30 to 1e30"),
+    "vertices tiny": (both(times("vertices", 1e-300)), "1e-30 to 1e30"),
     "far from the origin": (both(make("vertices", lambda a: a + 1e14)), "volume|rounding"),
     "radii nan": (both(put("cone_bound", 0, np.nan)), "not positive|is negative"),
     "radii zero": (both(put("cone_bound", 0, 0.0)), "not positive|is negative"),
@@ -310,7 +310,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "stress infinite": (low(put("stress", 0, np.inf)), "equilibrium"),
     "stress huge": (low(put("stress", 0, LARGE)), "1e-60 to 1e60"),
     "velocity infinite": (high(put("velocity", 0, np.inf)), "does not fit these"),
-    "velocity huge": (high(times("velocity", LARGE)), "1e-60 to 1e60"),
+    "velocity huge": (high(times("velocity", LARGE)), "1e-30 to 1e30"),
     "elastic bodies that flow, and nothing else": (
         alone(
             "upper",
@@ -322,19 +322,19 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     ),
     "velocity whose squares are lost": (
         high(in_turn(times("velocity", 1e-170), times("bound", 0.0))),
-        "1e-60 to 1e60",
+        "1e-30 to 1e30",
     ),
     "stresses whose squares are lost": (
         low(in_turn(*(times(n, 1e-170) for n in ("stress", "traction", "cone_bound")))),
-        "1e-60 to 1e60",
+        "outside the range",
     ),
     "cones whose squares are lost": (
         both(in_turn(times("cone_bound", 1e-170), times("cone_matrix", 1e-170))),
-        "1e-60 to 1e60",
+        "outside the range",
     ),
     "one cone whose squares are lost": (
         both(in_turn(put("cone_bound", 0, 1e-170), put("cone_matrix", 0, 1e-170))),
-        "1e-60 to 1e60",
+        "1e-30 to 1e30",
     ),
     # shapes
     "no axis": (both(make("vertices", np.ravel)), "the shape of"),

@@ -45,6 +45,7 @@ function bodyOf(A) {
     if (!values.every(Number.isFinite)) refuse("some data are not finite");
     checkSizes(largest(values));
   }
+  checkSizes(largest(body.x), 1e30);
   Object.values(A.numbers).forEach((y) => checkSizes(Math.abs(y)));
   const all = (values, test, words) => { if (!values.every(test)) refuse(words); };
   const count = x.shape[0];
@@ -163,7 +164,11 @@ function shape(body) {
   Object.assign(body, { X: X.v, e, N, D,
     area: N.map((v) => v.map((y) => num(y, e * (d - 1)) / factor)),
     volume: Float64Array.from(D, (y) => num(y, e * d) / (d === 2 ? 2 : 6)) });
-  if (!body.volume.every((v) => v > 0 && v < 1e100)) {
+  const sizes = range(n).map((c) => Math.max(...range(d).map((i) => {
+    const at = range(w).map((k) => body.x[cells[c * w + k] * d + i]);
+    return Math.max(...at) - Math.min(...at);
+  })));
+  if (!body.volume.every((v, c) => v > 0 && sizes[c] >= 1e-20 && sizes[c] <= 1e20)) {
     refuse("a cell is too small or too large for the computation");
   }
   // Sizes of the map from the regular simplex with edges 1 to a cell, and of its inverse.

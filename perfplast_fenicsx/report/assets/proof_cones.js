@@ -37,7 +37,8 @@ function conesOf(A, m) {
     const c = bound[k], q = row(slope, m, k);
     const M = range(m).map((i) => row(matrix, m, k * m + i));
     if (![c, ...q, ...M.flat()].every(Number.isFinite)) refuse("a cone is not finite");
-    if (!(c >= 0 && c < 1e60)) refuse("a cone's bound is negative or too large");
+    if (!(c >= 0)) refuse("a cone's bound is negative");
+    [c, largest(q), largest(M.flat())].forEach((size) => checkSizes(size, 1e30));
     const f = cut ? cut[k] : NaN, curved = !Number.isNaN(bend?.[k] ?? NaN), straight = !Number.isNaN(sine[k]);
     if ((curved || straight) &&
       largest([...q, ...M.flat()])) refuse("a cone of principal stresses has a matrix");
@@ -51,7 +52,7 @@ function conesOf(A, m) {
 function principalCone(c, s, f) {
   const cut = !Number.isNaN(f), root = Math.sqrt(3);
   if (!(s === 0 || (s > 1e-6 && s < 1 - 1e-9)) || !(c > 0)) refuse("a cone's sine is out of range");
-  if (cut && !(f > 0 && f < 1e60 && c - 2 * s * f > 0)) refuse("cone_tension is out of range");
+  if (cut && !(f > 0 && f < Infinity && c - 2 * s * f > 0)) refuse("cone_tension is out of range");
   const half = cut ? (c / 2 - s * f) / (1 - s) : s ? 0 : c / 2;
   const mean = cut ? f - half : s ? c / (2 * s) : 0;
   const sums = (v) => {
@@ -84,7 +85,8 @@ function principalCone(c, s, f) {
 function parabola(c, k, m) {
   const gentlest = 0.01;
   if (m !== 3) refuse("cone_curvature is given for bodies that are not in plane strain");
-  if (!(k > 0 && k < 1e60 && c > 0)) refuse("cone_curvature or its bound is not positive and finite");
+  if (!(k > 0 && k < Infinity && c > 0)) refuse("cone_curvature or its bound is not positive and finite");
+  checkSizes(k);
   if (!(k <= 1e12 * c && c <= 1e12 * k)) refuse("cone_curvature differs too much from the tensile strength");
   const weak = ((k + Math.sqrt(k * k + 2 * k * c)) / (2 * k * c)) * UP; // for ‖σ‖ = 1, σ₁ ≤ 1 and R² ≤ 1/2
   const sizes = (v) => { const e = principal(v, 0); return [e[0] + e[2], e[2] - e[0]]; };
@@ -151,7 +153,7 @@ function roundCone(c, q, M, m) {
     power: (y) => {
       if (grows) { const z = head(y); return c * Math.max(z, lacks(y, z)); }
       const a = dots(y, r);
-      return (c * (Math.sqrt(a * a + rest * dots(y, y)) - a)) / rest;
+      return (c * (Math.hypot(a, Math.sqrt(rest) * norm(y)) - a)) / rest;
     },
   };
 }

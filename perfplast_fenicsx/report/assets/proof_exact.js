@@ -86,13 +86,15 @@ const pairsOf = (d) => range(d).flatMap((i) => range(d).slice(i + 1).map((j) => 
 const range = (n) => (n < 16 ? (few[n] ??= Object.freeze(count(n))) : count(n));
 
 /** Refuse numbers so large or so small that products of several may overflow or underflow. */
-function checkSizes(size) {
-  if (size !== 0 && !(size >= 1e-60 && size <= 1e60)) refuse("some data are outside the range 1e-60 to 1e60");
+function checkSizes(size, most = 1e60) {
+  const power = Math.round(Math.log10(most));
+  if (size !== 0 && !(size >= 1 / most && size <= most)) refuse(`some data are outside the range 1e-${power} to 1e${power}`);
 }
 
 /** Eigenvalues of a symmetric matrix, and its eigenvectors in columns, by Jacobi rotations. */
 function eigen(matrix) {
-  const n = matrix.length, a = matrix.map((row) => [...row]);
+  const n = matrix.length, unit = 2 ** Math.floor(Math.log2(largest(matrix.flat()) || 1));
+  const a = matrix.map((row) => row.map((y) => y / unit)); // so that squares do not underflow
   const v = range(n).map((i) => range(n).map((j) => (i === j ? 1 : 0)));
   for (let sweep = 0; sweep < 30; sweep++) {
     let off = 0, all = 0;
@@ -118,7 +120,7 @@ function eigen(matrix) {
       }
     }
   }
-  return { values: a.map((row, i) => row[i]), vectors: v };
+  return { values: a.map((row, i) => unit * row[i]), vectors: v };
 }
 
 /** Disjoint sets of the numbers 0 ... n − 1 that can be joined. */

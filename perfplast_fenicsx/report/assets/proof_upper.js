@@ -24,6 +24,7 @@ function readVelocity(body, A) {
   if (nodes?.length !== n * wide || A.velocity.shape[1] !== d) {
     refuse("nodes or velocity do not fit the cells");
   }
+  checkSizes(largest(v.filter(Number.isFinite)), 1e30);
   if (!v.every(Number.isFinite) ||
     !nodes.every((k) => k >= 0 && k < v.length / d)) refuse("some nodes have no velocity");
   const { number, pairs: ends } = body;
