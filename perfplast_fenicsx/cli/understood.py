@@ -202,7 +202,7 @@ class _Told:
             self.lines.append("Contacts:")
         for contact in contacts:
             both = (contact.primary, contact.secondary)
-            found = gaps.get(f"contact {contact.primary} {contact.secondary}")
+            found = gaps.get(contact.label)
             sizes = self._sizes(both)
             rubs = _friction(contact.tresca, contact.coulomb)
             self.lines.append(f"  '{both[0]}' and '{both[1]}': {sizes}; {self._gap(found)}; {rubs}")

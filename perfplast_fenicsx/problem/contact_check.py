@@ -55,8 +55,8 @@ def refused_contacts(case: str, mesh: Path) -> RefusedContacts | None:
     try:
         Problem(bodies, dict.fromkeys(bodies.volumes, some), [], [], contacts, degree=2)
     except TooManyConditions as refusal:
-        sides = [(one.primary, one.secondary) for one in contacts]
-        named = [both for both in sides if f"contact {both[0]} {both[1]}" in refusal.contacts]
+        refused = [one for one in contacts if one.label in refusal.contacts]
+        named = [(one.primary, one.secondary) for one in refused]
         why = f"perfplast run would refuse these contacts: {str(refusal).rstrip('.')}"
         return RefusedContacts(why, named)
     except InputError:  # the case has placeholders that the user must replace

@@ -115,6 +115,11 @@ class Contact(FrictionTerms):
         """Return the surface that identifies the contact if it has no name."""
         return self.primary
 
+    @property
+    def label(self) -> str:
+        """Return the name of the contact among the sources of contact rows."""
+        return f"contact {self.primary} {self.secondary}"
+
 
 @dataclass(frozen=True)
 class Tie:

@@ -118,7 +118,7 @@ def _is_held(
 
 def _of_contact(contact: Contact) -> Source:
     return Source(
-        f"contact {contact.primary} {contact.secondary}",
+        contact.label,
         contact.secondary,
         contact.name or contact.on,
         contact.tresca,

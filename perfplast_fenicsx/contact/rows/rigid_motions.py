@@ -436,23 +436,21 @@ class FreeMotions:
 
         Collective.
         """
-        moved = self.moved_by(forces)
-        if not moved:
+        if not self.count:
+            return None
+        least = 1e-8  # smallest relative work that is no rounding error
+        some = np.flatnonzero(self.drives(forces) > least)
+        if not some.size:
             return None
         return (
-            f"{moved} can move as a rigid body, and a load does work on this "
+            f"{self.words(some)} can move as a rigid body, and a load does work on this "
             "motion, but neither supports nor contact prevent it; add a support, or a contact "
             "that stops this motion."
         )
 
-    def moved_by(self, forces: Sequence[PETSc.Vec]) -> str:
-        """Return the bodies and motions on which a force does work; "" without any. Collective."""
-        if not self.count:
-            return ""
-        least = 1e-8  # smallest relative work that is no rounding error
-        drives = np.abs([self.drive(force) for force in forces]).max(axis=0)
-        some = np.flatnonzero(drives > least)
-        return self.words(some) if some.size else ""
+    def drives(self, forces: Sequence[PETSc.Vec]) -> Floats:
+        """Return the largest relative work of the forces on each motion, in size. Collective."""
+        return np.asarray(np.abs([self.drive(force) for force in forces]).max(axis=0))
 
     def check(self, forces: Sequence[PETSc.Vec]) -> None:
         """Refuse motions on which these forces do work, and log the other motions. Collective.

@@ -41,6 +41,10 @@ difference up to which two axes count as equal."""
 SLIGHT = 0.05
 """Angle (degrees) up to which a normal counts as radial, and a facet as parallel to the axis."""
 
+MOSTLY = 0.7
+"""Component along the radial direction, or along the axis, from which a normal belongs to the
+cylinder, or to its flat end."""
+
 MUCH = 0.05
 """Smallest relative work that matters; polygons displace the resultant of a load across the
 axis."""
@@ -122,13 +126,12 @@ def _moved_both_ways(
 
     Collective.
     """
-    drives = np.abs([free.drive(force) for force in forces]).max(axis=0)
     moved, taking = [], []
-    for number in np.flatnonzero(drives > MUCH):
+    for number in np.flatnonzero(free.drives(forces) > MUCH):
         resisting = _resisting(problem, found, free.basis[:, number])
-        if resisting:
+        if resisting is not None:
             moved.append(number)
-            taking += resisting
+            taking.append(resisting)
     if not moved:
         return None
     return free.words(np.array(moved)), max(taking, key=lambda one: one.tilt)
@@ -155,8 +158,8 @@ def _moved_away(
         ):
             continue
         resisting = _resisting(problem, found, free.leaving.basis @ v)
-        if resisting:
-            return free.leaving.moving(v), max(resisting, key=lambda one: one.tilt)
+        if resisting is not None:
+            return free.leaving.moving(v), resisting
     return None
 
 
@@ -177,10 +180,10 @@ def _moved_by_supports(
     if differs > small or _following(problem, facets, u)[1] <= small:
         return None
     resisting = _resisting(problem, found, free.basis @ factors)
-    if not resisting:
+    if resisting is None:
         return None
     taking = np.flatnonzero(np.abs(factors) > small * np.abs(factors).max())
-    return free.words(taking), max(resisting, key=lambda one: one.tilt)
+    return free.words(taking), resisting
 
 
 def _following(problem: Problem, free: FreeMotions, u: Floats) -> tuple[Floats, float]:
@@ -204,13 +207,16 @@ def _following(problem: Problem, free: FreeMotions, u: Floats) -> tuple[Floats, 
 
 def _resisting(
     problem: Problem, found: Sequence[FacetedCylinder], motion: Floats
-) -> list[FacetedCylinder]:
-    """Return the cylinders whose contact rows a rigid motion opens or closes. Collective.
+) -> FacetedCylinder | None:
+    """Return the cylinder with the largest tilt that a rigid motion opens or closes. Collective.
 
     Args:
         problem: The problem.
         found: The cylinders.
         motion: Coefficients of the rigid motions of all bodies.
+
+    Returns:
+        The cylinder; None if the motion opens or closes none.
     """
     rows = problem.constraints
     jumps = np.abs(rigid_jumps(problem.V, problem.bodies, rows.B) @ motion)
@@ -221,7 +227,8 @@ def _resisting(
     rounding = 1e-9  # jumps up to this value, in motions of unit size, count as zero
     small = 1e-3  # jumps below this fraction of the largest jump do not resist a motion
     least = max(rounding, small * max(largest))
-    return [one for one, most in zip(found, largest, strict=True) if most > least]
+    resisting = [one for one, most in zip(found, largest, strict=True) if most > least]
+    return max(resisting, key=lambda one: one.tilt) if resisting else None
 
 
 def faceted_cylinders(problem: Problem) -> list[FacetedCylinder]:
@@ -235,15 +242,14 @@ def faceted_cylinders(problem: Problem) -> list[FacetedCylinder]:
     names = [source.name for source in problem.constraints.sources]
     found = []
     for contact in problem.given.contacts:
-        name = f"contact {contact.primary} {contact.secondary}"
-        if contact.tresca or contact.coulomb or name not in names:
+        if contact.tresca or contact.coulomb or contact.label not in names:
             continue
         corners = _corners(problem, contact.primary)
         fitted = _fitted(corners)
         if fitted is None:
             continue
         surfaces = (contact.primary, contact.secondary)
-        one = FacetedCylinder(names.index(name), surfaces, *fitted, 0.0)
+        one = FacetedCylinder(names.index(contact.label), surfaces, *fitted, 0.0)
         rows, radial = _radial(problem, one)
         cosines = np.einsum("ni,ni->n", problem.constraints.normal[rows], radial)
         apart = np.arccos(np.minimum(cosines, 1.0)).max(initial=0)
@@ -265,16 +271,14 @@ def _radial(problem: Problem, one: FacetedCylinder) -> tuple[Longs, Floats]:
     length = np.linalg.norm(out, axis=1, keepdims=True)
     out = np.divide(out, length, out=np.zeros_like(out), where=length > 0)
     along = np.einsum("ni,ni->n", constraints.normal[rows], out)
-    mostly = 0.7  # smallest cosine of the angle between a normal on the cylinder and its radius
-    kept = np.abs(along) >= mostly
+    kept = np.abs(along) >= MOSTLY
     return rows[kept], np.sign(along[kept])[:, None] * out[kept]
 
 
 def _is_prism(corners: Floats, one: FacetedCylinder) -> bool:
     """Return whether facets are parallel to the axis, and meet at angles like those of a prism."""
     normals = np.abs(_normals(corners)[0] @ one.axis)
-    mostly = 0.7  # largest axial component of the normal of a facet that is not at a flat end
-    around = normals < mostly
+    around = normals < MOSTLY
     if np.degrees(np.arcsin(normals[around].max(initial=0))) > SLIGHT:
         return False
     out = corners[around] - one.centre
