@@ -95,13 +95,11 @@ def _cells(survey: Survey) -> int:
 
 
 BOLT = re.compile(r"bolt|screw|stud|schraube|vis(_|$)|boulon|tornillo|vite(_|$)|sroub")
-NUT = re.compile(r"(^|_)nut|mutter|ecrou|tuerca|dado|matice|matka")
+NUTS = "nut|mutter|ecrou|tuerca|dado|matice|matka"
+NUT = re.compile(f"(^|_){NUTS}")
 """Patterns of names of bolts and nuts in several languages."""
 
-NUT_ALONE = re.compile(
-    r"^((hex|lock|jam|cap|wing|flange|sechskant)_?)?(nut|mutter|ecrou|tuerca|dado|matice|matka)"
-    r"(_?m?\d+)*$"
-)
+NUT_ALONE = re.compile(rf"^((hex|lock|jam|cap|wing|flange|sechskant)_?)?({NUTS})(_?m?\d+)*$")
 PIN = re.compile(r"(^|_)(pin|dowel|stift|goupille|pipe)(_|$)")
 """Names that are those of a nut as a whole, such as nut_1, and names of bodies without a thread."""
 

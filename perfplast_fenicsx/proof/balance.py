@@ -31,7 +31,7 @@ import numpy as np
 from perfplast_fenicsx.proof.balls import Balls, U, crossed, norms_of, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.pieces import across_of, bare_ends, pieces_of, tree_of
+from perfplast_fenicsx.proof.pieces import across_of, bare_ends, pieces_of, sums_by, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
 from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes, stretches_of, to_regular
 from perfplast_fenicsx.proof.rigid import moments
@@ -99,8 +99,7 @@ def cost_of(
     pushes, reason = _reactions(body, left, acting, plates)
     if pushes is None:
         return Cost(lost, reason)
-    pushed = np.zeros(len(lost))
-    np.add.at(pushed, body.outer // (body.dim + 1), pushes)
+    pushed = sums_by(body.outer // (body.dim + 1), pushes, len(lost))
     cells, none = np.arange(len(lost)), np.zeros((len(lost), body.dim))
     on_sides = acting.on_sides + acting.mapped(cells, none, pushed)
     passed = _passed(body, shapes, acting, pushed, ends)

@@ -101,9 +101,9 @@ def _of_rings(body: Body, own: Balls, gradients: Floats, errors: Floats, change:
     g = times_radius(radii, gradients.reshape(len(at), 3, 4)).reshape(-1, 6, 2, 2)
     shear = np.sqrt(0.5) * (g[..., 0, 1] + g[..., 1, 0] - at[..., 1])
     values = np.stack([g[..., 0, 0] - at[..., 0], g[..., 1, 1], at[..., 0], shear], axis=2)
-    most = np.sqrt((gradients**2).sum(axis=(2, 3))).max(axis=1) * radii.max(axis=1)
-    most += 2 * np.linalg.norm(at, axis=2).max(axis=1)
-    off = errors * radii.max(axis=1) + 2 * np.linalg.norm(own.rad, axis=2).max(axis=1) * volumes
+    most = norms_of(gradients.reshape(len(at), 3, 4)).max(axis=1) * radii.max(axis=1)
+    most += 2 * norms_of(at).max(axis=1)
+    off = errors * radii.max(axis=1) + 2 * norms_of(own.rad).max(axis=1) * volumes
     shape = 64 * U * _worst(body)  # relative error of volumes
     reach = over_radius(radii, np.ones(len(radii))).sum(axis=1)
     x = body.vertices[body.cells]

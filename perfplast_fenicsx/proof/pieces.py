@@ -61,6 +61,11 @@ def largest_share(
     return float(np.max(forces[loaded] / sizes[loaded], initial=0.0))
 
 
+def sums_by(of: Longs, values: Floats, count: int) -> Floats:
+    """Return the sums of values with equal indices, shape (count,)."""
+    return np.asarray(np.bincount(of, weights=values, minlength=count), dtype=np.float64)
+
+
 def bare_ends(body: Body, bare: Flags | None) -> Longs:
     """Return the number of each side's vertices with zero traction, shape (num_sides,).
 

@@ -33,7 +33,7 @@ from perfplast_fenicsx.proof.balance import VOLUME as REGULAR
 from perfplast_fenicsx.proof.balls import Balls, U, contracted, inverse_of, stacked, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
-from perfplast_fenicsx.proof.pieces import across_of, pieces_of, tree_of
+from perfplast_fenicsx.proof.pieces import across_of, pieces_of, sums_by, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
 from perfplast_fenicsx.proof.remainder import (
     Anchors,
@@ -192,7 +192,7 @@ class _Acting:
         """Return the axial force on each piece, and its error; both are zero for idle pieces."""
         count = len(idle)
         found, size, errors = (
-            _summed(self.pieces, values, count)
+            sums_by(self.pieces, values, count)
             for values in (self.forces, np.abs(self.forces), self.errors)
         )
         errors = errors + 4 * U * (len(self.pieces) + 64) * size
@@ -247,15 +247,10 @@ def _reactions(
     return upwards(found, len(first)), None
 
 
-def _summed(of: Longs, values: Floats, count: int) -> Floats:
-    """Return the sums of values with equal indices, shape (count,)."""
-    return np.asarray(np.bincount(of, weights=values, minlength=count), dtype=np.float64)
-
-
 def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
     """Return an upper bound for each cell on the size of a stress that balances the forces."""
     count = len(body.cells)
-    more = _summed(body.outer // 3, pushes, count)
+    more = sums_by(body.outer // 3, pushes, count)
     sides = acting.on_sides + more + 1.5 * _passed(body, acting, more)
     x, radii = body.vertices[body.cells], radii_of(body)
     extent = np.linalg.norm(np.ptp(x, axis=1), axis=1)
