@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import gmsh
+import numpy as np
 import pytest
 
 from perfplast_fenicsx.errors import InputError
@@ -116,8 +117,12 @@ def test_options_that_a_script_may_not_set(from_script: Callable[..., Survey]) -
     assert from_script("Mesh.ElementOrder = 2;\n", size=0.5, order=2).remarks == []
 
 
-def test_the_number_of_elements_does_not_depend_on_the_unit(made: Made, tmp_path: Path) -> None:
-    """A small hole needs elements of a fifth of the largest size in any unit."""
+def test_elements_around_a_small_hole_do_not_depend_on_the_unit(made: Made, tmp_path: Path) -> None:
+    """Elements of a fifth of the largest size surround it in any unit.
+
+    The test counts nodes on both rims, which the sizes determine. Counts of tetrahedra inside
+    differ by a tenth or more between units and versions of gmsh: its tolerances have units.
+    """
     counts = []
     for unit in (1.0, 1000.0):
 
@@ -127,6 +132,14 @@ def test_the_number_of_elements_does_not_depend_on_the_unit(made: Made, tmp_path
             hole = occ.addCylinder(0.5 * unit, 0.5 * unit, 0, 0, 0, 0.5 * unit, 0.05 * unit)
             occ.cut([(3, block)], [(3, hole)])
 
-        found = mesh_geometry(made(plate), tmp_path / "body.msh", MeshingOptions(size=0.5 * unit))
-        counts.append(cells(found))
-    assert counts[0] == pytest.approx(counts[1], rel=0.1)
+        output = tmp_path / "body.msh"
+        mesh_geometry(made(plate), output, MeshingOptions(size=0.5 * unit))
+        with gmsh_session():
+            gmsh.open(str(output))
+            nodes = gmsh.model.mesh.getNodes()[1].reshape(-1, 3) / unit
+        radius = np.hypot(nodes[:, 0] - 0.5, nodes[:, 1] - 0.5)
+        for z in (0.0, 0.5):
+            rim = (abs(radius - 0.05) < 1e-6) & (abs(nodes[:, 2] - z) < 1e-6)
+            counts.append(int(np.count_nonzero(rim)))
+    assert min(counts) >= 20
+    assert max(counts) <= min(counts) + 2
