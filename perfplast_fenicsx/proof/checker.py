@@ -31,7 +31,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     number_of,
     stored_arrays,
 )
-from perfplast_fenicsx.proof.reduction import reduction_of, reduction_words, whole_body
+from perfplast_fenicsx.proof.reduction import reduction_of, reduction_words, whole_bodies
 from perfplast_fenicsx.proof.rigid import check_loaded
 from perfplast_fenicsx.proof.shared_cells import boxes_of, have_common_volume
 from perfplast_fenicsx.proof.stored_file import stored_file
@@ -223,11 +223,11 @@ def check_pair(
             )
         with stored_file(path) as file, np.errstate(all="ignore"):
             arrays = stored_arrays(file, kind)
-        body = Body.of(arrays)
-        reduced = reduction_of(body, arrays)
-        if reduced is None:
-            raise ProofError(f"'{path}' has no strength_factor.")
-        halves.append((of[kind], whole_body(body, *reduced), reduced[0]))
+            body = Body.of(arrays)
+            reduced = reduction_of(body, arrays)
+            if reduced is None:
+                raise ProofError(f"'{path}' has no strength_factor.")
+            halves.append((of[kind], whole_bodies(body, *reduced), reduced[0]))
     (lower, less, carried), (upper, more, not_carried) = halves
     faults = [fault for half in (lower, upper) for fault in half.faults]
     if not faults and not (lower.proven or 0.0) >= 1.0:
@@ -235,7 +235,7 @@ def check_pair(
     if not faults and not (np.inf if upper.proven is None else upper.proven) <= 1.0:
         faults.append("the loads with the factor 1 do not drive the mechanism")
     with np.errstate(all="ignore"):
-        faults += differences(less, more)
+        faults += differences(less[0], more[0], list(zip(less, more, strict=False)))
     if not faults and not carried <= not_carried:
         faults.append("the factor of the lower file is above the factor of the upper file")
     return Pair(carried, not_carried, tuple(faults))

@@ -12,7 +12,7 @@ class Strengths(NamedTuple):
     """Strengths of the cells' cones; all arrays have the shape (num_cells,).
 
     Attributes:
-        family: Index of the shape. Cones of one shape have equal MᵀM and direction of q after
+        family: Index of the shape. Cones of one shape have equal (MᵀM)^½ and direction of q after
             scaling M to size 1. Cones of principal stresses have one shape if the ratio of c to the
             tensile strength is equal, and parabolas if the ratio of k to f is equal.
         slope: |q| after this scaling, or the sine of bounds of principal stresses.
@@ -45,8 +45,8 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
         upper: Strengths of n cells whose cones should contain the cones of ``lower``.
     """
     rounding = 1e-12  # relative tolerance of scaled bounds
-    digits = 1e-11  # tolerance for slopes of cones of size 1
-    same = np.abs(lower.slope - upper.slope) <= digits
+    digits = 1e-11  # relative tolerance of slopes
+    same = np.abs(lower.slope - upper.slope) <= digits * np.minimum(lower.slope, upper.slope)
     more = lower.bound <= upper.bound * (1 + rounding)
     flatter = lower.axial & (0 < lower.slope) & (lower.slope < upper.slope)
     with np.errstate(invalid="ignore"):  # ∞·0 for elastic cells, which have no cone
@@ -63,7 +63,7 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
     plain[:n, :n] -= 1 / n
-    none: Floats = np.zeros((1, m + 3))
+    none: Floats = np.zeros((1, m + 3))  # no slope and no bounds of principal stresses
     shapes, cones = [np.append(_shape(plain[None]), none, axis=1)], []
     for body in bodies:
         principal = body.cones.is_pointwise
@@ -75,9 +75,12 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
         lost = np.linalg.norm(np.einsum("cij,cj->ci", matrices, along), axis=1)
         axial = principal | (lost <= 1e-11 * sizes)
         along[principal] = 0.0
-        cuts = np.nan_to_num(body.cone_bound / body.cone_tension)
-        bends = np.nan_to_num(body.cone_curvature / body.cone_bound)
-        shapes.append(np.column_stack([_shape(matrices), along, principal, cuts, bends]))
+        kinds = principal + 2 * body.cones.is_cut + 4 * body.cones.is_curved
+        cuts = np.log(body.cone_bound / body.cone_tension, where=body.cones.is_cut, out=0 * steep)
+        bends = body.cone_curvature / body.cone_bound
+        np.log(bends, where=body.cones.is_curved, out=bends)
+        bends[~body.cones.is_curved] = 0.0
+        shapes.append(np.column_stack([_shape(matrices), along, kinds, cuts, bends]))
         steep = np.where(body.cones.is_principal, body.cone_sine, steep)
         cones.append((steep, body.cone_bound / sizes, axial))
     numbers = _alike_rows(np.concatenate(shapes))
@@ -91,9 +94,16 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
 
 
 def _shape(matrices: Floats) -> Floats:
-    """Return MᵀM of matrices after scaling them to size 1, as rows."""
+    """Return (MᵀM)^½ of matrices after scaling them to size 1, as rows.
+
+    The singular values of M give the root to the precision of M. The root of MᵀM itself would have
+    only half as many digits.
+    """
     unit = matrices / np.linalg.norm(matrices, axis=(1, 2), keepdims=True)
-    return np.asarray((unit.transpose(0, 2, 1) @ unit).reshape(len(unit), unit.shape[2] ** 2))
+    _, values, along = np.linalg.svd(unit, full_matrices=False)
+    return np.asarray(
+        np.einsum("cki,ck,ckj->cij", along, values, along).reshape(len(unit), unit.shape[2] ** 2)
+    )
 
 
 def _alike_rows(rows: Floats) -> Longs:

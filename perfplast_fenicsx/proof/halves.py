@@ -6,7 +6,7 @@ surface, supports and tractions. Cells with a common volume (:mod:`shared_cells`
 body forces and pore pressures, and the cone of the upper half must not be weaker.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -26,7 +26,11 @@ the same surface.
 """
 
 
-def differences(lower: Body, upper: Body) -> list[str]:
+Pairs = Sequence[tuple[Body, Body]]
+"""Bodies of the lower and the upper half."""
+
+
+def differences(lower: Body, upper: Body, strong: Pairs = ()) -> list[str]:
     """Return the differences between the bodies of two halves, in words.
 
     The upper half may have stronger bodies and more friction: an upper bound for stronger bodies is
@@ -35,6 +39,8 @@ def differences(lower: Body, upper: Body) -> list[str]:
     Args:
         lower: The bodies of the lower half.
         upper: The bodies of the upper half.
+        strong: The same bodies with strengths of different meanings. In each place, the upper half
+            must not be weaker in one of these meanings. By default, the strengths of both halves.
     """
     if lower.dim != upper.dim:
         return ["one half has plane bodies, and the other has bodies in 3D"]
@@ -47,7 +53,7 @@ def differences(lower: Body, upper: Body) -> list[str]:
     loaded = places[_tractions_differ(lower, upper, a, b)]
     weaker = loaded[:0]
     if not len(alone):
-        weaker, in_cells = _in_cells(lower, upper)
+        weaker, in_cells = _in_cells(lower, upper, strong or [(lower, upper)])
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
     held |= differ(lower.guided[a], upper.guided[b])
@@ -124,16 +130,21 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
     return np.asarray(values[:, :1] + shares @ (values[:, 1:] - values[:, :1]))
 
 
-def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
+def _in_cells(lower: Body, upper: Body, pairs: Pairs) -> tuple[Floats, Floats]:
     """Return centres of lower cells where the upper half is weaker, and where loads differ."""
-    strong = strengths_of(lower, upper)
+    strong = [strengths_of(*pair) for pair in pairs]
     kinds = list(_kinds(lower, upper))
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
     wet = any(of.pore_pressure.any() for pair in kinds for of in pair)
     rows = np.concatenate(
         [
-            np.column_stack([*one, *(pair[k].body_force for pair in kinds)])
-            for k, one in enumerate(strong)
+            np.column_stack(
+                [
+                    *(row for pair in strong for row in pair[k]),
+                    *(pair[k].body_force for pair in kinds),
+                ]
+            )
+            for k in (0, 1)
         ]
     )
     varies = lower.varies or upper.varies
@@ -141,9 +152,13 @@ def _in_cells(lower: Body, upper: Body) -> tuple[Floats, Floats]:
         return np.zeros((0, lower.dim)), np.zeros((0, lower.dim))
 
     def weaker(a: Longs, b: Longs) -> Flags:
-        if not varies:
-            return are_weaker(strong[0].of(a), strong[1].of(b))
-        return _weaker_somewhere((lower, upper), (strong[0].of(a), strong[1].of(b)), (a, b))
+        found = np.ones(len(a), dtype=bool)
+        for one, other in strong:
+            mine = one.of(a), other.of(b)
+            found &= (
+                _weaker_somewhere((lower, upper), mine, (a, b)) if varies else are_weaker(*mine)
+            )
+        return found
 
     def loaded(a: Longs, b: Longs) -> Flags:
         found = np.zeros(len(a), dtype=bool)

@@ -66,51 +66,80 @@ def reduction_of(
     return factor, kept
 
 
-def whole_body(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Body:
-    """Return the bodies with undivided strengths.
+MATCHES = ("plane-strain", "compression", "extension")
+"""States of stress in which a Drucker–Prager cone has the strength of Mohr and Coulomb."""
+
+
+def whole_bodies(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> list[Body]:
+    """Return the bodies with undivided strengths, once for each meaning of a slope.
 
     The function multiplies cohesions, tangents of friction angles, tensile strengths and
-    coefficients of friction by the factor. For cones without a known friction angle, such as cones
-    with a slope in 3D, the function preserves only the apex and sets the slope to the size of the
-    matrix.
+    coefficients of friction by the factor. The friction angle of a Drucker–Prager cone depends on
+    its match, which the file does not contain. So there is a body for each of :data:`MATCHES`. In
+    the last body, and for cones of other shapes with a slope, the factor multiplies c and q. A
+    match with which the cone would be too steep gives the bound NaN.
 
     Args:
         body: The bodies with divided strengths.
         factor: The factor.
         kept: Flags of undivided strengths (:func:`reduction_of`).
     """
-    bound, slope = body.cone_bound.copy(), body.cone_slope.copy()
     sine, tension = body.cone_sine.copy(), body.cone_tension.copy()
-    divided = np.zeros(len(bound), dtype=bool)
+    divided = np.zeros(len(sine), dtype=bool)
     divided[body.cone[body.plastic & ~kept["cell_kept"]]] = True
     known, principal = _sines_of(body), body.cones.is_principal
     usual = divided & ~np.isnan(known)
     tangents = factor * known / np.sqrt(1 - known**2)
     more = tangents / np.sqrt(1 + tangents**2)
-    bound[usual] *= factor * np.sqrt((1 - more**2) / (1 - known**2))[usual]
     some = usual & principal
     sine[some], tension[some] = more[some], factor * tension[some]
-    some = usual & ~principal
-    slope[some] *= (more[some] / known[some])[:, None]
-    some = divided & ~usual
-    size = np.linalg.norm(body.cone_matrix[some], axis=(1, 2))
-    steep = np.linalg.norm(slope[some], axis=1)
-    times = np.divide(size, steep, out=np.full(len(size), float(factor)), where=steep > 0)
-    bound[some] *= times
-    slope[some] *= times[:, None]
     rubs: dict[str, Any] = {}
     for of in ("contact", "obstacle"):
         by = np.where(kept[f"{of}_kept"], 1.0, factor)
         for name in ("adhesion", "friction"):
             rubs[f"{of}_{name}"] = by * getattr(body, f"{of}_{name}")
-    return replace(
-        body,
-        cone_bound=bound,
-        cone_slope=slope,
-        cone_sine=sine,
-        cone_tension=tension,
-        **rubs,
-    )
+    eta = _axial_slopes(body, 3) / np.sqrt(2)
+    axial = divided & ~usual & (eta > 0)
+    found = []
+    for match in (None, *MATCHES) if axial.any() else (None,):
+        times = np.where(divided, float(factor), 1.0)  # multiplies q, and c of the same apex
+        if match is not None:
+            there = _eta_of(match, factor * _tangents_of(match, eta[axial]))
+            times[axial] = there / eta[axial]
+        bounds, slopes = times.copy(), times
+        bounds[usual] = (factor * np.sqrt((1 - more**2) / (1 - known**2)))[usual]
+        slopes[usual] = np.divide(more, known, out=np.ones(len(more)), where=known > 0)[usual]
+        slopes[np.isnan(slopes)] = 1.0
+        found.append(
+            replace(
+                body,
+                cone_bound=bounds * body.cone_bound,
+                cone_slope=slopes[:, None] * body.cone_slope,
+                cone_sine=sine,
+                cone_tension=tension,
+                **rubs,
+            )
+        )
+    return found
+
+
+@np.errstate(invalid="ignore", divide="ignore")
+def _tangents_of(match: str, eta: Floats) -> Floats:
+    """Return tan φ of cones ‖dev σ‖/√2 + ηp ≤ k (D. C. Drucker, W. Prager); NaN if too steep."""
+    if match == "plane-strain":
+        return np.asarray(3 * eta / np.sqrt(9 - 12 * eta**2))
+    sign = -1 if match == "compression" else 1
+    sine = 3 * np.sqrt(3) * eta / (6 - sign * np.sqrt(3) * eta)
+    return np.asarray(np.where(sine > 0, sine / np.sqrt(1 - sine**2), np.nan))
+
+
+def _eta_of(match: str, tangent: Floats) -> Floats:
+    """Return η of cones with these tan φ, the inverse of :func:`_tangents_of`."""
+    if match == "plane-strain":
+        return np.asarray(3 * tangent / np.sqrt(9 + 12 * tangent**2))
+    sign = -1 if match == "compression" else 1
+    sine = tangent / np.sqrt(1 + tangent**2)
+    return np.asarray(6 * sine / (np.sqrt(3) * (3 + sign * sine)))
 
 
 def _sines_of(body: Body) -> Floats:
@@ -119,20 +148,33 @@ def _sines_of(body: Body) -> Floats:
     The angle is known for cones of principal stresses, and for plane cones whose axis is the mean
     stress: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
     """
+    along = _axial_slopes(body, 2)
+    usual = (0 < along**2) & (along**2 < 2) & (body.dim == 2) & (not body.is_revolved)
+    found = np.where(usual, along / np.sqrt(2), np.nan)
+    return np.asarray(np.where(body.cones.is_principal, body.cone_sine, found))
+
+
+def _axial_slopes(body: Body, directions: int) -> Floats:
+    """Return α of cones ‖dev σ‖ ≤ γ − α tr σ/n after scaling M; NaN for cones of other shapes.
+
+    Args:
+        body: The bodies.
+        directions: n, the normal stresses that the deviator and the mean stress contain: 3, or 2
+            for the in-plane stresses alone.
+    """
     slope, matrix = body.cone_slope, body.cone_matrix
     m, n = slope.shape[1], normals_of(body)
     unit = np.append(np.ones(n), np.zeros(m - n))
-    radius = np.sqrt((matrix**2).sum(axis=(1, 2)) / (m - 1))
+    radius = np.sqrt((matrix**2).sum(axis=(1, 2)) / (m - n / directions))
     radius = np.where(radius > 0, radius, 1.0)
-    along = slope @ unit / radius
+    along = slope @ unit / radius * (directions / n)
     plain = matrix.transpose(0, 2, 1) @ matrix / radius[:, None, None] ** 2
-    plain = np.abs(plain - np.eye(m) + np.outer(unit, unit) / n).max(axis=(1, 2), initial=0.0)
-    off = np.abs(slope / radius[:, None] - along[:, None] * unit / n).max(axis=1, initial=0.0)
+    shape = np.eye(m) - np.outer(unit, unit) / directions
+    plain = np.abs(plain - shape).max(axis=(1, 2), initial=0.0)
+    off = slope / radius[:, None] - along[:, None] * unit / directions
+    off = np.abs(off).max(axis=1, initial=0.0)
     small = 1e-9
-    usual = (np.maximum(plain, off) <= small) & (0 < along**2) & (along**2 < 2)
-    usual &= body.dim == 2 and not body.is_revolved
-    found = np.where(usual, along / np.sqrt(2), np.nan)
-    return np.asarray(np.where(body.cones.is_principal, body.cone_sine, found))
+    return np.asarray(np.where(np.maximum(plain, off) <= small, along, np.nan))
 
 
 def reduction_words(body: Body, arrays: Mapping[str, npt.NDArray]) -> list[str]:
@@ -183,13 +225,30 @@ def _whole(body: Body, number: np.int64, factor: float) -> str:
         return f"a yield radius of {factor * bound / radius:.6g}"
     sine = float(_sines_of(body)[number])
     if np.isnan(sine):
-        return "that of a cone with a slope and the same apex"
+        return _with_slope(body, number, factor)
     size = 2.0 if principal else np.sqrt(2) * radius
     tension = factor * body.cone_tension[number]
     cut = f" and a tensile strength of {tension:.6g}" if body.cones.is_cut[number] else ""
     cosine = np.sqrt(1 - sine**2)
     told = f"a cohesion of {factor * bound / (size * cosine):.6g}"
     return told + (f" with tan φ = {factor * sine / cosine:.6g}" if sine else "") + cut
+
+
+def _with_slope(body: Body, number: np.int64, factor: float) -> str:
+    """Return the undivided strength of a cone with a slope and an unknown friction angle."""
+    eta = _axial_slopes(body, 3)[number] / np.sqrt(2)
+    if not eta > 0:
+        return "that of a cone whose c and q are F times as large"
+    m, n = body.cone_slope.shape[1], normals_of(body)
+    radius = np.sqrt((body.cone_matrix[number] ** 2).sum() / (m - n / 3))
+    apex = body.cone_bound[number] / (np.sqrt(2) * radius * eta)
+    tangents = {match: factor * float(_tangents_of(match, eta)) for match in MATCHES}
+    told = [
+        f"{apex * tangent:.6g} with tan φ = {tangent:.6g} ({match})"
+        for match, tangent in tangents.items()
+        if not np.isnan(tangent)
+    ]
+    return f"a cohesion of {' or '.join(told)}"
 
 
 def _rubbing(body: Body, kept: Mapping[str, npt.NDArray], factor: float) -> list[str]:

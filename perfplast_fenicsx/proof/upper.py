@@ -163,7 +163,7 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
     known[some] |= body.cones.grows[body.cone[some]]
     if not known.all():
         reasons.append("a cone does not bound a stress other than the mean stress")
-    cost = float((body.steepness * more)[more > 0].sum() * (1 + 1e-9))
+    cost = float((body.steepness * more)[more != 0].sum() * (1 + 1e-9))
     dissipation = (of_cells.total + cost + mechanism.slip) * (1 + 64 * U)
     works = [_work(body, of, mechanism, rates, shapes) for of in _loads(body)]
     undoes = [_undone_work(body, of, left) for of in _loads(body)]
@@ -281,7 +281,7 @@ def _undone_work(body: Body, loads: Loads, left: Undone) -> float:
     forces = np.linalg.norm(loads.body_force, axis=1) * reach * left.gradients
     pores = np.abs(loads.pore_pressure).max(axis=1) * left.change
     pushes = np.linalg.norm(loads.traction, axis=2).max(axis=1) * left.through
-    parts = [values[values > 0].sum() for values in (forces, pores, pushes)]
+    parts = [values[values != 0].sum() for values in (forces, pores, pushes)]
     return float(sum(parts) * (1 + 1e-9))
 
 

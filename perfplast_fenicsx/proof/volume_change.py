@@ -80,17 +80,17 @@ def undone(
     volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
     largest, inverse = stretches_of(body), to_regular(shapes, volumes).norms
     of_change, of_bump = SIZE[d]
-    inside = np.where(uneven > 0, of_change * largest * inverse * uneven, 0.0)
+    inside = np.where(uneven != 0, of_change * largest * inverse * uneven, 0.0)
     through = np.zeros(len(body.facets))
     sizes = change.size.max(axis=1)
-    if not (mean.size > 0).any():
+    if (mean.size == 0).all():
         return Undone(upwards(inside), sizes, through, None)
     ways = _Ways(body, mechanism, keeps, takes, shapes)
     fluxes, errors = ways.fluxes(-(mean.mid + mean.low), mean.rad + 2 * U * np.abs(mean.mid))
     most = np.abs(fluxes) + errors
     reason = ways.fault(fluxes, errors)
     on_sides = np.zeros(count * (d + 1))  # |flux| over the free part of the area vector
-    some = np.flatnonzero((ways.out >= 0) & (most > 0))
+    some = np.flatnonzero((ways.out >= 0) & (most != 0))
     side = ways.out[some]
     shares = most[some] / ways.free_area[some]
     on_sides[side] += shares
@@ -100,7 +100,7 @@ def undone(
     bumps = on_sides.reshape(count, d + 1).sum(axis=1)
     with np.errstate(invalid="ignore"):
         whole = volumes + 4 * shapes.volumes.rad
-        bumps = np.where(bumps > 0, of_bump * whole * largest * inverse**2 * bumps, 0.0)
+        bumps = np.where(bumps != 0, of_bump * whole * largest * inverse**2 * bumps, 0.0)
     gradients = upwards(np.where(np.isfinite(inside + bumps), inside + bumps, np.inf), count)
     sizes = np.where(keeps, sizes, np.sqrt(d) * gradients)
     at = np.full(count * (d + 1), -1)

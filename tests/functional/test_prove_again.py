@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from perfplast_fenicsx import MohrCoulomb, Pressure, Problem, Support, limit_bounds
+from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.proof.__main__ import main
 from perfplast_fenicsx.proof.checker import check_pair, numbers_digest
@@ -20,8 +21,10 @@ from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.test_balance import strip
 from tests.proof.test_blocks import in_space
+from tests.proof.test_cone_shapes import LARGE
 from tests.proof.test_forged_halves import finer
 from tests.proof.test_random_edits import KINDS, OF_BODIES, OF_PROOFS, edit
+from tests.proof.test_reduction import MATCHES, flatter, written_cubes
 from tests.random_statements import random_case
 
 pytestmark = [pytest.mark.serial, alone]
@@ -191,6 +194,35 @@ def test_both_files_of_a_factor_of_safety(honest: Halves, tmp_path: Path, browse
             low, high = words.split("Factor of safety: between ")[1].split(";")[0].split(" and ")
             assert 0 <= pair.carried - float(low) <= 1e-5 * pair.carried
             assert 0 <= float(high) - pair.not_carried <= 1e-5 * pair.not_carried
+
+
+@pytest.mark.parametrize("match", MATCHES)
+def test_both_files_of_ground_in_space(match: Match, tmp_path: Path, browser: Any) -> None:
+    """The page compares friction angles, with the match that makes them equal."""
+    for change in (lambda half: None, flatter):
+        paths = written_cubes(tmp_path, match, change)
+        (tmp_path / "page.html").write_text(f"<body>{prove_again(paths, 10**6)}</body>")
+        words = proven_on(tmp_path / "page.html", browser)
+        assert ("has weaker bodies" in words) == bool(check_pair(*paths).faults), words
+        assert ("Factor of safety: between 1 and 10;" in words) == (change is not flatter), words
+
+
+@pytest.mark.parametrize("which", [0, 1, 2, 3])
+def test_both_checkers_compare_large_strengths(
+    which: int, tmp_path: Path, checker: Checker
+) -> None:
+    lower, upper = LARGE[which]
+    nodes = np.array([[0, 1, 3, 4, 5, 6], [0, 3, 2, 5, 7, 8]])  # vertices, and edges 01, 02, 12
+    for above in (lower, upper):
+        halves = {"lower": {**lower}, "upper": {**above}}
+        del halves["upper"]["stress"]
+        halves["upper"] |= {"nodes": nodes, "velocity": np.zeros((9, 2))}
+        for half in halves.values():
+            half["body_force"] = np.ones((2, 2))
+        path = write(tmp_path / "bounds.h5", halves)
+        for found in (checker(path), check(path)):
+            words = str(found)
+            assert ("weaker" in words) == (above is upper), words
 
 
 def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:

@@ -243,6 +243,27 @@ def test_a_small_gap_of_balance_costs_little_and_is_told() -> None:
     assert check_lower(them).proven == less.reached
 
 
+def row_of_cubes(count: int) -> Arrays:
+    """Return vertices, cells and facets of a row of unit cubes with six tetrahedra each."""
+    places: dict[tuple[int, ...], int] = {}
+    cells = []
+    for first in range(count):
+        for axes in permutations(range(3)):
+            place = [first, 0, 0]
+            corners = [places.setdefault(tuple(place), len(places))]
+            for axis in axes:
+                place[axis] += 1
+                corners.append(places.setdefault(tuple(place), len(places)))
+            cells.append(corners)
+    sides = [tuple(sorted(set(cell) - {one})) for cell in cells for one in cell]
+    facets = [side for side in dict.fromkeys(sides) if sides.count(side) == 1]
+    return {
+        "vertices": np.array(list(places), dtype=float),
+        "cells": np.array(cells),
+        "facets": np.array(facets),
+    }
+
+
 def cubes(edge: float, strength: float) -> Arrays:
     """Return three cubes in a row without stress, which two elastic cells at the ends pull apart.
 
@@ -250,29 +271,15 @@ def cubes(edge: float, strength: float) -> Arrays:
         edge: Edge of the cubes.
         strength: Shear strength of the cube in the middle; the others are elastic.
     """
-    places: dict[tuple[int, ...], int] = {}
-
-    def number(*place: int) -> int:
-        return places.setdefault(place, len(places))
-
-    cells = []
-    for first in range(3):
-        for axes in permutations(range(3)):
-            corners = [number(first, 0, 0)]
-            place = [first, 0, 0]
-            for axis in axes:
-                place[axis] += 1
-                corners.append(number(*place))
-            cells.append(corners)
-    sides = [tuple(sorted(set(cell) - {one})) for cell in cells for one in cell]
-    facets = np.array([side for side in dict.fromkeys(sides) if sides.count(side) == 1])
+    row = row_of_cubes(3)
+    cells, facets = row["cells"], row["facets"]
     force = np.zeros((len(cells), 3))
     force[0, 0], force[12, 0] = -strength / edge, strength / edge
     deviator = np.eye(6)
     deviator[:3, :3] -= 1 / 3
     return {
-        "vertices": edge * np.array(list(places), dtype=float),
-        "cells": np.array(cells),
+        "vertices": edge * row["vertices"],
+        "cells": cells,
         "cone": np.where(np.arange(len(cells)) // 6 == 1, 0, -1),
         "cone_bound": np.array([RADIUS * strength]),
         "cone_slope": np.zeros((1, 6)),

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from perfplast_fenicsx.proof.cone_shapes import Strengths, are_weaker
+from perfplast_fenicsx.proof.body import Body
+from perfplast_fenicsx.proof.cone_shapes import Strengths, are_weaker, strengths_of
+from tests.proof.forging import Arrays
+from tests.proof.test_balance import strip
 
 N = 400
 
@@ -40,3 +43,33 @@ def test_other_shapes_are_not_known(apart: str) -> None:
         assert are_weaker(lower, upper).all()
     else:
         assert are_weaker(lower, upper)[lower.slope != upper.slope].all()
+
+
+def principal(tension: float) -> Arrays:
+    """Return a square whose cone bounds principal stresses, with c = 1 and a tensile strength."""
+    them = strip(1.0, 1)
+    them |= {"cone_matrix": 0 * them["cone_matrix"], "cone_sine": np.array([0.0])}
+    return them | {"cone_bound": np.ones(1), "cone_tension": np.array([tension])}
+
+
+def round_cone(strong: float, slope: float) -> Arrays:
+    """Return a square whose cone has strengths of 1 and more, and a slope along the largest one."""
+    them = strip(1.0, 1)
+    them |= {"cone_matrix": np.diag([1.0, 1.0, 1 / strong])[None], "cone_bound": np.ones(1)}
+    return them | {"cone_slope": np.array([[0.0, 0.0, slope]])}
+
+
+LARGE = [
+    (principal(np.nan), principal(1e12)),
+    (principal(2e12), principal(1e12)),
+    (round_cone(5e5, 0.0), round_cone(1e5, 0.0)),
+    (round_cone(np.inf, 2e-12), round_cone(np.inf, 4e-12)),
+]
+"""Pairs of bodies: tensile strengths, strengths of one stress component, and apexes differ."""
+
+
+@pytest.mark.parametrize(("lower", "upper"), LARGE)
+def test_large_strengths_are_compared(lower: Arrays, upper: Arrays) -> None:
+    """The strengths of both cones differ where they are up to 1e12 times as large as the least."""
+    for pair, weak in (((lower, upper), True), ((lower, lower), False), ((upper, upper), False)):
+        assert are_weaker(*strengths_of(*(Body.of(of) for of in pair))).all() == weak

@@ -1,18 +1,22 @@
 """Test the checker's results for a factor that divides strengths."""
 
 from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from perfplast_fenicsx import DruckerPrager
+from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.proof.__main__ import PAIR, main
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.checker import check_pair
+from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.reduction import KEPT, reduction_words, whole_body
+from perfplast_fenicsx.proof.reduction import KEPT, reduction_of, reduction_words, whole_bodies
 from tests.proof.forging import Arrays, Halves, blocks, copied, write
-from tests.proof.test_balance import strip
+from tests.proof.test_balance import row_of_cubes, strip
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +193,7 @@ def test_ground_before_its_strength_is_divided(factor: float) -> None:
     whole, sine = principal_cell(2.0, 0.7, 0.5)
     reduced, _ = principal_cell(2.0 / factor, 0.7 / factor, 0.5 / factor)
     kept = dict(zip(KEPT, (np.zeros(n, dtype=bool) for n in (2, 0, 0)), strict=True))
-    found = whole_body(Body.of(reduced), factor, kept)
+    (found,) = whole_bodies(Body.of(reduced), factor, kept)
     assert found.cone_sine[0] == pytest.approx(sine)
     assert found.cone_bound[0] == pytest.approx(float(whole["cone_bound"][0]))
     assert found.cone_tension[0] == pytest.approx(0.5)
@@ -211,3 +215,108 @@ def principal_cell(cohesion: float, tangent: float, tension: float) -> tuple[Arr
     them["cone_sine"] = np.array([sine, np.nan])
     them["cone_tension"] = np.array([tension, np.nan])
     return them, sine
+
+
+MATCHES: tuple[Match, ...] = ("plane-strain", "compression", "extension")
+
+CARRIED, NOT_CARRIED = 1.0, 10.0
+"""Factors for which ground with c = 0.2 and φ = 20° carries, and does not carry, a pressure."""
+
+
+def pressed_cube(kind: str, match: Match) -> Arrays:
+    """Return a half of a cube of Drucker–Prager ground on rollers, under a pressure of 0.25."""
+    factor = CARRIED if kind == "lower" else NOT_CARRIED
+    ground = DruckerPrager(1e4, 0.3, 0.2, 20.0, match).divided_by(factor)
+    eta, strength = ground.cone
+    them = row_of_cubes(1)
+    points, cells = them["vertices"][them["facets"]], them["cells"]
+    deviator, slope = np.eye(6), np.zeros(6)
+    deviator[:3, :3] -= 1 / 3
+    slope[:3] = np.sqrt(2) * eta / 3
+    traction = np.zeros((len(points), 3, 3))
+    traction[(points[..., 2] == 1).all(axis=1), :, 2] = -0.25
+    them |= {
+        "cone": np.zeros(len(cells), dtype=int),
+        "cone_bound": np.array([np.sqrt(2) * strength]),
+        "cone_slope": slope[None],
+        "cone_matrix": deviator[None],
+        "cone_sine": np.full(1, np.nan),
+        "body_force": np.zeros((len(cells), 3)),
+        "surface": np.zeros(len(points), dtype=int),
+        "held": (points == 0).all(axis=1).astype(np.uint8),
+        "traction": traction,
+        "contacts": np.zeros((0, 2), dtype=int),
+        "obstacles": np.zeros(0, dtype=int),
+        "obstacle_normals": np.zeros((0, 3)),
+        "bound": np.array(1.0),
+        "strength_factor": np.array(factor),
+    }
+    if kind == "lower":
+        stress = np.zeros((len(cells), 4, 3, 3))
+        stress[..., 2, 2] = -0.25
+        return them | {"stress": stress}
+    vertices, edges = them["vertices"], dict[tuple[int, int], int]()
+    nodes = [
+        [
+            *cell,
+            *(edges.setdefault((min(e), max(e)), 8 + len(edges)) for e in combinations(cell, 2)),
+        ]
+        for cell in cells.tolist()
+    ]
+    places = np.concatenate([vertices, vertices[np.array(list(edges))].mean(axis=1)])
+    return them | {"nodes": np.array(nodes), "velocity": places * [0.6, 0.6, -1.0]}
+
+
+def written_cubes(
+    folder: Path, match: Match, change: Callable[[Arrays], None]
+) -> tuple[Path, Path]:
+    """Write a pair of files for a cube of ground, with a changed upper half."""
+    upper = pressed_cube("upper", match)
+    change(upper)
+    return pair_of({"lower": pressed_cube("lower", match), "upper": upper}, folder)
+
+
+def flatter(half: Arrays) -> None:
+    """Reduce the slope and the bound of the cone, so that its apex remains.
+
+    The slopes of the matches differ by less.
+    """
+    half["cone_slope"], half["cone_bound"] = 0.7 * half["cone_slope"], 0.7 * half["cone_bound"]
+
+
+def with_a_larger_factor(half: Arrays) -> None:
+    half["strength_factor"] = 1.2 * half["strength_factor"]
+
+
+@pytest.mark.parametrize("match", MATCHES)
+def test_the_slope_of_ground_in_space_is_compared(match: Match, tmp_path: Path) -> None:
+    """Both files must have the same friction angle before the division, for some match."""
+    found = check_pair(*written_cubes(tmp_path, match, lambda half: None))
+    assert not found.faults
+    assert (found.carried, found.not_carried) == (CARRIED, NOT_CARRIED)
+    for change in (flatter, scaled("cone_slope", 0.7), scaled("cone_bound", 0.7)):
+        (fault,) = check_pair(*written_cubes(tmp_path, match, change)).faults
+        assert "weaker bodies" in fault
+    assert not check_pair(*written_cubes(tmp_path, match, with_a_larger_factor)).faults
+    half = pressed_cube("upper", match)
+    (told,) = reduction_words(Body.of(half), half)
+    assert f"0.2 with tan φ = {np.tan(np.radians(20.0)):.6g} ({match})" in told
+
+
+def test_sand_of_unlike_friction_is_not_the_same(tmp_path: Path) -> None:
+    """Without cohesion only the slope distinguishes both halves."""
+    halves = [pressed_cube(kind, "compression") for kind in ("lower", "upper")]
+    for half, slope in zip(halves, (0.3, 0.03), strict=True):
+        half["cone_bound"], half["strength_factor"] = np.zeros(1), np.array(1.0)
+        half["cone_slope"] = slope * np.array([[1.0, 1, 1, 0, 0, 0]])
+    low, high = (whole(half) for half in halves)
+    assert "weaker" in differences(low[0], high[0], list(zip(low, high, strict=True)))[0]
+    assert not differences(high[0], low[0], list(zip(high, low, strict=True)))
+
+
+def whole(half: Arrays) -> list[Body]:
+    """Return the bodies of a half with undivided strengths."""
+    body = Body.of(half)
+    found = reduction_of(body, half)
+    assert found is not None
+    return whole_bodies(body, *found)

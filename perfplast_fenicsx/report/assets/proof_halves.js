@@ -201,37 +201,50 @@ function overlapEnds(lower, a, upper, b) {
   return found;
 }
 
-/** Shapes of the cones of a half by number: families that differ in size alone, slopes and bounds. */
+/**
+ * Shapes of the cones of a half by number: families that differ in size alone, and the slopes and
+ * bounds of each reading.
+ */
 function coneShapes(body) {
   const m = body.revolved ? 4 : body.d === 2 ? 3 : 6, normals = m === 3 ? 2 : 3,
-    unit = (i, j) => (i === j ? 1 : 0);
-  const deviator = range(m).map((i) =>
-    range(m).map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
-  const squared = (M, size) =>
-    range(m).flatMap((i) =>
-    range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / size ** 2));
-  const found = body.cones.map(({ c, q, M, s, f, k }) => {
-    const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat()),
-      rows = isPrincipal ? range(m).map((i) => range(m).map((j) => unit(i, j))) : M;
-    const slope = isPrincipal ? s : norm(q) / size, along = isPrincipal ||
-      !norm(q) ? new Array(m).fill(0) : q.map((y) => y / norm(q));
-    const lost = norm(rows.map((row) => row.reduce((sum, y, i) => sum + y * along[i], 0)));
-    return { family: [...squared(rows, norm(rows.flat())), ...along,
-      isPrincipal ? 1 : 0, isPrincipal && f > 0 ? c / f : 0, k ? k / c : 0],
-      slope, bound: c / size, axial: isPrincipal || lost <= 1e-11 * size };
+    unit = (i, j) => (i === j ? 1 : 0), rows = range(m);
+  const deviator = rows.map((i) => rows.map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
+  const times = (M, v) => M.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
+  const root = (M) => { // (MᵀM)^½ of M after scaling it to size 1, as singular values times vectors
+    const size = norm(M.flat()), P = M.map((row) => row.map((y) => y / size));
+    const { vectors } = eigen(rows.map((i) => rows.map((j) => P.reduce((sum, row) => sum + row[i] * row[j], 0))));
+    const along = rows.map((k) => vectors.map((row) => row[k])), sizes = along.map((v) => norm(times(P, v)));
+    return rows.flatMap((i) => rows.map((j) => along.reduce((sum, v, k) => sum + sizes[k] * v[i] * v[j], 0)));
+  };
+  const found = body.cones.map(({ c, q, M, s, f, k, readings }) => {
+    const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat());
+    const steep = isPrincipal ? 0 : norm(q), along = steep ? q.map((y) => y / steep) : new Array(m).fill(0);
+    const cut = isPrincipal && f > 0;
+    return {
+      family: [...root(isPrincipal ? deviator.map((_, i) => rows.map((j) => unit(i, j))) : M), ...along,
+        isPrincipal ? (k ? 3 : cut ? 2 : 1) : 0, cut ? Math.log(c / f) : 0, k ? Math.log(k / c) : 0],
+      axial: isPrincipal || norm(times(M, along)) <= 1e-11 * size,
+      readings: (readings ?? [1]).map((by) => isPrincipal ? { slope: s, bound: c }
+        : { slope: ((Number.isNaN(by) ? 1 : by) * steep) / size, bound: (by * c) / size }),
+    };
   });
-  const elastic = { family: [...squared(deviator, norm(deviator.flat())), ...new Array(m).fill(0), 0, 0, 0],
-    slope: 0, bound: Infinity, axial: false };
+  const elastic = { family: [...root(deviator), ...new Array(m).fill(0), 0, 0, 0],
+    readings: [{ slope: 0, bound: Infinity }], axial: false };
   return { at: (k) => (k < 0 ? elastic : found[k]) };
 }
 
-/** Whether a cone is known to lie in another one, both with their bounds times factors. */
+/** Whether a cone is known to lie in another one in some reading, both with their bounds times factors. */
 function isIn(one, other, factor, times) {
   const small = 1e-12; // for shapes of size 1; the Python checker rounds them to 1e-11
-  if (one.family.some((y, i) => Math.abs(y - other.family[i]) > small)) return false;
-  const [c, most] = [one.bound * factor, other.bound * times * (1 + 1e-12)];
-  if (Math.abs(one.slope - other.slope) <= small) return c <= most;
-  return one.axial && one.slope > 0 && one.slope < other.slope && c * other.slope <= most * one.slope;
+  if (one.family.some((y, i) => !(Math.abs(y - other.family[i]) <= small))) return false;
+  const of = ({ readings }, k) => readings[Math.min(k, readings.length - 1)];
+  const count = Math.max(one.readings.length, other.readings.length);
+  return range(count).some((k) => {
+    const [less, more] = [of(one, k), of(other, k)];
+    const [c, most] = [less.bound * factor, more.bound * times * (1 + 1e-12)];
+    if (Math.abs(less.slope - more.slope) <= small * Math.min(less.slope, more.slope)) return c <= most;
+    return one.axial && less.slope > 0 && less.slope < more.slope && c * more.slope <= most * less.slope;
+  });
 }
 
 /**
@@ -259,29 +272,49 @@ function reductionOf(body, A) {
   return { factor, kept, divided: cones[0] };
 }
 
-/** The bodies with undivided strengths; a cone without a friction angle keeps only its apex. */
+/** η of Drucker–Prager cones with ‖dev σ‖/√2 + ηp ≤ k by match, from tan φ and back; NaN if too steep. */
+const MATCHES = [
+  [(eta) => (3 * eta) / Math.sqrt(9 - 12 * eta ** 2), (tangent) => (3 * tangent) / Math.sqrt(9 + 12 * tangent ** 2)],
+  ...[-1, 1].map((sign) => [
+    (eta) => {
+      const sine = (3 * Math.sqrt(3) * eta) / (6 - sign * Math.sqrt(3) * eta);
+      return sine > 0 ? sine / Math.sqrt(1 - sine ** 2) : NaN;
+    },
+    (tangent) => {
+      const sine = tangent / Math.sqrt(1 + tangent ** 2);
+      return (6 * sine) / (Math.sqrt(3) * (3 + sign * sine));
+    },
+  ]),
+];
+
+/**
+ * The bodies with undivided strengths. Where a cone with a slope has no known friction angle, its
+ * readings multiply c and q: by the factor, or as each match of a Drucker–Prager cone requires.
+ */
 function whole(body, { factor, kept, divided }) {
+  const near = (y, z) => Math.abs(y - z) <= 1e-9;
   const cones = body.cones.map((cone, k) => {
     if (!divided.has(k)) return cone;
-    const isPrincipal = cone.s !== undefined, size = isPrincipal ? 1 : norm(cone.M.flat()),
-      m = cone.q?.length;
-    // q·(1, 1, 0)
-    const radius = size / Math.sqrt(m - 1), along = isPrincipal ? 0 : (cone.q[0] + cone.q[1]) / radius;
-    const near = (y, z) => Math.abs(y - z) <= 1e-9,
-      square = (i, j) => cone.M.reduce((sum, row) => sum + row[i] * row[j], 0) / radius ** 2;
-    const usual = m === 3 && along > 0 && along ** 2 < 2 &&
-      cone.q.every((y, i) => near(y / radius, i < 2 ? along / 2 : 0))
-      && range(3).every((i) =>
-        range(3).every((j) => near(square(i, j), (i === j ? 1 : 0) - (i < 2 && j < 2 ? 0.5 : 0))));
-    const sine = isPrincipal ? cone.s : usual ? along / Math.SQRT2 : null;
+    const isPrincipal = cone.s !== undefined, { q, M } = cone, m = q?.length, n = m === 3 ? 2 : 3;
+    const axial = (directions) => { // α of ‖dev σ‖ ≤ γ − α tr σ/directions after scaling; NaN for other shapes
+      const radius = norm(M.flat()) / Math.sqrt(m - n / directions), share = (i) => (i < n ? 1 / directions : 0);
+      const along = (q.slice(0, n).reduce((sum, y) => sum + y, 0) / radius) * (directions / n);
+      const square = (i, j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / radius ** 2;
+      const is = q.every((y, i) => near(y / radius, along * share(i))) && range(m).every((i) =>
+        range(m).every((j) => near(square(i, j), (i === j ? 1 : 0) - (i < n && j < n ? 1 / directions : 0))));
+      return is ? along : NaN;
+    };
+    const along = !isPrincipal && m === 3 ? axial(2) : NaN;
+    const sine = isPrincipal ? cone.s : along ** 2 > 0 && along ** 2 < 2 ? along / Math.SQRT2 : null;
     if (sine === null) {
-      const times = norm(cone.q) ? size / norm(cone.q) : factor;
-      return { ...cone, c: cone.c * times, q: cone.q.map((y) => y * times) };
+      const eta = axial(3) / Math.SQRT2;
+      return { ...cone, readings: [factor, ...MATCHES.map(([tangent, back]) =>
+        (eta > 0 ? back(factor * tangent(eta)) / eta : factor))] };
     }
     const tangent = (factor * sine) / Math.sqrt(1 - sine ** 2), more = tangent / Math.sqrt(1 + tangent ** 2);
     const c = cone.c * factor * Math.sqrt((1 - more ** 2) / (1 - sine ** 2));
     return isPrincipal ? { ...cone, c, s: more, f: factor * cone.f } : { ...cone, c,
-      q: cone.q.map((y) => (y * more) / sine) };
+      q: q.map((y) => (y * more) / sine) };
   });
   const rubs = body.rubs.map((of, k) =>
     of.map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))));

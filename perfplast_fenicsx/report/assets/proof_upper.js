@@ -399,7 +399,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   const left = undone(body, { Q, flow, rows }, changes, eg, keeps, takes);
   let cost = 0;
   for (let c = 0; c < n; c++) {
-    if (!(left.gradients[c] > 0)) continue;
+    if (left.gradients[c] === 0) continue;
     const steep = body.cone[c] >= 0 ? cone(c).steep * Math.max(...body.strength.subarray(c * w,
       c * w + w)) : 0;
     cost += left.gradients[c] * rings[c].rate * steep;
@@ -638,7 +638,7 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
   const lost = () => refuse("the volume change of incompressible cells cannot be removed");
   for (const c of order.reverse()) {
     const side = out[c], own = sizeOf(flux[c], eg) / (w * factorial) + unlike[c];
-    if (side < 0) { if (own > 0) lost(); continue; }
+    if (side < 0) { if (own !== 0) lost(); continue; }
     const share = own / free(side), i = body.facetAt[side];
     onSides[c] += share;
     if (parent[c] >= 0) {
@@ -646,11 +646,11 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
       onSides[parent[c]] += share;
       unlike[parent[c]] += unlike[c] + (i >= 0 ? own * 1e-5 : 0);
     } else if (i >= 0) {
-      if (touched.has(body.surface[i]) && meets.has(i) && (flux[c] > 0n || unlike[c] > 0)) lost();
+      if (touched.has(body.surface[i]) && meets.has(i) && (flux[c] > 0n || unlike[c] !== 0)) lost();
       through[i] += (own * norm(area[side])) / free(side) * UP;
     } else onSides[Math.floor(across[side] / w)] += share;
   }
-  for (let c = 0; c < n; c++) if (onSides[c] > 0) {
+  for (let c = 0; c < n; c++) if (onSides[c] !== 0) {
     gradients[c] += OF_FLOW[d][1] * volume[c] * stretch[c][0] * stretch[c][1] ** 2 * onSides[c] * UP;
   }
   for (let c = 0; c < n; c++) if (!keeps[c]) change[c] = Math.sqrt(d) * gradients[c];
