@@ -33,7 +33,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import across_of, bare_ends, pieces_of, sums_by, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
-from perfplast_fenicsx.proof.remainder import Anchors, Remainder, Shapes, stretches_of, to_regular
+from perfplast_fenicsx.proof.remainder import Anchors, Remainder
 from perfplast_fenicsx.proof.rigid import moments
 
 SIZE = {2: (2.78, 0.96), 3: (12.2, 3.26)}
@@ -72,7 +72,6 @@ class Cost:
 def cost_of(
     body: Body,
     left: Remainder,
-    shapes: Shapes,
     kinds: Sequence[tuple[float, Loads]],
     bare: Flags | None = None,
 ) -> Cost:
@@ -81,14 +80,13 @@ def cost_of(
     Args:
         body: The bodies, in 2D or 3D.
         left: The unbalanced forces.
-        shapes: Shapes of the cells.
         kinds: Loads of each kind, and their factors.
         bare: In 2D, flags of vertices of cells at which τ must be zero, shape (num_cells, 3).
     """
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (left.cells, left.inner, left.outer)):
         return Cost(lost, TOO_LARGE)
-    acting = _Acting(body, left, shapes)
+    acting = _Acting(body, left)
     plates = plates_of(body, left.plates, kinds, acting.pieces)
     every = np.arange(len(plates.through))
     ends = bare_ends(body, bare)
@@ -102,7 +100,7 @@ def cost_of(
     pushed = sums_by(body.outer // (body.dim + 1), pushes, len(lost))
     cells, none = np.arange(len(lost)), np.zeros((len(lost), body.dim))
     on_sides = acting.on_sides + acting.mapped(cells, none, pushed)
-    passed = _passed(body, shapes, acting, pushed, ends)
+    passed = _passed(body, acting, pushed, ends)
     if passed is None:
         return Cost(lost, "cells touch others only where ground without cohesion has no stress")
     curved = ends.reshape(len(lost), -1).any(axis=1)
@@ -112,7 +110,7 @@ def cost_of(
     within = acting.mapped(cells, left.cells.mid, left.cells.distances()) * of_force
     inside = upwards(of_facets * (on_sides + passed) + within)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        stretch = stretches_of(body) ** 2 / (acting.volumes / VOLUME[body.dim])
+        stretch = body.shapes.stretches**2 / (acting.volumes / VOLUME[body.dim])
         size = np.where(inside == 0, 0.0, upwards(stretch) * inside)
     return Cost(upwards(np.where(np.isnan(size), np.inf, size)), None)
 
@@ -136,10 +134,10 @@ class _Acting:
         jumped: The side on which each inner facet's jump acts.
     """
 
-    def __init__(self, body: Body, left: Remainder, shapes: Shapes) -> None:
+    def __init__(self, body: Body, left: Remainder) -> None:
         d, count, x = body.dim, len(body.cells), body.vertices[body.cells]
-        self.volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
-        self.mapped = to_regular(shapes, self.volumes).sizes
+        self.volumes = body.shapes.least_volumes
+        self.mapped = body.shapes.to_regular.sizes
         self.pieces = np.unique(pieces_of(body), return_inverse=True)[1].ravel()
         self.middles = x.mean(axis=1)
         self.extents = norms_of(x - self.middles[:, None]).max(axis=1)
@@ -297,9 +295,7 @@ def bends_of(dim: int, arms: Floats, area: Floats) -> Floats:
     return np.asarray(9 * arms.max(axis=1, initial=0.0) * (arms**2).sum(axis=1) / area**2)
 
 
-def _passed(
-    body: Body, shapes: Shapes, acting: _Acting, pushed: Floats, zeros: Longs
-) -> Floats | None:
+def _passed(body: Body, acting: _Acting, pushed: Floats, zeros: Longs) -> Floats | None:
     """Return upper bounds on |B⁻¹T| of tractions times area that cells' facets transfer, summed.
 
     Return None if some cell has no facet that can transfer tractions. A traction that is
@@ -308,7 +304,6 @@ def _passed(
 
     Args:
         body: The bodies.
-        shapes: Shapes of the cells.
         acting: Forces and moments of each cell.
         pushed: Sizes of additional forces on the outer facets of each cell, summed.
         zeros: Number of vertices of each side at which tractions are zero.
@@ -327,14 +322,14 @@ def _passed(
     ends = np.take_along_axis(x[away], body.corners[back[away] % wide][..., None], axis=1)
     middles = acting.middles.copy()  # middles of facets towards the root
     middles[away] = ends.mean(axis=1)
-    vectors = shapes.areas[away, back[away] % wide]
+    vectors = body.shapes.areas[away, back[away] % wide]
     least = np.linalg.norm(vectors.mid, axis=1) - 2 * np.linalg.norm(vectors.rad, axis=1)
     area = np.maximum(least * (1 - 1e-12), np.finfo(float).tiny)
     # In 2D, the tractions of a moment are normal to the facet; in 3D they have any direction.
     normals, tilts = np.zeros((count, d)), np.ones(count)  # unit normals, and their errors
     if d == 2:
         normals[away], tilts[away] = vectors.mid / area[:, None], vectors.distances() / area + 8 * U
-    bends = np.zeros(count)  # traction times area for a unit moment
+    bends = np.zeros(count)  # traction times area for a unit moment, then for the moment itself
     arms = norms_of(ends - middles[away][:, None])
     bends[away] = bends_of(d, arms, area)
     shift = acting.middles - middles
@@ -349,14 +344,9 @@ def _passed(
         turn_errors[cells] += force_errors[cells] * arm + rounded[cells] * sizes[cells]
         turn = norms_of(turns[cells])
         turn_errors[cells] += 32 * U * (turn + force * arm)
-        bending = (turn + turn_errors[cells]) * bends[cells]
+        bends[cells] *= turn + turn_errors[cells]
         step = middles[cells] - acting.middles[towards]
         arm = norms_of(step) + rounded[cells] + rounded[towards]
-        for side in (cells, towards):
-            passed = acting.mapped(side, forces[cells], force_errors[cells])
-            by = bending[:, None] * normals[cells]
-            passed += acting.mapped(side, by, bending * tilts[cells])
-            np.add.at(found, side, times[back[cells]] * passed)
         np.add.at(sizes, towards, sizes[cells])
         np.add.at(forces, towards, forces[cells])
         np.add.at(force_errors, towards, force_errors[cells])
@@ -366,6 +356,11 @@ def _passed(
         np.add.at(turn_errors, towards, added)
     if sum(map(len, levels)) < count:
         return None
+    by = bends[away, None] * normals[away]
+    for side in (away, across[back[away]] // wide):
+        passed = acting.mapped(side, forces[away], force_errors[away])
+        passed += acting.mapped(side, by, bends[away] * tilts[away])
+        np.add.at(found, side, times[back[away]] * passed)
     # All terms are non-negative. Each term is rounded at most once in each cell on the way to the
     # root.
     return upwards(found * (1 + 1e-12), 2 * count + 64)

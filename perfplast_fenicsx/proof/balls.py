@@ -11,7 +11,7 @@ overflow. Numbers below 1e-75 become zero with the radius 1e-75, which covers un
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -102,8 +102,14 @@ class Balls:
     def __sub__(self, other: "Balls") -> "Balls":
         return self + -other
 
+    @cached_property
+    def _is_exact(self) -> bool:
+        return not (self.low.any() or self.rad.any())
+
     def __mul__(self, other: "Balls") -> "Balls":
         mid, rest = _product(self.mid, other.mid)
+        if self._is_exact and other._is_exact:
+            return Balls(mid, rest, upwards(3 * U * np.abs(rest)))
         one, two = self.mid * other.low, self.low * other.mid
         low = rest + (one + two)
         lost = 3 * U * (np.abs(rest) + np.abs(one) + np.abs(two)) + np.abs(self.low * other.low)
@@ -190,7 +196,24 @@ def put(all_of: Balls, at: npt.NDArray[np.int64], values: Balls) -> Balls:
 
 def contracted(one: Balls, other: Balls) -> Balls:
     """Return sums of products along the last axis, which has few entries."""
-    return (one * other).sum(axis=-1)
+    if len(one.mid) != len(other.mid):
+        return (one * other).sum(axis=-1)
+    return in_blocks(lambda a, b: (a * b).sum(axis=-1), one, other)
+
+
+def in_blocks(change: Callable[..., Balls], *all_of: Balls) -> Balls:
+    """Return the results of ``change`` for blocks of rows, whose intermediate arrays fit a cache.
+
+    Args:
+        change: Function of arrays with equal numbers of rows, which returns as many rows.
+        all_of: Its arguments.
+    """
+    rows, at_once = len(all_of[0].mid), 500
+    if rows <= at_once:
+        return change(*all_of)
+    blocks = (slice(first, first + at_once) for first in range(0, rows, at_once))
+    parts = [change(*(of[block] for of in all_of)) for block in blocks]
+    return Balls(*(np.concatenate([getattr(p, of) for p in parts]) for of in ("mid", "low", "rad")))
 
 
 def stacked(parts: Iterable[Balls], axis: int) -> Balls:

@@ -37,7 +37,7 @@ from perfplast_fenicsx.proof.balls import Balls, U, crossed, put, stacked, upwar
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import pieces_of
-from perfplast_fenicsx.proof.remainder import shapes_of, summed
+from perfplast_fenicsx.proof.remainder import summed
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 UNIT = 2e-12
@@ -191,9 +191,8 @@ class _Blocks:
         np.maximum.at(most, numbers, x.max(axis=1))
         self._middle, self._over = (least + most) / 2, 1 / (most - least).max(axis=1)
         self.of_facets = numbers[body.outer // (d + 1)]
-        shapes = shapes_of(body)
-        self._volumes = shapes.volumes
-        areas = shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer])
+        self._volumes = body.shapes.volumes
+        areas = body.shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer])
         self.areas, self.sizes = areas, (areas * areas).sum(axis=1).root()
 
     def loaded(self, factors: Factors) -> float:

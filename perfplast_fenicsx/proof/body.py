@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from perfplast_fenicsx.proof.cell_shapes import check_cells, check_sections, in_order_of, with_kind
 from perfplast_fenicsx.proof.cones import Cones
+from perfplast_fenicsx.proof.exact_shapes import Shapes, shapes_of
 from perfplast_fenicsx.proof.guided import with_guided
 from perfplast_fenicsx.proof.load_kinds import EVERY, KINDS, NAMES, Loads, with_all
 from perfplast_fenicsx.proof.plain_arrays import ProofError, check_sizes, checked, equal
@@ -264,6 +265,11 @@ class Body:
         """Return the volumes of the cells."""
         x = self.vertices[self.cells]
         return np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / (2 if self.dim == 2 else 6)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Return the shapes of the cells, with errors."""
+        return shapes_of(self.vertices[self.cells], self.corners)
 
     @cached_property
     def corners(self) -> Longs:

@@ -18,13 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perfplast_fenicsx.proof.balls import Balls, U, norms_of, upwards
+from perfplast_fenicsx.proof.balls import Balls, U, in_blocks, norms_of, stacked, upwards
 from perfplast_fenicsx.proof.body import Body, Flags, Floats
 from perfplast_fenicsx.proof.cones import vectors
 from perfplast_fenicsx.proof.mechanism import Mechanism
 from perfplast_fenicsx.proof.parts import halved, mean_shares, parts_of
 from perfplast_fenicsx.proof.places import numbers_in_cell
-from perfplast_fenicsx.proof.remainder import Shapes
 from perfplast_fenicsx.proof.rings import (
     ENDS,
     PAIRS,
@@ -58,22 +57,23 @@ class Rates:
     of_gradient: Floats
 
 
-def rates_of(body: Body, mechanism: Mechanism, shapes: Shapes) -> Rates:
+def rates_of(body: Body, mechanism: Mechanism) -> Rates:
     """Return the rates of a mechanism."""
     d = body.dim
     own = mechanism.at.each(lambda part: part[mechanism.places.of_cells])
     number = numbers_in_cell(d)
-    slopes = shapes.areas * Balls.part(d) * Balls.exact(-2.0)
+    slopes = body.shapes.areas * Balls.part(d) * Balls.exact(-2.0)
     own = own.where(~mechanism.rigid[:, None, None])  # rates of rigid cells are exactly zero
-    columns = []
-    for a in range(d + 1):
-        parts = [own[:, number[a, b]][:, :, None] * slopes[:, b][:, None] for b in range(d + 1)]
-        columns.append(sum(parts[1:], start=parts[0]))
-    mid, low, rad = (
-        np.stack([getattr(column, of) for column in columns], axis=1)
-        for of in ("mid", "low", "rad")
-    )
-    gradients = Balls(mid, low, rad)
+
+    def gradient(own: Balls, slopes: Balls) -> Balls:
+        columns = []
+        for a in range(d + 1):
+            parts = [own[:, number[a, b]][:, :, None] * slopes[:, b][:, None] for b in range(d + 1)]
+            columns.append(sum(parts[1:], start=parts[0]))
+        return stacked(columns, 1)
+
+    gradients = in_blocks(gradient, own, slopes)
+    mid, low, rad = gradients.mid, gradients.low, gradients.rad
     traces = [gradients[:, :, i, i] for i in range(d)]
     change = sum(traces[1:], start=traces[0])
     values = mid + low

@@ -13,7 +13,6 @@ import numpy as np
 from perfplast_fenicsx.proof.balls import Balls, U, contracted, put
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.places import Places
-from perfplast_fenicsx.proof.remainder import Shapes
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 FREE = 0.01
@@ -33,10 +32,10 @@ class Jumps:
         reason: Reason why contact cannot be checked, or None.
     """
 
-    def __init__(self, body: Body, places: Places, shapes: Shapes) -> None:
+    def __init__(self, body: Body, places: Places) -> None:
         d, of = body.dim, places.of_facets
         self.reason: str | None = None
-        areas = shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer])
+        areas = body.shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer])
         self._areas = (areas * areas).sum(axis=1).root().size
         rows: list[tuple[Longs, Longs, Longs, Balls, float, float]] = []
         edges = list(combinations(range(d), 2))

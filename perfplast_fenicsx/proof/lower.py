@@ -28,7 +28,7 @@ from perfplast_fenicsx.proof.least_radii import BARE, finite, least_of, least_ra
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.outer_tractions import outer_tractions, tractions_on
 from perfplast_fenicsx.proof.pieces import largest_share
-from perfplast_fenicsx.proof.remainder import remainder_of, shapes_of
+from perfplast_fenicsx.proof.remainder import remainder_of
 from perfplast_fenicsx.proof.rigid import rigid_of, sums_of
 from perfplast_fenicsx.proof.ring_balance import ring_stress
 from perfplast_fenicsx.proof.rings import (
@@ -180,11 +180,11 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
         stress: In the form of :func:`measure_stress`.
         kinds: Loads of each kind, and their factors.
     """
-    shapes, plastic = shapes_of(body), body.plastic
+    plastic = body.plastic
     cones, at = body.cones, body.cone[plastic]
     bare = np.zeros(stress.shape[:2], dtype=bool)
     if body.is_revolved:
-        found = ring_stress(body, stress, kinds, shapes)
+        found = ring_stress(body, stress, kinds)
         cost, off = found.cost, found.errors
         rho = coefficients_of_radius(radii_of(body))[plastic, :, None]
         bounded = np.divide(
@@ -193,8 +193,8 @@ def overstress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]])
     else:
         bare = bare_vertices(body, kinds)
         stress = np.where(bare[..., None, None], 0.0, stress)
-        left = remainder_of(body, stress, kinds, shapes, bare)
-        cost = cost_of(body, left, shapes, kinds, bare if bare.any() else None)
+        left = remainder_of(body, stress, kinds, bare)
+        cost = cost_of(body, left, kinds, bare if bare.any() else None)
         bounded, off = vectors(stress[plastic]), np.zeros(len(stress))
     rounding = 128 * U * np.linalg.norm(bounded, axis=2) + off[plastic, None]
     sizes = cost.size[plastic, None]

@@ -32,7 +32,6 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.jumps import DIGITS, Jumps
 from perfplast_fenicsx.proof.pieces import joined
 from perfplast_fenicsx.proof.places import Places, places_of
-from perfplast_fenicsx.proof.remainder import Shapes
 
 RESTING = 1e-5
 """Largest deviation from a rigid motion, relative to the largest velocity, of cells that may count
@@ -67,13 +66,12 @@ class Mechanism:
     reason: str | None
 
 
-def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs] = ()) -> Mechanism:
+def mechanism_of(body: Body, v: Floats, resting: Sequence[Longs] = ()) -> Mechanism:
     """Return an admissible velocity near the stored velocity.
 
     Args:
         body: The bodies.
         v: Velocity at the nodes of each cell, continuous, shape (num_cells, 6 or 10, d).
-        shapes: Shapes of the cells.
         resting: Sets of plastic cells that also move as rigid bodies (:func:`resting_in`).
     """
     places, n = places_of(body), len(body.vertices)
@@ -88,7 +86,7 @@ def mechanism_of(body: Body, v: Floats, shapes: Shapes, resting: Sequence[Longs]
     at = _guided(body, places, at, held)
     units = _Units(body, places, values, held, resting)
     at = units.moved(at)
-    jumps = Jumps(body, places, shapes)
+    jumps = Jumps(body, places)
     if len(jumps.first):
         every = np.arange(len(body.cells))
         at = _Units(body, places, 0 * values, held, [every]).lifted(at, jumps, units)

@@ -19,11 +19,8 @@ from perfplast_fenicsx.proof.balls import (
     Balls,
     U,
     contracted,
-    crossed,
-    norms_of,
     put,
     stacked,
-    upwards,
 )
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
@@ -81,117 +78,10 @@ class Remainder:
     plates: Balls
 
 
-@dataclass(frozen=True)
-class Shapes:
-    """Volumes and area vectors of the cells, with errors.
-
-    Attributes:
-        areas: Outward area vectors of the facets opposite each vertex, shape (num_cells, d + 1, d).
-        volumes: Volumes; for a cell whose shape is lost to rounding, the ball contains zero.
-    """
-
-    areas: Balls
-    volumes: Balls
-
-
-def shapes_of(body: Body) -> Shapes:
-    """Return the shapes of the cells of bodies."""
-    d, x = body.dim, Balls.exact(body.vertices[body.cells])
-    areas, heights = [], []
-    for i in range(d + 1):
-        first, *others = body.corners[i]
-        edges = [x[:, k] - x[:, first] for k in others]
-        if d == 2:
-            area = stacked([edges[0][:, 1], -edges[0][:, 0]], 1)
-        else:
-            area = crossed(*edges) * Balls.exact(0.5)
-        heights.append(contracted(area, x[:, first] - x[:, i]))
-        sign = np.where(heights[-1].mid < 0, -1.0, 1.0)
-        areas.append(area * Balls.exact(sign)[:, None])
-    height = heights[0] * Balls.exact(np.sign(heights[0].mid))
-    turned = np.any([np.abs(of.mid) <= 2 * of.rad for of in heights], axis=0)
-    height = Balls(height.mid, height.low, np.where(turned, np.inf, height.rad))
-    return Shapes(stacked(areas, 1), height * Balls.part(d))
-
-
-@dataclass(frozen=True)
-class ToRegular:
-    """The maps B⁻¹ from the cells to the regular simplex with edges of length 1.
-
-    Attributes:
-        maps: Approximations of B⁻¹, shape (num_cells, d, d).
-        errors: Bounds on the errors of ``maps``, as spectral norms.
-        norms: Upper bounds on ‖B⁻¹‖.
-    """
-
-    maps: Floats
-    errors: Floats
-    norms: Floats
-
-    def sizes(self, cells: Longs, forces: Floats, off: Floats) -> Floats:
-        """Return upper bounds on |B⁻¹F| for forces F on cells, shape (n, ...).
-
-        Args:
-            cells: The cell of each force, shape (n,).
-            forces: Forces, shape (n, ..., d).
-            off: Bounds on the errors of the forces, shape (n, ...).
-        """
-        size = norms_of(forces)
-        errors, norms = (
-            of[cells].reshape(-1, *(1,) * (off.ndim - 1)) for of in (self.errors, self.norms)
-        )
-        with np.errstate(invalid="ignore", over="ignore"):
-            mapped = np.einsum("nij,n...j->n...i", self.maps[cells], forces)
-            found = norms_of(mapped) + errors * size + norms * off
-        found = np.where((size == 0) & (off == 0), 0.0, found)
-        return upwards(np.where(np.isnan(found), np.inf, found))
-
-
-def to_regular(shapes: Shapes, volumes: Floats) -> ToRegular:
-    """Return the maps from the cells to the regular simplex.
-
-    Args:
-        shapes: Shapes of the cells.
-        volumes: Volumes, bounded from below.
-    """
-    d = shapes.areas.mid.shape[-1]
-    # The rows of B⁻¹ are combinations of the gradients −a/(dV).
-    maps = _regular(d).T @ (shapes.areas.mid[:, 1:] / d)
-    off = np.linalg.norm(shapes.areas.rad, axis=(1, 2))
-    rounded = 64 * U * np.linalg.norm(shapes.areas.mid, axis=(1, 2))
-    norms = np.linalg.norm(maps, ord=2, axis=(1, 2)) + off
-    rounding = 1e-12  # relative error of norms of small matrices
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        scale = 1 / volumes
-        return ToRegular(
-            maps * scale[:, None, None],
-            upwards((off + rounded) * scale),
-            norms * scale * (1 + rounding),
-        )
-
-
-def _regular(d: int) -> Floats:
-    """Return the vertices of the regular simplex, without the first vertex at the origin."""
-    regular = np.zeros((d + 1, d))
-    for i in range(1, d + 1):
-        regular[i] = regular[:i].mean(axis=0)
-        regular[i, i - 1] = np.sqrt(1 - ((regular[0] - regular[i]) ** 2).sum())
-    return regular[1:]
-
-
-def stretches_of(body: Body) -> Floats:
-    """Return upper bounds on ‖B‖ for the maps B from the regular simplex to the cells."""
-    x = body.vertices[body.cells]
-    edges = (x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
-    largest = np.linalg.norm(edges @ np.linalg.inv(_regular(body.dim).T), ord=2, axis=(1, 2))
-    return np.asarray(largest * (1 + 1e-12))  # relative error of norms of small matrices
-
-
 def remainder_of(
     body: Body,
     stress: Floats,
     kinds: Sequence[tuple[float, Loads]],
-    shapes: Shapes,
     bare: Flags | None = None,
 ) -> Remainder:
     """Return the remainder of a stress: its unbalanced forces.
@@ -200,12 +90,11 @@ def remainder_of(
         body: The bodies, in 2D or 3D.
         stress: Stress (effective with a pore pressure) at the vertices of each cell.
         kinds: Loads of each kind, and their factors.
-        shapes: Shapes of the cells.
         bare: Flags of vertices of cells at which supports and contact must not exert forces, shape
             (num_cells, d + 1).
     """
     d = body.dim
-    areas = shapes.areas
+    areas = body.shapes.areas
     force, pores, traction = (
         summed([(factor, getattr(of, name)) for factor, of in kinds])
         for name in ("body_force", "pore_pressure", "traction")
@@ -214,7 +103,7 @@ def remainder_of(
     if pores.mid.any():
         total = total - pores[..., None, None] * Balls.exact(np.eye(d)[None, None])
     on_sides = contracted(total[:, None], areas[:, :, None, None])  # cell, side, vertex, axis
-    pulling = force * shapes.volumes[:, None]
+    pulling = force * body.shapes.volumes[:, None]
     ends = stacked([on_sides[:, k, k] for k in range(d + 1)], 1).sum(axis=1)
     sides = on_sides.each(lambda part: part.reshape(-1, d + 1, d))
 

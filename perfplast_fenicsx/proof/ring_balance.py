@@ -35,14 +35,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.pieces import across_of, pieces_of, sums_by, tree_of
 from perfplast_fenicsx.proof.plates import Plates, plates_of
-from perfplast_fenicsx.proof.remainder import (
-    Anchors,
-    Outer,
-    Shapes,
-    stretches_of,
-    summed,
-    to_regular,
-)
+from perfplast_fenicsx.proof.remainder import Anchors, Outer, summed
 from perfplast_fenicsx.proof.rings import (
     PAIRS,
     coefficients_of_radius,
@@ -70,9 +63,7 @@ class RingStress:
     cost: Cost
 
 
-def ring_stress(
-    body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]], shapes: Shapes
-) -> RingStress:
+def ring_stress(body: Body, stress: Floats, kinds: Sequence[tuple[float, Loads]]) -> RingStress:
     """Return the stress with its hoop component, and the cost of balancing its residual.
 
     Args:
@@ -80,19 +71,18 @@ def ring_stress(
         stress: Coefficients of S in the section plane, shape (num_cells, 6, 2, 2), zero on the
             axis.
         kinds: Loads of each kind, and their factors.
-        shapes: Shapes of the cells.
     """
-    radii, areas = radii_of(body), shapes.areas
+    radii, areas = radii_of(body), body.shapes.areas
     total = Balls.exact(stress)
     force = summed([(factor, of.body_force) for factor, of in kinds])
     loads = [_times_radius(body, of.traction) * Balls.exact(factor) for factor, of in kinds]
     rates = []
     for a in range(3):
         pulls = [contracted(total[:, PAIRS[a, b]], areas[:, b, None]) for b in range(3)]
-        weight = force * (shapes.volumes * Balls.exact(radii[:, a]))[:, None]
+        weight = force * (body.shapes.volumes * Balls.exact(radii[:, a]))[:, None]
         rates.append(weight - stacked(pulls, 1).sum(axis=1))
     rate = stacked(rates, 1)  # divergence plus force, times the area, at vertices
-    hoop = rate[..., 0] * inverse_of(shapes.volumes)[:, None]
+    hoop = rate[..., 0] * inverse_of(body.shapes.volumes)[:, None]
     theta = times_radius(radii, (hoop.mid + hoop.low)[..., None])[..., 0]
     vectors = np.stack(
         [stress[..., 0, 0], stress[..., 1, 1], theta, np.sqrt(2.0) * stress[..., 0, 1]], axis=2
@@ -115,7 +105,7 @@ def ring_stress(
     lost = np.full(len(body.cells), np.inf)
     if not all(np.isfinite(of.size).all() for of in (rate, jumps, outer.left)):
         return RingStress(vectors, errors, Cost(lost, TOO_LARGE))
-    acting = _Acting(body, shapes, rate[..., ALONG], jumps, outer.left)
+    acting = _Acting(body, rate[..., ALONG], jumps, outer.left)
     plates = plates_of(body, outer.rest, kinds, acting.pieces)
     acting.carry(body, plates.through, plates.missing[:, ALONG], plates.errors[:, ALONG])
     idle = np.ones(int(acting.pieces.max()) + 1, dtype=bool)
@@ -128,7 +118,7 @@ def ring_stress(
     pushes, reason = _reactions(body, acting, outer.anchors(), plates, idle)
     if pushes is None:
         return RingStress(vectors, errors, Cost(lost, reason))
-    size = _size(body, shapes, acting, pushes)
+    size = _size(body, acting, pushes)
     return RingStress(vectors, errors, Cost(size, None))
 
 
@@ -153,9 +143,9 @@ class _Acting:
         volumes: Areas of the cells' sections, bounded from below.
     """
 
-    def __init__(self, body: Body, shapes: Shapes, rate: Balls, jumps: Balls, outer: Balls) -> None:
+    def __init__(self, body: Body, rate: Balls, jumps: Balls, outer: Balls) -> None:
         count = len(body.cells)
-        self.volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
+        self.volumes = body.shapes.least_volumes
         self.pieces = np.unique(pieces_of(body), return_inverse=True)[1].ravel()
         self.on_sides = np.zeros(count)
         self.within = rate.size.max(axis=1)
@@ -247,7 +237,7 @@ def _reactions(
     return upwards(found, len(first)), None
 
 
-def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats:
+def _size(body: Body, acting: _Acting, pushes: Floats) -> Floats:
     """Return an upper bound for each cell on the size of a stress that balances the forces."""
     count = len(body.cells)
     more = sums_by(body.outer // 3, pushes, count)
@@ -260,8 +250,8 @@ def _size(body: Body, shapes: Shapes, acting: _Acting, pushes: Floats) -> Floats
         turn = (sides + acting.within) * extent / spread
         radial = sides + turn * np.abs(heights).max(axis=1)
         inside = QUADRATIC[0] * sides + QUADRATIC[1] * (acting.within + radial)
-        largest = stretches_of(body)
-        inverse = to_regular(shapes, acting.volumes).norms
+        largest = body.shapes.stretches
+        inverse = body.shapes.to_regular.norms
         section = largest**2 * inverse / (acting.volumes / REGULAR[2]) * inside
         some = np.where(radii > 0, radii, np.inf).min(axis=1)
         touches = (radii == 0).any(axis=1)

@@ -24,7 +24,6 @@ from perfplast_fenicsx.proof.guided import left_free
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.mechanism import Mechanism, mechanism_of, resting_in
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.remainder import Shapes, shapes_of
 from perfplast_fenicsx.proof.rings import normals_of
 from perfplast_fenicsx.proof.verdict import share_of
 from perfplast_fenicsx.proof.volume_change import Undone, undone
@@ -133,23 +132,22 @@ def measure_velocity(body: Body, v: Floats) -> Flow:
         body: The bodies.
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
     """
-    shapes = shapes_of(body)
     resting = resting_in(body, v)
-    found = _measured(body, v, shapes, mechanism_of(body, v, shapes, resting))
+    found = _measured(body, v, mechanism_of(body, v, resting))
     if not resting:
         return found
     # A second mechanism without rigid sets of cells may prove a better bound.
-    other = _measured(body, v, shapes, mechanism_of(body, v, shapes))
+    other = _measured(body, v, mechanism_of(body, v))
     known = [np.inf if of.bound is None else of.bound for of in (found, other)]
     return found if known[0] < known[1] else other
 
 
-def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Flow:
+def _measured(body: Body, v: Floats, mechanism: Mechanism) -> Flow:
     """Return the bound that a mechanism near the stored velocity proves."""
-    rates = rates_of(body, mechanism, shapes)
+    rates = rates_of(body, mechanism)
     of_cells = dissipated(body, rates)
     keeps, takes = (of & ~mechanism.rigid for of in _kinds(body))
-    left = undone(body, mechanism, rates.change, (keeps, takes), shapes)
+    left = undone(body, mechanism, rates.change, (keeps, takes))
     more = left.gradients * rates.of_gradient
     some, alert = body.plastic, np.zeros(len(body.cells))
     alert[some] = body.cones.alertness[body.cone[some]]
@@ -165,7 +163,7 @@ def _measured(body: Body, v: Floats, shapes: Shapes, mechanism: Mechanism) -> Fl
         reasons.append("a cone does not bound a stress other than the mean stress")
     cost = float((body.steepness * more)[more != 0].sum() * (1 + 1e-9))
     dissipation = (of_cells.total + cost + mechanism.slip) * (1 + 64 * U)
-    works = [_work(body, of, mechanism, rates, shapes) for of in _loads(body)]
+    works = [_work(body, of, mechanism, rates) for of in _loads(body)]
     undoes = [_undone_work(body, of, left) for of in _loads(body)]
     work, work_off = works[0][0], works[0][1] + undoes[0]
     dead, dead_off = works[1][0], works[1][1] + undoes[1]
@@ -212,9 +210,7 @@ def _at(body: Body, values: Floats, words: str) -> str:
     return f"{words}, as at ({', '.join(f'{x:.6g}' for x in where)})"
 
 
-def _work(
-    body: Body, loads: Loads, mechanism: Mechanism, rates: Rates, shapes: Shapes
-) -> tuple[float, float]:
+def _work(body: Body, loads: Loads, mechanism: Mechanism, rates: Rates) -> tuple[float, float]:
     """Return the work of loads, and its error.
 
     Args:
@@ -222,7 +218,6 @@ def _work(
         loads: Loads of one kind.
         mechanism: Velocity of the bodies.
         rates: Strain rates of the velocity.
-        shapes: Shapes of the cells.
     """
     if not loads:
         return 0.0, 0.0
@@ -230,7 +225,7 @@ def _work(
     found = []
     some = np.flatnonzero(loads.traction.any(axis=(1, 2)))
     if len(some):
-        vectors = shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer[some]])
+        vectors = body.shapes.areas.each(lambda part: part.reshape(-1, d)[body.outer[some]])
         sizes = (vectors * vectors).sum(axis=1).root()
         v = at[places.of_facets[some]]
         means = _means(d)
@@ -246,7 +241,7 @@ def _work(
     some = np.flatnonzero(loads.body_force.any(axis=1))
     if len(some):
         v = at[places.of_cells[some]].sum(axis=1)
-        volumes = shapes.volumes[some] * Balls.part(places.of_cells.shape[1])
+        volumes = body.shapes.volumes[some] * Balls.part(places.of_cells.shape[1])
         found.append(contracted(Balls.exact(loads.body_force[some]), v) * volumes)
     some = np.flatnonzero(loads.pore_pressure.any(axis=1))
     if len(some):

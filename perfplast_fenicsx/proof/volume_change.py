@@ -31,7 +31,6 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.mechanism import Mechanism
 from perfplast_fenicsx.proof.pieces import across_of, joined
 from perfplast_fenicsx.proof.places import numbers_in_cell
-from perfplast_fenicsx.proof.remainder import Shapes, stretches_of, to_regular
 from perfplast_fenicsx.proof.touching import obstacles_of, touching
 
 SIZE = {2: (2.67, 16.3), 3: (4.51, 79.0)}
@@ -60,9 +59,7 @@ class Undone:
     reason: str | None
 
 
-def undone(
-    body: Body, mechanism: Mechanism, change: Balls, kinds: tuple[Flags, Flags], shapes: Shapes
-) -> Undone:
+def undone(body: Body, mechanism: Mechanism, change: Balls, kinds: tuple[Flags, Flags]) -> Undone:
     """Return upper bounds on the size of a velocity that undoes volume changes.
 
     Args:
@@ -70,22 +67,21 @@ def undone(
         mechanism: Velocity of the bodies.
         change: div v times the volume at the vertices of cells, shape (num_cells, d + 1).
         kinds: Flags of cells that preserve their volume, and of cells that admit all rates.
-        shapes: Shapes of the cells.
     """
     d, count = body.dim, len(body.cells)
     keeps, takes = kinds
     change = change.where(keeps[:, None])
     mean = change.sum(axis=1) * Balls.part(d + 1)
     uneven = (change - mean[:, None]).size.max(axis=1)
-    volumes = np.maximum(shapes.volumes.mid - 2 * shapes.volumes.rad, 0.0)
-    largest, inverse = stretches_of(body), to_regular(shapes, volumes).norms
+    volumes = body.shapes.least_volumes
+    largest, inverse = body.shapes.stretches, body.shapes.to_regular.norms
     of_change, of_bump = SIZE[d]
     inside = np.where(uneven != 0, of_change * largest * inverse * uneven, 0.0)
     through = np.zeros(len(body.facets))
     sizes = change.size.max(axis=1)
     if (mean.size == 0).all():
         return Undone(upwards(inside), sizes, through, None)
-    ways = _Ways(body, mechanism, keeps, takes, shapes)
+    ways = _Ways(body, mechanism, keeps, takes)
     fluxes, errors = ways.fluxes(-(mean.mid + mean.low), mean.rad + 2 * U * np.abs(mean.mid))
     most = np.abs(fluxes) + errors
     reason = ways.fault(fluxes, errors)
@@ -99,7 +95,7 @@ def undone(
     on_sides[there[inner]] += shares[inner]
     bumps = on_sides.reshape(count, d + 1).sum(axis=1)
     with np.errstate(invalid="ignore"):
-        whole = volumes + 4 * shapes.volumes.rad
+        whole = volumes + 4 * body.shapes.volumes.rad
         bumps = np.where(bumps != 0, of_bump * whole * largest * inverse**2 * bumps, 0.0)
     gradients = upwards(np.where(np.isfinite(inside + bumps), inside + bumps, np.inf), count)
     sizes = np.where(keeps, sizes, np.sqrt(d) * gradients)
@@ -121,13 +117,11 @@ class _Ways:
         across: Opposite side of each side; −1 for outer facets.
     """
 
-    def __init__(
-        self, body: Body, mechanism: Mechanism, keeps: Flags, takes: Flags, shapes: Shapes
-    ) -> None:
+    def __init__(self, body: Body, mechanism: Mechanism, keeps: Flags, takes: Flags) -> None:
         d, wide, count = body.dim, body.dim + 1, len(body.cells)
-        self._body, self._mechanism, self._keeps, self._shapes = body, mechanism, keeps, shapes
+        self._body, self._mechanism, self._keeps = body, mechanism, keeps
         self.across = across_of(body)
-        areas = shapes.areas.mid.reshape(-1, d)
+        areas = body.shapes.areas.mid.reshape(-1, d)
         self._sizes = np.linalg.norm(areas, axis=1)
         free = np.ones((count * wide, d), dtype=bool)
         free[body.outer] = ~body.held
@@ -180,7 +174,7 @@ class _Ways:
         Rounding makes the areas of matching facets differ, and therefore the fluxes too.
         """
         body, wide, d = self._body, self._body.dim + 1, self._body.dim
-        areas = self._shapes.areas.mid.reshape(-1, d)
+        areas = self._body.shapes.areas.mid.reshape(-1, d)
         for one, other in body.contacts:
             pair = touching(body, one, other)
             open_ = ~(shut[pair.first] | shut[pair.second])
@@ -252,7 +246,7 @@ class _Ways:
         body, d = self._body, self._body.dim
         of = sides_places(body, self._mechanism.places.of_cells, sides)
         v = self._mechanism.at[of].sum(axis=1)
-        areas = self._shapes.areas.each(lambda part: part.reshape(-1, d)[sides])
+        areas = self._body.shapes.areas.each(lambda part: part.reshape(-1, d)[sides])
         return contracted(v, areas).size
 
 

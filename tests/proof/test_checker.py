@@ -38,7 +38,6 @@ from perfplast_fenicsx.proof.checker import check_lower, check_upper
 from perfplast_fenicsx.proof.mechanism import mechanism_of
 from perfplast_fenicsx.proof.parts import halved
 from perfplast_fenicsx.proof.places import Places
-from perfplast_fenicsx.proof.remainder import shapes_of
 
 COMM = MPI.COMM_WORLD
 WEAK = VonMises(young=2e5, poisson=0.3, yield_stress=300.0)
@@ -229,7 +228,7 @@ def test_entering_between_three_nodes_is_found(proof: Path) -> None:
     for apart, enters in ((quarter % 2 == 1, False), (quarter == 4, True)):
         v = np.zeros_like(x)
         v[:, 2] = np.where(upper & at_seam, apart, 0.0)
-        found = mechanism_of(body, v[nodes], shapes_of(body))
+        found = mechanism_of(body, v[nodes])
         assert found.reason is None
         at = bernstein(found.places, v[nodes])
         assert (np.abs(found.at.mid - at).max() > 0.1) == enters  # bent until nothing penetrates
