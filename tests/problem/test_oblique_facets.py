@@ -11,7 +11,12 @@ from meshes.naming import interface, name, name_planes
 from meshes.sizes import generate
 from perfplast_fenicsx import BodyForce, Contact, Problem, Support, Tie
 from perfplast_fenicsx.mesh import gmsh_session, on_plane, write_split
-from perfplast_fenicsx.problem.judged.oblique_facets import faceted_cylinders, interlocked
+from perfplast_fenicsx.problem.judged.oblique_facets import (
+    FacetedCylinder,
+    faceted_cylinders,
+    interlocked,
+    with_common_axes,
+)
 from tests.models import STEEL, Read
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
@@ -266,3 +271,18 @@ def test_the_remark_names_the_contact_of_the_moving_body(read: Read, pin: str) -
     assert remark is not None
     assert f"the body '{pin}'" in remark
     assert f"'{pin}_bore_{pin}'" in remark
+
+
+def test_half_shells_have_one_axis() -> None:
+    """Their centres differ by rounding, across the axis; those of other bores do not."""
+    x, y, z = np.eye(3)
+    centres = [0 * x, 3e-9 * x, 3e-9 * y + 0.7 * z, 0.1 * x]
+    found = with_common_axes(
+        [
+            FacetedCylinder(k, ("pin", "plate"), z + 1e-9 * k * y, at, 0.4, 5.0)
+            for k, at in enumerate(centres)
+        ]
+    )
+    for one in found:
+        assert (one.axis == z).all()
+    assert [bool((one.centre == 0).all()) for one in found] == [True, True, True, False]

@@ -59,6 +59,7 @@ class FacetedCylinder:
         surfaces: Names of both surfaces.
         axis: Unit vector of the axis.
         centre: A point of the axis.
+        radius: Radius of the cylinder.
         tilt: Largest angle between a normal and the radial direction (degrees).
     """
 
@@ -66,6 +67,7 @@ class FacetedCylinder:
     surfaces: tuple[str, str]
     axis: Floats
     centre: Floats
+    radius: float
     tilt: float
 
 
@@ -74,7 +76,7 @@ def interlocked(problem: Problem) -> str | None:
 
     Loads are forces and moved supports. The remark names the bodies, a contact and a remedy.
     """
-    found = _with_common_axes(faceted_cylinders(problem))
+    found = with_common_axes(faceted_cylinders(problem))
     if not found:
         return None
     smooth = _smooth(problem, found)
@@ -304,8 +306,8 @@ def _normals(corners: Floats) -> tuple[Floats, Floats]:
     return cross / twice[:, None], twice / 2
 
 
-def _fitted(corners: Floats) -> tuple[Floats, Floats] | None:
-    """Return the axis and a point of the axis of the cylinder through vertices, if there is one."""
+def _fitted(corners: Floats) -> tuple[Floats, Floats, float] | None:
+    """Return axis, centre and radius of the cylinder through vertices; None if there is none."""
     points = np.unique(corners.reshape(-1, 3), axis=0)
     enough = 8  # a cylinder has five parameters, so fewer points say little
     if len(points) < enough:
@@ -336,13 +338,14 @@ def _fitted(corners: Floats) -> tuple[Floats, Floats] | None:
     axis = start + fit.x[0] * first + fit.x[1] * second
     axis /= np.linalg.norm(axis)
     axis *= np.sign(axis[np.argmax(np.abs(axis))])
-    return axis, middle + size * (fit.x[2] * first + fit.x[3] * second)
+    return axis, middle + size * (fit.x[2] * first + fit.x[3] * second), size * abs(float(fit.x[4]))
 
 
-def _with_common_axes(found: Sequence[FacetedCylinder]) -> list[FacetedCylinder]:
+def with_common_axes(found: Sequence[FacetedCylinder]) -> list[FacetedCylinder]:
     """Return cylinders whose axes are exactly equal if they are nearly equal.
 
-    A body that slides in several bores can move only if their axes are exactly parallel.
+    A body that slides in several bores, or between half shells, can move only if their axes are
+    exactly parallel and their centres lie on one axis.
     """
     same: list[FacetedCylinder] = []
     for one in found:
@@ -351,7 +354,7 @@ def _with_common_axes(found: Sequence[FacetedCylinder]) -> list[FacetedCylinder]
                 one = replace(one, axis=other.axis)
                 apart = one.centre - other.centre
                 across = apart - (apart @ other.axis) * other.axis
-                size = np.linalg.norm(apart) or 1.0
+                size = max(float(np.linalg.norm(apart)), one.radius)
                 if np.linalg.norm(across) <= NEAR * size:
                     one = replace(one, centre=other.centre)
                     break
