@@ -90,9 +90,10 @@ def mechanism_of(body: Body, v: Floats, resting: Sequence[Longs] = ()) -> Mechan
     if len(jumps.first):
         every = np.arange(len(body.cells))
         at = _Units(body, places, 0 * values, held, [every]).lifted(at, jumps, units)
-    guided = np.zeros(places.count, dtype=bool)
-    guided[places.of_facets[body.guided.any(axis=1)]] = True
-    free = ~held & ~guided[:, None] & (units.of_place < 0)[:, None]
+    guided = np.zeros((places.count, body.dim), dtype=bool)  # axes that are not across a guide
+    for column in places.of_facets.T:
+        np.logical_or.at(guided, column, body.guided != 0)
+    free = ~held & ~guided & (units.of_place < 0)[:, None]
     for _ in range(ROUNDS):
         enters = jumps.enters(at)
         if not (enters > 0).any():
@@ -277,7 +278,7 @@ class _Units:
                 directions = np.unique(body.guided[guides[mine_too]], axis=0)
                 numbers = np.zeros(len(directions), dtype=np.int64)
                 motion = _across(motion, ~free[None, :d], numbers, directions)
-                free[:d] = False  # these components do not move again
+                free[:d] &= (directions == 0).all(axis=0)  # axes along which it may move again
             motions = put(motions, np.array([unit]), motion)
             self._free[unit] = free
         self._motions = motions

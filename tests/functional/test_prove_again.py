@@ -1,13 +1,27 @@
 """Test that the second checker, in JavaScript, agrees with the first one in a browser."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
-from perfplast_fenicsx import MohrCoulomb, Pressure, Problem, Support, limit_bounds
+from meshes.sectors import write_punch_sector
+from perfplast_fenicsx import (
+    Contact,
+    Elastic,
+    MohrCoulomb,
+    Pressure,
+    Problem,
+    Support,
+    VonMises,
+    limit_bounds,
+    read_gmsh,
+)
 from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.proof.__main__ import main
@@ -300,6 +314,23 @@ def sand() -> Problem:
     )
 
 
+def punch(path: Path) -> Halves:
+    """Return halves for an elastic punch on ground, with an oblique plane of symmetry.
+
+    The checkers lift the punch and points of the ground along the plane.
+    """
+    write_punch_sector(path / "punch.msh")
+    problem = Problem(
+        read_gmsh(MPI.COMM_SELF, path / "punch.msh"),
+        {"ground": VonMises(1e3, 0.3, math.sqrt(3)), "punch": Elastic(1e6, 0.3)},
+        [Support("y0", "y"), Support("oblique", "normal"), Support("held")],
+        [Pressure("top", 1.0)],
+        [Contact("punch_seam", "ground_seam")],
+        degree=2,
+    )
+    return written(path, limit_bounds(problem, 1e-3))
+
+
 OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None], ...]]] = {
     "rings with a plate": (KINDS["rings with a plate"], (half_the_strength, skew, claim)),
     "a stone that rubs and adheres": (
@@ -311,6 +342,7 @@ OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None]
         KINDS["rock"],
         (half_the_strength, more_of_stress, claim, *BENT),
     ),
+    "a punch beside an oblique plane": (punch, (claim,)),
     "stones in space": (lambda path: written(path, limit_bounds(in_space())), (claim,)),
     "an elastic body on a hinge": (
         lambda path: written(path, limit_bounds(random_case(HINGED).problem, 1e-3)),
@@ -319,7 +351,10 @@ OTHERS: dict[str, tuple[Callable[[Path], Halves], tuple[Callable[[Arrays], None]
 }
 
 
-@pytest.mark.long(but=["rings with a plate", "a stone that rubs and adheres", "sand", "rock"])
+USUAL = ["rings with a plate", "a stone that rubs and adheres", "sand", "rock"]
+
+
+@pytest.mark.long(but=[*USUAL, "a punch beside an oblique plane"])
 @pytest.mark.parametrize("name", OTHERS)
 def test_both_checkers_agree_on_other_bodies(name: str, tmp_path: Path, checker: Checker) -> None:
     """The test uses honest files, and edited files."""

@@ -177,6 +177,10 @@ function bent(body, flow, rows, resting) {
       return sum.map((y, i) => y + share * t[i]);
     }, none);
   };
+  const slide = (free, every) => { // leave only axes across all guides of some points
+    const directions = every.flatMap((p) => guides.get(p) ?? []);
+    free.forEach((is, i) => { free[i] = is && (!directions.length || (i < d && directions.every((g) => g[i] === 0n))); });
+  };
   for (const [p, directions] of guides) Q[p] = moveAcross(Q[p], held[p], directions);
   const groups = [...flow.groups, ...(resting ? flow.resting : [])], joined = new Joined(groups.length),
     owner = new Map();
@@ -196,11 +200,11 @@ function bent(body, flow, rows, resting) {
   units.forEach((unit, k) => {
     let [shift, turn] = unit.motion;
     unit.every.forEach((p) => { unitOf[p] = k; });
-    if (unit.stuck) { // later steps do not move it either
+    if (unit.stuck) { // later steps move it only across the guides
       const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
       shift = moveAcross(shift,
         unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
-      unit.free.fill(false);
+      slide(unit.free, unit.every);
     }
     unit.turn = turn;
     for (const p of unit.mine) Q[p] = unit.at(p, shift, turn);
@@ -247,10 +251,11 @@ function bent(body, flow, rows, resting) {
       const parts = [...new Set(every.map((k) => unitOf[k]))].filter((k) => k >= 0);
       mover = motionsOf(body, flow,
         { every, lock: range(d).map((i) => parts.some((k) => units[k].lock[i])) });
-      if (mover.stuck) mover.free.fill(false);
+      if (mover.stuck) slide(mover.free, every);
       mover.parts = parts.map((k) => units[k]);
     } else if (!mover) {
-      const free = held[p].map((is) => !is && !guides.has(p)), still = range(d).map(() => 0);
+      const free = held[p].map((is) => !is), still = range(d).map(() => 0);
+      slide(free, [p]);
       mover = { every: [p], free,
         columns: () => free.map((is, i) => still.map((_, k) => (is && i === k ? 1 : 0))) };
     }
