@@ -31,7 +31,7 @@ from perfplast_fenicsx.proof.plain_arrays import (
     number_of,
     stored_arrays,
 )
-from perfplast_fenicsx.proof.reduction import reduction_of, reduction_words, whole_bodies
+from perfplast_fenicsx.proof.reduction import division_of, reduction_of, reduction_words
 from perfplast_fenicsx.proof.rigid import check_loaded
 from perfplast_fenicsx.proof.shared_cells import boxes_of, have_common_volume
 from perfplast_fenicsx.proof.stored_file import stored_file
@@ -227,15 +227,18 @@ def check_pair(
             reduced = reduction_of(body, arrays)
             if reduced is None:
                 raise ProofError(f"'{path}' has no strength_factor.")
-            halves.append((of[kind], whole_bodies(body, *reduced), reduced[0]))
-    (lower, less, carried), (upper, more, not_carried) = halves
+            halves.append((of[kind], body, division_of(body, *reduced)))
+    (lower, less, divided), (upper, more, divided_more) = halves
+    carried, not_carried = divided.factor, divided_more.factor
     faults = [fault for half in (lower, upper) for fault in half.faults]
     if not faults and not (lower.proven or 0.0) >= 1.0:
         faults.append("the stress does not carry the loads with the factor 1")
     if not faults and not (np.inf if upper.proven is None else upper.proven) <= 1.0:
         faults.append("the loads with the factor 1 do not drive the mechanism")
+    if less.constant or more.constant:
+        faults.append("there are constant loads, which the factor 1 does not multiply")
     with np.errstate(all="ignore"):
-        faults += differences(less[0], more[0], list(zip(less, more, strict=False)))
+        faults += differences(less, more, (divided, divided_more))
     if not faults and not carried <= not_carried:
         faults.append("the factor of the lower file is above the factor of the upper file")
     return Pair(carried, not_carried, tuple(faults))

@@ -1,10 +1,13 @@
 """Compare the strengths of cells whose cones may have different shapes and sizes."""
 
+from collections.abc import Sequence
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.reduction import Division
 from perfplast_fenicsx.proof.rings import normals_of
 
 
@@ -15,8 +18,8 @@ class Strengths(NamedTuple):
         family: Index of the shape. Cones of one shape have equal (MᵀM)^½ and direction of q after
             scaling M to size 1. Cones of principal stresses have one shape if the ratio of c to the
             tensile strength is equal, and parabolas if the ratio of k to f is equal.
-        slope: |q| after this scaling, or the sine of bounds of principal stresses.
-        bound: c after this scaling.
+        slope: |q| after this scaling, or s/√(1 − s²) = tan φ for bounds of principal stresses.
+        bound: c after this scaling, or c/√(1 − s²) for bounds of principal stresses.
         axial: Whether M q = 0, or the cone bounds principal stresses. In both cases a smaller slope
             with an apex that is not higher gives a smaller cone.
     """
@@ -55,17 +58,25 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
     return np.asarray(~holds)
 
 
-def strengths_of(*bodies: Body) -> list[Strengths]:
+def strengths_of(
+    *bodies: Body, divisions: Sequence[Division] = (), match: int = 0
+) -> list[Strengths]:
     """Return the strengths of the cells of each body.
 
     Elastic cells count as volume-preserving bodies of infinite strength.
+
+    Args:
+        bodies: The bodies.
+        divisions: How a factor divides the strengths of each body, for undivided strengths. Then
+            cones of one shape are also of one kind.
+        match: Index of the match of Drucker–Prager cones.
     """
     m, n = bodies[0].components, normals_of(bodies[0])
     plain = np.eye(m)
     plain[:n, :n] -= 1 / n
     none: Floats = np.zeros((1, m + 3))  # no slope and no bounds of principal stresses
     shapes, cones = [np.append(_shape(plain[None]), none, axis=1)], []
-    for body in bodies:
+    for body, division in zip_longest(bodies, divisions):
         principal = body.cones.is_pointwise
         sizes = np.where(principal, 1.0, np.linalg.norm(body.cone_matrix, axis=(1, 2)))
         slopes = body.cone_slope / sizes[:, None]
@@ -75,14 +86,25 @@ def strengths_of(*bodies: Body) -> list[Strengths]:
         lost = np.linalg.norm(np.einsum("cij,cj->ci", matrices, along), axis=1)
         axial = principal | (lost <= 1e-11 * sizes)
         along[principal] = 0.0
+        cosine = np.sqrt((1 - body.cone_sine) * (1 + body.cone_sine))
+        cosine = np.where(body.cones.is_principal, cosine, 1.0)
+        bound = body.cone_bound / sizes / cosine
         kinds = principal + 2 * body.cones.is_cut + 4 * body.cones.is_curved
-        cuts = np.log(body.cone_bound / body.cone_tension, where=body.cones.is_cut, out=0 * steep)
+        cuts = np.log(bound / body.cone_tension, where=body.cones.is_cut, out=0 * steep)
         bends = body.cone_curvature / body.cone_bound
         np.log(bends, where=body.cones.is_curved, out=bends)
         bends[~body.cones.is_curved] = 0.0
+        steep = np.where(body.cones.is_principal, body.cone_sine / cosine, steep)
+        if division is not None:
+            kinds = kinds + 8 * division.kind
+            matched = division.kind > 1
+            tangents = division.tangents[min(match, len(division.tangents) - 1)]
+            # F does not move the apex, where p = c/|q|
+            ratio = np.divide(tangents, steep, out=np.ones_like(steep), where=matched)
+            bound = bound * ratio * division.times
+            steep = np.where(matched, tangents, steep) * division.times
         shapes.append(np.column_stack([_shape(matrices), along, kinds, cuts, bends]))
-        steep = np.where(body.cones.is_principal, body.cone_sine, steep)
-        cones.append((steep, body.cone_bound / sizes, axial))
+        cones.append((steep, bound, axial))
     numbers = _alike_rows(np.concatenate(shapes))
     found, first = [], 1
     for body, (steep, bound, axial) in zip(bodies, cones, strict=True):

@@ -7,6 +7,7 @@ body forces and pore pressures, and the cone of the upper half must not be weake
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.cone_shapes import Strengths, are_weaker, strengths_of
 from perfplast_fenicsx.proof.guided import differ
 from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.reduction import Division
 from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
@@ -26,11 +28,7 @@ the same surface.
 """
 
 
-Pairs = Sequence[tuple[Body, Body]]
-"""Bodies of the lower and the upper half."""
-
-
-def differences(lower: Body, upper: Body, strong: Pairs = ()) -> list[str]:
+def differences(lower: Body, upper: Body, divisions: Sequence[Division] = ()) -> list[str]:
     """Return the differences between the bodies of two halves, in words.
 
     The upper half may have stronger bodies and more friction: an upper bound for stronger bodies is
@@ -39,8 +37,9 @@ def differences(lower: Body, upper: Body, strong: Pairs = ()) -> list[str]:
     Args:
         lower: The bodies of the lower half.
         upper: The bodies of the upper half.
-        strong: The same bodies with strengths of different meanings. In each place, the upper half
-            must not be weaker in one of these meanings. By default, the strengths of both halves.
+        divisions: How a factor divides the strengths of both halves; then the undivided strengths
+            are compared, and in each place the upper half must not be weaker for some match of its
+            Drucker–Prager cones. By default, the strengths in both halves are compared.
     """
     if lower.dim != upper.dim:
         return ["one half has plane bodies, and the other has bodies in 3D"]
@@ -53,7 +52,7 @@ def differences(lower: Body, upper: Body, strong: Pairs = ()) -> list[str]:
     loaded = places[_tractions_differ(lower, upper, a, b)]
     weaker = loaded[:0]
     if not len(alone):
-        weaker, in_cells = _in_cells(lower, upper, strong or [(lower, upper)])
+        weaker, in_cells = _in_cells(lower, upper, divisions)
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
     held |= differ(lower.guided[a], upper.guided[b])
@@ -67,7 +66,7 @@ def differences(lower: Body, upper: Body, strong: Pairs = ()) -> list[str]:
     ]
     if not _same_plates(lower, upper):
         found.append("the halves have different rigid surfaces, or different loads on them")
-    if not _same_contacts(lower, upper):
+    if not _same_contacts(lower, upper, divisions):
         found.append("the halves have different contacts, or the upper half has less friction")
     return found
 
@@ -130,9 +129,10 @@ def _linear(places: Floats, vertices: Floats, values: Floats) -> Floats:
     return np.asarray(values[:, :1] + shares @ (values[:, 1:] - values[:, :1]))
 
 
-def _in_cells(lower: Body, upper: Body, pairs: Pairs) -> tuple[Floats, Floats]:
+def _in_cells(lower: Body, upper: Body, divisions: Sequence[Division]) -> tuple[Floats, Floats]:
     """Return centres of lower cells where the upper half is weaker, and where loads differ."""
-    strong = [strengths_of(*pair) for pair in pairs]
+    matches = range(max([1, *(len(of.tangents) for of in divisions)]))
+    strong = [strengths_of(lower, upper, divisions=divisions, match=match) for match in matches]
     kinds = list(_kinds(lower, upper))
     pulling = [pair for pair in kinds if any(of.body_force.any() for of in pair)]
     wet = any(of.pore_pressure.any() for pair in kinds for of in pair)
@@ -244,34 +244,41 @@ def _same_plates(lower: Body, upper: Body) -> bool:
     return True
 
 
-def _contacts(body: Body) -> Floats:
-    """Return a row for each contact: its sorted tags, its adhesion and its friction."""
-    rows = np.column_stack(
-        [np.sort(body.contacts, axis=1), body.contact_adhesion, body.contact_friction]
-    )
+def _contacts(body: Body, division: Division | None) -> Floats:
+    """Return a row for each contact: sorted tags, whether F keeps it, adhesion and friction."""
+    kept, times = _kept(len(body.contacts), 0, division)
+    rubs = np.column_stack([body.contact_adhesion, body.contact_friction]) * times
+    rows = np.column_stack([np.sort(body.contacts, axis=1), kept, rubs])
     return np.asarray(rows[np.lexsort(rows.T[::-1])], dtype=np.float64)
 
 
-def _obstacles(body: Body) -> Floats:
-    """Return a row for each obstacle: its tag, normal, adhesion and friction."""
-    rows = np.column_stack(
-        [body.obstacles, body.obstacle_normals, body.obstacle_adhesion, body.obstacle_friction]
-    )
+def _obstacles(body: Body, division: Division | None) -> Floats:
+    """Return a row for each obstacle: tag, whether F keeps it, normal, adhesion and friction."""
+    kept, times = _kept(len(body.obstacles), 1, division)
+    rubs = np.column_stack([body.obstacle_adhesion, body.obstacle_friction]) * times
+    rows = np.column_stack([body.obstacles, kept, body.obstacle_normals, rubs])
     return np.asarray(rows[np.argsort(body.obstacles, kind="stable")], dtype=np.float64)
 
 
-def _same_contacts(lower: Body, upper: Body) -> bool:
+def _kept(count: int, of: int, division: Division | None) -> tuple[Flags, Floats]:
+    """Return whether F keeps each friction, and the factors of the undivided friction."""
+    kept = np.ones(count, dtype=bool) if division is None else division.kept[of]
+    times = np.where(kept, 1.0, 1.0 if division is None else division.factor)
+    return kept, times[:, None]
+
+
+def _same_contacts(lower: Body, upper: Body, divisions: Sequence[Division]) -> bool:
     """Return whether both halves have equal contacts, with no less friction in the upper half."""
-    for rows in (_contacts, _obstacles):
-        one, other = rows(lower), rows(upper)
-        tags = 2 if rows is _contacts else 1
+    rounding = 1e-12 if divisions else 0.0  # of the products with F
+    for rows, tags in ((_contacts, 3), (_obstacles, 2)):
+        one, other = (rows(*of) for of in zip_longest((lower, upper), divisions))
         if len(one) != len(other) or (one[:, :tags] != other[:, :tags]).any():
             return False
         if not (
             np.abs(one[:, tags:-2] - other[:, tags:-2]) <= SAME
         ).all():  # tolerance for unit normals
             return False
-        if not (one[:, -2:] <= other[:, -2:]).all():
+        if not (one[:, -2:] <= other[:, -2:] * (1 + rounding)).all():
             return False
     return True
 

@@ -8,13 +8,12 @@ the bodies.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from perfplast_fenicsx.proof.body import Body, Floats
+from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.plain_arrays import ProofError, checked, number_of
 from perfplast_fenicsx.proof.rings import around, normals_of
 
@@ -70,57 +69,47 @@ MATCHES = ("plane-strain", "compression", "extension")
 """States of stress in which a Drucker–Prager cone has the strength of Mohr and Coulomb."""
 
 
-def whole_bodies(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> list[Body]:
-    """Return the bodies with undivided strengths, once for each meaning of a slope.
+class Division(NamedTuple):
+    """How the factor of a half divides its strengths.
 
-    The function multiplies cohesions, tangents of friction angles, tensile strengths and
-    coefficients of friction by the factor. The friction angle of a Drucker–Prager cone depends on
-    its match, which the file does not contain. So there is a body for each of :data:`MATCHES`. In
-    the last body, and for cones of other shapes with a slope, the factor multiplies c and q. A
-    match with which the cone would be too steep gives the bound NaN.
-
-    Args:
-        body: The bodies with divided strengths.
-        factor: The factor.
-        kept: Flags of undivided strengths (:func:`reduction_of`).
+    Attributes:
+        times: F for divided cones, 1 for others, shape (num_cones,).
+        kind: 0 for undivided cones; 1 for cones whose c and q F divides, and for bounds of
+            principal stresses, where F divides cohesion and tan φ; 2 for Drucker–Prager cones of
+            in-plane stresses; 3 for Drucker–Prager cones of all stresses. Shape (num_cones,).
+        tangents: tan φ of the cones of kind 2 or 3 for each match, which the file does not contain;
+            NaN for a match with which the cone is too steep. Shape (number of matches, num_cones);
+            (1, num_cones) if there is no such cone.
+        kept: Flags of the contacts and of the obstacles whose friction F does not divide.
+        factor: F.
     """
-    sine, tension = body.cone_sine.copy(), body.cone_tension.copy()
-    divided = np.zeros(len(sine), dtype=bool)
+
+    times: Floats
+    kind: Longs
+    tangents: Floats
+    kept: tuple[Flags, Flags]
+    factor: float
+
+
+def division_of(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> Division:
+    """Return how a factor divides the strengths of bodies (:func:`reduction_of`)."""
+    divided = np.zeros(len(body.cone_bound), dtype=bool)
     divided[body.cone[body.plastic & ~kept["cell_kept"]]] = True
-    known, principal = _sines_of(body), body.cones.is_principal
-    usual = divided & ~np.isnan(known)
-    tangents = factor * known / np.sqrt(1 - known**2)
-    more = tangents / np.sqrt(1 + tangents**2)
-    some = usual & principal
-    sine[some], tension[some] = more[some], factor * tension[some]
-    rubs: dict[str, Any] = {}
-    for of in ("contact", "obstacle"):
-        by = np.where(kept[f"{of}_kept"], 1.0, factor)
-        for name in ("adhesion", "friction"):
-            rubs[f"{of}_{name}"] = by * getattr(body, f"{of}_{name}")
-    eta = _axial_slopes(body, 3) / np.sqrt(2)
-    axial = divided & ~usual & (eta > 0)
-    found = []
-    for match in (None, *MATCHES) if axial.any() else (None,):
-        times = np.where(divided, float(factor), 1.0)  # multiplies q, and c of the same apex
-        if match is not None:
-            there = _eta_of(match, factor * _tangents_of(match, eta[axial]))
-            times[axial] = there / eta[axial]
-        bounds, slopes = times.copy(), times
-        bounds[usual] = (factor * np.sqrt((1 - more**2) / (1 - known**2)))[usual]
-        slopes[usual] = np.divide(more, known, out=np.ones(len(more)), where=known > 0)[usual]
-        slopes[np.isnan(slopes)] = 1.0
-        found.append(
-            replace(
-                body,
-                cone_bound=bounds * body.cone_bound,
-                cone_slope=slopes[:, None] * body.cone_slope,
-                cone_sine=sine,
-                cone_tension=tension,
-                **rubs,
-            )
-        )
-    return found
+    sines, eta = (_axial_slopes(body, directions) / np.sqrt(2) for directions in (2, 3))
+    in_plane = divided & ~body.cones.is_principal & (sines > 0)
+    in_plane &= body.dim == 2 and not body.is_revolved
+    in_space = divided & ~body.cones.is_principal & ~in_plane & (eta > 0)
+    eta = np.where(in_plane, sines / np.sqrt(1 + sines**2 / 3), eta)  # of equal in-plane strength
+    tangents: Floats = np.full((1, len(eta)), np.nan)
+    if (in_plane | in_space).any():
+        tangents = np.array([_tangents_of(match, eta) for match in MATCHES])
+    return Division(
+        np.where(divided, factor, 1.0),
+        np.where(in_plane, 2, np.where(in_space, 3, divided.astype(np.int64))),
+        tangents,
+        (np.asarray(kept["contact_kept"]), np.asarray(kept["obstacle_kept"])),
+        factor,
+    )
 
 
 @np.errstate(invalid="ignore", divide="ignore")
@@ -133,15 +122,6 @@ def _tangents_of(match: str, eta: Floats) -> Floats:
     return np.asarray(np.where(sine > 0, sine / np.sqrt(1 - sine**2), np.nan))
 
 
-def _eta_of(match: str, tangent: Floats) -> Floats:
-    """Return η of cones with these tan φ, the inverse of :func:`_tangents_of`."""
-    if match == "plane-strain":
-        return np.asarray(3 * tangent / np.sqrt(9 + 12 * tangent**2))
-    sign = -1 if match == "compression" else 1
-    sine = tangent / np.sqrt(1 + tangent**2)
-    return np.asarray(6 * sine / (np.sqrt(3) * (3 + sign * sine)))
-
-
 def _sines_of(body: Body) -> Floats:
     """Return the sine of each cone's friction angle; NaN if the angle is not known.
 
@@ -149,7 +129,7 @@ def _sines_of(body: Body) -> Floats:
     stress: ‖dev σ‖ ≤ √2 (c cos φ − σ_m sin φ).
     """
     along = _axial_slopes(body, 2)
-    usual = (0 < along**2) & (along**2 < 2) & (body.dim == 2) & (not body.is_revolved)
+    usual = (along > 0) & (along**2 < 2) & (body.dim == 2) & (not body.is_revolved)
     found = np.where(usual, along / np.sqrt(2), np.nan)
     return np.asarray(np.where(body.cones.is_principal, body.cone_sine, found))
 

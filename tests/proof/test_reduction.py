@@ -12,9 +12,10 @@ from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.proof.__main__ import PAIR, main
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.checker import check_pair
+from perfplast_fenicsx.proof.cone_shapes import strengths_of
 from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.reduction import KEPT, reduction_of, reduction_words, whole_bodies
+from perfplast_fenicsx.proof.reduction import KEPT, division_of, reduction_of, reduction_words
 from tests.proof.forging import Arrays, Halves, blocks, copied, write
 from tests.proof.test_balance import row_of_cubes, strip
 
@@ -190,15 +191,17 @@ def test_files_that_are_no_pair_are_refused(sides: Halves, tmp_path: Path) -> No
 @pytest.mark.parametrize("factor", [0.3, 1.0, 1.7])
 def test_ground_before_its_strength_is_divided(factor: float) -> None:
     """Cohesion and tan φ of both kinds of cones, and the tensile strength, are multiplied."""
-    whole, sine = principal_cell(2.0, 0.7, 0.5)
+    whole, _ = principal_cell(2.0, 0.7, 0.5)
     reduced, _ = principal_cell(2.0 / factor, 0.7 / factor, 0.5 / factor)
     kept = dict(zip(KEPT, (np.zeros(n, dtype=bool) for n in (2, 0, 0)), strict=True))
-    (found,) = whole_bodies(Body.of(reduced), factor, kept)
-    assert found.cone_sine[0] == pytest.approx(sine)
-    assert found.cone_bound[0] == pytest.approx(float(whole["cone_bound"][0]))
-    assert found.cone_tension[0] == pytest.approx(0.5)
-    for name in ("cone_bound", "cone_slope"):
-        assert getattr(found, name)[1] == pytest.approx(whole[name][1])
+    divisions = division_of(Body.of(reduced), factor, kept), division_of(Body.of(whole), 1.0, kept)
+    bodies = Body.of(reduced), Body.of(whole)
+    found, expected = strengths_of(*bodies, divisions=divisions)
+    assert (found.family == expected.family).all()
+    assert found.slope == pytest.approx(expected.slope)
+    assert found.bound == pytest.approx(expected.bound)
+    assert expected.slope == pytest.approx([0.7, 0.7])
+    assert expected.bound[0] == pytest.approx(2 * 2.0)
 
 
 def principal_cell(cohesion: float, tangent: float, tension: float) -> tuple[Arrays, float]:
@@ -303,20 +306,113 @@ def test_the_slope_of_ground_in_space_is_compared(match: Match, tmp_path: Path) 
     assert f"0.2 with tan φ = {np.tan(np.radians(20.0)):.6g} ({match})" in told
 
 
-def test_sand_of_unlike_friction_is_not_the_same(tmp_path: Path) -> None:
+def test_sand_of_unlike_friction_is_not_the_same() -> None:
     """Without cohesion only the slope distinguishes both halves."""
     halves = [pressed_cube(kind, "compression") for kind in ("lower", "upper")]
     for half, slope in zip(halves, (0.3, 0.03), strict=True):
         half["cone_bound"], half["strength_factor"] = np.zeros(1), np.array(1.0)
         half["cone_slope"] = slope * np.array([[1.0, 1, 1, 0, 0, 0]])
-    low, high = (whole(half) for half in halves)
-    assert "weaker" in differences(low[0], high[0], list(zip(low, high, strict=True)))[0]
-    assert not differences(high[0], low[0], list(zip(high, low, strict=True)))
+    assert "weaker" in found_differences(*halves)[0]
+    assert not found_differences(*reversed(halves))
 
 
-def whole(half: Arrays) -> list[Body]:
-    """Return the bodies of a half with undivided strengths."""
-    body = Body.of(half)
-    found = reduction_of(body, half)
-    assert found is not None
-    return whole_bodies(body, *found)
+def found_differences(*halves: Arrays) -> list[str]:
+    """Return the differences of undivided bodies."""
+    bodies = [Body.of(half) for half in halves]
+    given = [reduction_of(body, half) for body, half in zip(bodies, halves, strict=True)]
+    divisions = [division_of(body, *of) for body, of in zip(bodies, given, strict=True) if of]
+    with np.errstate(all="ignore"):
+        return differences(bodies[0], bodies[1], divisions)
+
+
+def plane_ground(match: Match, angle: float, factor: float) -> Arrays:
+    """Return a square of Drucker–Prager ground in plane strain, with divided strength."""
+    eta, strength = DruckerPrager(1e4, 0.3, 0.2, angle, match).divided_by(factor).cone
+    size = np.sqrt(1 - eta**2 / 3)  # of the projection onto in-plane stresses
+    them = strip(1.0, 1)
+    return them | {
+        "cone_bound": np.array([np.sqrt(2) * strength / size]),
+        "cone_slope": np.sqrt(2) * eta / size / 2 * np.array([[1.0, 1.0, 0.0]]),
+        "strength_factor": np.array(factor),
+    }
+
+
+def steep_ground(match: Match, angle: float, factor: float) -> Arrays:
+    """Return a cube of ground, with divided strength."""
+    eta, strength = DruckerPrager(1e4, 0.3, 0.2, angle, match).divided_by(factor).cone
+    slope = np.sqrt(2) * eta / 3 * np.array([[1.0, 1, 1, 0, 0, 0]])
+    return pressed_cube("lower", match) | {
+        "cone_bound": np.array([np.sqrt(2) * strength]),
+        "cone_slope": slope,
+        "strength_factor": np.array(factor),
+    }
+
+
+@pytest.mark.parametrize("match", MATCHES)
+@pytest.mark.parametrize("ground", [plane_ground, steep_ground])
+def test_any_match_in_plane_strain_and_in_space(
+    ground: Callable[[Match, float, float], Arrays], match: Match
+) -> None:
+    """The checker finds the match of each ground, also of ground too steep for other matches."""
+    for angle, smaller in ((30.0, 20.0), (45.0, 30.0)):
+        lower, upper = (ground(match, angle, factor) for factor in (1.01, 2.1))
+        assert not found_differences(lower, upper)
+        assert "weaker" in found_differences(lower, ground(match, smaller, 2.1))[0]
+
+
+def test_strength_that_one_half_keeps() -> None:
+    """Undivided strengths are equal, but F does not divide one of them."""
+    lower = {**steep_ground("compression", 30.0, 1.0), "strength_factor": np.array(1000.0)}
+    lower["cell_kept"] = np.ones(len(lower["cells"]), dtype=np.uint8)
+    upper = steep_ground("compression", 30.0, 1.0)
+    assert "weaker" in found_differences(lower, upper)[0]
+    assert "weaker" in found_differences(upper, lower)[0]
+
+
+@pytest.mark.parametrize("of", ["contact", "obstacle"])
+def test_friction_that_one_half_keeps(of: str) -> None:
+    """In the lower half F = 1000 does not divide the friction."""
+    plane = {"obstacles": np.array([5]), "obstacle_normals": np.array([[0.0, 1.0]])}
+    them = strip(1.0, 1) | (plane if of == "obstacle" else {"contacts": np.array([[5, 6]])})
+    them["surface"][:2] = 5, 6
+    them |= {f"{of}_adhesion": np.zeros(1), "strength_factor": np.array(1000.0)}
+    lower = {**them, f"{of}_friction": np.array([0.3]), f"{of}_kept": np.ones(1, dtype=np.uint8)}
+    upper = {**them, f"{of}_friction": np.array([0.3 / 1000])}
+    lower["cone"] = upper["cone"] = np.full(2, -1)
+    (fault,) = found_differences(lower, upper)
+    assert "contacts" in fault
+    assert not found_differences(lower, lower)
+    assert not found_differences(upper, upper)
+
+
+def test_rounding_of_undivided_friction() -> None:
+    """F · (μ/F) differs from μ in the last digit, for the lower half only."""
+    lower_factor, factor = 13.823657983211707, 16.279926214105057
+    them = strip(1.0, 1) | {"contacts": np.array([[5, 6]]), "contact_adhesion": np.zeros(1)}
+    them["cone"] = np.full(2, -1)
+    them["surface"][:2] = 5, 6
+    for mu in np.linspace(0.1, 0.9, 50):
+        lower, upper = (
+            {**them, "contact_friction": np.array([mu / by]), "strength_factor": np.array(by)}
+            for by in (lower_factor, factor)
+        )
+        assert not found_differences(lower, upper)
+
+
+@pytest.mark.parametrize("offset", [1e-13, -1e-13])
+def test_both_halves_divide_cones_alike(offset: float) -> None:
+    """Cones of one shape are not Mohr–Coulomb's in one half and of another shape in the other."""
+    halves = [plane_ground("plane-strain", 30.0, factor) for factor in (1.5, 2.0)]
+    for half, more in zip(halves, (offset, -offset), strict=True):
+        half["cone_matrix"] = half["cone_matrix"].copy()
+        half["cone_matrix"][0, 2, 2] *= 1 + 1e-9 + more
+    assert "weaker" in found_differences(*halves)[0]
+
+
+def test_constant_loads_are_no_factor_of_safety(sides: Halves, tmp_path: Path) -> None:
+    """A stress at twice the other loads does not show that the bodies carry the loads once."""
+    forged = copied(sides)
+    for half in forged.values():
+        half["constant_body_force"] = 0 * half["body_force"]
+        half["constant_body_force"][0] = 1e-3
+    assert any("constant loads" in fault for fault in check_pair(*pair_of(forged, tmp_path)).faults)

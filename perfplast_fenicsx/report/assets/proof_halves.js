@@ -38,16 +38,17 @@ function compare(lower, upper) {
     });
   }
   compareCells(lower, upper, alike);
-  const rows = (body, [tags, normals, c, mu]) => range(c.length).map((k) => [
+  const rows = (body, [tags, normals, c, mu], kept) => range(c.length).map((k) => [
     [...tags.subarray((k * tags.length) / c.length, ((k + 1) * tags.length) / c.length)]
-      .sort((p, q) => p - q).join(),
+      .sort((p, q) => p - q).concat(kept?.[k] ?? []).join(),
     row(normals, d, k), c[k], mu[k],
   ]).sort((p, q) => (p[0] < q[0] ? -1 : p[0] > q[0] ? 1 : p[2] - q[2] || p[3] - q[3]));
-  for (const of of [(body) => [body.contacts, new Float64Array(0), ...body.rubs[0].slice(0, 2)],
-    (body) => [body.obstacles, body.towards, ...body.rubs[1].slice(0, 2)]]) {
-    const [one, other] = [lower, upper].map((body) => rows(body, of(body)));
+  const rounding = lower.division ? 1e-12 : 0; // of products with the factor
+  for (const [g, of] of [(body) => [body.contacts, new Float64Array(0), ...body.rubs[0].slice(0, 2)],
+    (body) => [body.obstacles, body.towards, ...body.rubs[1].slice(0, 2)]].entries()) {
+    const [one, other] = [lower, upper].map((body) => rows(body, of(body), body.division?.kept[g]));
     if (one.length !== other.length || one.some(([tags, normal, c, mu], k) => tags !== other[k][0] ||
-      c > other[k][2] || mu > other[k][3]
+      c > other[k][2] * (1 + rounding) || mu > other[k][3] * (1 + rounding)
       || normal.some((y, i) => !(Math.abs(y - other[k][1][i]) <= 1e-9)))) {
       refuse("the halves have different contacts, or the upper half has less friction");
     }
@@ -209,26 +210,30 @@ function coneShapes(body) {
   const m = body.revolved ? 4 : body.d === 2 ? 3 : 6, normals = m === 3 ? 2 : 3,
     unit = (i, j) => (i === j ? 1 : 0), rows = range(m);
   const deviator = rows.map((i) => rows.map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
-  const times = (M, v) => M.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
+  const applied = (M, v) => M.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
   const root = (M) => { // (MᵀM)^½ of M after scaling it to size 1, as singular values times vectors
     const size = norm(M.flat()), P = M.map((row) => row.map((y) => y / size));
     const { vectors } = eigen(rows.map((i) => rows.map((j) => P.reduce((sum, row) => sum + row[i] * row[j], 0))));
-    const along = rows.map((k) => vectors.map((row) => row[k])), sizes = along.map((v) => norm(times(P, v)));
+    const along = rows.map((k) => vectors.map((row) => row[k])), sizes = along.map((v) => norm(applied(P, v)));
     return rows.flatMap((i) => rows.map((j) => along.reduce((sum, v, k) => sum + sizes[k] * v[i] * v[j], 0)));
   };
-  const found = body.cones.map(({ c, q, M, s, f, k, readings }) => {
+  const { times, kind, tangents } = body.division ?? {};
+  const found = body.cones.map(({ c, q, M, s, f, k }, number) => {
     const isPrincipal = s !== undefined, size = isPrincipal ? 1 : norm(M.flat());
     const steep = isPrincipal ? 0 : norm(q), along = steep ? q.map((y) => y / steep) : new Array(m).fill(0);
-    const cut = isPrincipal && f > 0;
+    const cosine = isPrincipal ? Math.sqrt((1 - s) * (1 + s)) : 1, cut = isPrincipal && f > 0;
+    const slope = isPrincipal ? s / cosine : steep / size, bound = c / size / cosine, by = times?.[number] ?? 1;
     return {
       family: [...root(isPrincipal ? deviator.map((_, i) => rows.map((j) => unit(i, j))) : M), ...along,
-        isPrincipal ? (k ? 3 : cut ? 2 : 1) : 0, cut ? Math.log(c / f) : 0, k ? Math.log(k / c) : 0],
-      axial: isPrincipal || norm(times(M, along)) <= 1e-11 * size,
-      readings: (readings ?? [1]).map((by) => isPrincipal ? { slope: s, bound: c }
-        : { slope: ((Number.isNaN(by) ? 1 : by) * steep) / size, bound: (by * c) / size }),
+        isPrincipal ? (k ? 3 : cut ? 2 : 1) : 0, cut ? Math.log(bound / f) : 0, k ? Math.log(k / c) : 0,
+        kind?.[number] ?? 0],
+      axial: isPrincipal || norm(applied(M, along)) <= 1e-11 * size,
+      // F does not move the apex, where p = c/|q|
+      readings: (tangents?.[number] ?? [slope]).map((tangent) =>
+        ({ slope: tangent * by, bound: (slope ? (bound / slope) * tangent : bound) * by })),
     };
   });
-  const elastic = { family: [...root(deviator), ...new Array(m).fill(0), 0, 0, 0],
+  const elastic = { family: [...root(deviator), ...new Array(m).fill(0), 0, 0, 0, 0],
     readings: [{ slope: 0, bound: Infinity }], axial: false };
   return { at: (k) => (k < 0 ? elastic : found[k]) };
 }
@@ -237,10 +242,8 @@ function coneShapes(body) {
 function isIn(one, other, factor, times) {
   const small = 1e-12; // for shapes of size 1; the Python checker rounds them to 1e-11
   if (one.family.some((y, i) => !(Math.abs(y - other.family[i]) <= small))) return false;
-  const of = ({ readings }, k) => readings[Math.min(k, readings.length - 1)];
-  const count = Math.max(one.readings.length, other.readings.length);
-  return range(count).some((k) => {
-    const [less, more] = [of(one, k), of(other, k)];
+  return one.readings.some((less, k) => { // cones of one family have equal numbers of readings
+    const more = other.readings[k];
     const [c, most] = [less.bound * factor, more.bound * times * (1 + 1e-12)];
     if (Math.abs(less.slope - more.slope) <= small * Math.min(less.slope, more.slope)) return c <= most;
     return one.axial && less.slope > 0 && less.slope < more.slope && c * more.slope <= most * less.slope;
@@ -272,51 +275,38 @@ function reductionOf(body, A) {
   return { factor, kept, divided: cones[0] };
 }
 
-/** η of Drucker–Prager cones with ‖dev σ‖/√2 + ηp ≤ k by match, from tan φ and back; NaN if too steep. */
-const MATCHES = [
-  [(eta) => (3 * eta) / Math.sqrt(9 - 12 * eta ** 2), (tangent) => (3 * tangent) / Math.sqrt(9 + 12 * tangent ** 2)],
-  ...[-1, 1].map((sign) => [
-    (eta) => {
-      const sine = (3 * Math.sqrt(3) * eta) / (6 - sign * Math.sqrt(3) * eta);
-      return sine > 0 ? sine / Math.sqrt(1 - sine ** 2) : NaN;
-    },
-    (tangent) => {
-      const sine = tangent / Math.sqrt(1 + tangent ** 2);
-      return (6 * sine) / (Math.sqrt(3) * (3 + sign * sine));
-    },
-  ]),
-];
+/** tan φ of Drucker–Prager cones with ‖dev σ‖/√2 + ηp ≤ k for each match; NaN if they are too steep. */
+const MATCHES = [(eta) => (3 * eta) / Math.sqrt(9 - 12 * eta ** 2), ...[-1, 1].map((sign) => (eta) => {
+  const sine = (3 * Math.sqrt(3) * eta) / (6 - sign * Math.sqrt(3) * eta);
+  return sine > 0 ? sine / Math.sqrt(1 - sine ** 2) : NaN;
+})];
 
 /**
- * The bodies with undivided strengths. Where a cone with a slope has no known friction angle, its
- * readings multiply c and q: by the factor, or as each match of a Drucker–Prager cone requires.
+ * How the factor divides the strengths of bodies, and their undivided friction. Cones have kind 0 if
+ * it does not divide them, 1 if it divides c and q or bounds principal stresses, 2 and 3 if they are
+ * Drucker–Prager cones of in-plane stresses and of all stresses; then tan φ follows for each match.
  */
 function whole(body, { factor, kept, divided }) {
   const near = (y, z) => Math.abs(y - z) <= 1e-9;
-  const cones = body.cones.map((cone, k) => {
-    if (!divided.has(k)) return cone;
-    const isPrincipal = cone.s !== undefined, { q, M } = cone, m = q?.length, n = m === 3 ? 2 : 3;
-    const axial = (directions) => { // α of ‖dev σ‖ ≤ γ − α tr σ/directions after scaling; NaN for other shapes
+  const tangents = [], kind = body.cones.map(({ s, q, M }, number) => {
+    if (!divided.has(number)) return 0;
+    if (s !== undefined) return 1;
+    const m = q.length, n = m === 3 ? 2 : 3;
+    const slope = (directions) => { // α of ‖dev σ‖ ≤ γ − α tr σ/directions after scaling; NaN for other shapes
       const radius = norm(M.flat()) / Math.sqrt(m - n / directions), share = (i) => (i < n ? 1 / directions : 0);
       const along = (q.slice(0, n).reduce((sum, y) => sum + y, 0) / radius) * (directions / n);
       const square = (i, j) => M.reduce((sum, row) => sum + row[i] * row[j], 0) / radius ** 2;
       const is = q.every((y, i) => near(y / radius, along * share(i))) && range(m).every((i) =>
         range(m).every((j) => near(square(i, j), (i === j ? 1 : 0) - (i < n && j < n ? 1 / directions : 0))));
-      return is ? along : NaN;
+      return is ? along / Math.SQRT2 : NaN;
     };
-    const along = !isPrincipal && m === 3 ? axial(2) : NaN;
-    const sine = isPrincipal ? cone.s : along ** 2 > 0 && along ** 2 < 2 ? along / Math.SQRT2 : null;
-    if (sine === null) {
-      const eta = axial(3) / Math.SQRT2;
-      return { ...cone, readings: [factor, ...MATCHES.map(([tangent, back]) =>
-        (eta > 0 ? back(factor * tangent(eta)) / eta : factor))] };
-    }
-    const tangent = (factor * sine) / Math.sqrt(1 - sine ** 2), more = tangent / Math.sqrt(1 + tangent ** 2);
-    const c = cone.c * factor * Math.sqrt((1 - more ** 2) / (1 - sine ** 2));
-    return isPrincipal ? { ...cone, c, s: more, f: factor * cone.f } : { ...cone, c,
-      q: q.map((y) => (y * more) / sine) };
+    const sine = m === 3 ? slope(2) : NaN, eta = sine > 0 ? sine / Math.sqrt(1 + sine ** 2 / 3) : slope(3);
+    if (!(eta > 0)) return 1;
+    tangents[number] = MATCHES.map((tangent) => tangent(eta));
+    return sine > 0 ? 2 : 3;
   });
-  const rubs = body.rubs.map((of, k) =>
-    of.map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))));
-  return { ...body, cones, rubs };
+  const times = kind.map((of) => (of ? factor : 1));
+  const rubs = body.rubs.map(([c, mu, ...others], k) =>
+    [...[c, mu].map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))), ...others]);
+  return { ...body, rubs, division: { times, kind, tangents, kept: kept.slice(1) } };
 }

@@ -65,6 +65,7 @@ async function verdictOnPair(below, above, lower, upper) {
     for (const [kind, halves] of [["lower", below], ["upper", above]]) {
       const arrays = await arraysOf(halves[kind]), body = bodyOf(arrays);
       const reduction = reductionOf(body, arrays) ?? refuse("strength_factor is missing");
+      if (body.loads[1].some) refuse("there are constant loads, which the factor 1 does not multiply");
       parts.push({ body: whole(body, reduction), factor: reduction.factor });
     }
     const fault = lower.lower.fault ?? upper.upper.fault;
