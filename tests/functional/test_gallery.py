@@ -22,7 +22,6 @@ COARSE = {
     "bolted_bracket": {
         "size = 12.0": "size = 40.0\ncurvature = 4",
         "bracket = 5.0": "bracket = 40.0",
-        "degree = 2": "degree = 1",
     },
     "lug": {"size = 5.0": "size = 9.0\ncurvature = 6"},
     "nozzle": {"size = 16.0": "size = 60.0", "curvature = 32": "curvature = 10"},
@@ -62,7 +61,7 @@ def run_small(folder: Path, name: str) -> dict[str, Any]:
 @pytest.mark.long(but=["nozzle-23.8"])
 @pytest.mark.parametrize(
     ("name", "limit"),
-    [("bolted_bracket", 108.8), ("lug", 106.8), ("nozzle", 23.8), ("slope", 288.0)],
+    [("bolted_bracket", 15.59), ("lug", 106.8), ("nozzle", 23.8), ("slope", 288.0)],
 )
 def test_limit_loads(shared_tmp_path: Path, name: str, limit: float) -> None:
     """The known limits come from such coarse meshes, with gmsh 4.13 and other versions."""
