@@ -2,7 +2,8 @@
 
 The centre lines of the walls have the distance 1 from the axis. The shaft is ``LENGTH`` long, and
 its walls are ``THICK``. The volume is ``shaft``. Surfaces are ``bottom0`` ... ``bottom7`` (z = 0)
-and ``top0`` ... ``top7``, each of one wall: wall i faces the angle 45° i.
+and ``top0`` ... ``top7``, each of one wall: wall i faces the angle 45° i. The surface ``held`` is a
+square in the middle of the bottom of wall 0, which ``bottom0`` omits.
 """
 
 import math
@@ -42,15 +43,18 @@ def write_hollow_shaft(path: str | Path, size: float = 0.5, order: int = 1) -> N
             ends = occ.extrude([(2, section)], 0.0, 0.0, LENGTH)
             walls.append(next(tag for dim, tag in ends if dim == 3))
         solids = [(3, wall) for wall in walls]
-        _, parts = occ.fragment(solids[:1], solids[1:])
+        square = occ.addRectangle(inner, -THICK / 2, 0.0, THICK, THICK)
+        _, parts = occ.fragment(solids[:1], [*solids[1:], (2, square)])
         occ.synchronize()
-        name(3, {"shaft": [tag for part in parts for _, tag in part]})
-        ends_of: dict[str, list[int]] = {}
+        name(3, {"shaft": [tag for part in parts[:-1] for _, tag in part]})
+        ends_of = {"held": [tag for _, tag in parts[-1]]}
         for dim, tag in gmsh.model.getEntities(2):
             x, y, z = occ.getCenterOfMass(dim, tag)
             wall = round(math.atan2(y, x) / (2 * half)) % SIDES
+            if tag in ends_of["held"]:
+                continue
             if abs(z) < 1e-9 or abs(z - LENGTH) < 1e-9:
-                ends_of[f"{'top' if z > LENGTH / 2 else 'bottom'}{wall}"] = [tag]
+                ends_of.setdefault(f"{'top' if z > LENGTH / 2 else 'bottom'}{wall}", []).append(tag)
         name(2, ends_of)
         generate(3, lambda x, y, z: size, order)
         write_split(path)
