@@ -55,7 +55,7 @@ def differences(lower: Body, upper: Body, divisions: Sequence[Division] = ()) ->
         weaker, in_cells = _in_cells(lower, upper, divisions)
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
-    held |= differ(lower.guided[a], upper.guided[b])
+    held |= differ(lower.guided[a], upper.guided[b], lower.held[a])
     weak = "the upper half has weaker bodies than the lower one, or cones of other shapes"
     found = [
         *_told("the halves have bodies of different volume or position", alone),
@@ -274,9 +274,7 @@ def _same_contacts(lower: Body, upper: Body, divisions: Sequence[Division]) -> b
         one, other = (rows(*of) for of in zip_longest((lower, upper), divisions))
         if len(one) != len(other) or (one[:, :tags] != other[:, :tags]).any():
             return False
-        if not (
-            np.abs(one[:, tags:-2] - other[:, tags:-2]) <= SAME
-        ).all():  # tolerance for unit normals
+        if (one[:, tags:-2] != other[:, tags:-2]).any():  # normals of obstacles
             return False
         if not (one[:, -2:] <= other[:, -2:] * (1 + rounding)).all():
             return False

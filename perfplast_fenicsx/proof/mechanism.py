@@ -275,7 +275,11 @@ class _Units:
             motion = Balls.exact(found[None, :d])
             if stuck:
                 mine_too = (self.of_place[places.of_facets[guides]] == unit).any(axis=1)
-                directions = np.unique(body.guided[guides[mine_too]], axis=0)
+                directions = body.guided[guides[mine_too]]  # g and −g are one direction
+                first = np.take_along_axis(
+                    directions, np.argmax(directions != 0, axis=1)[:, None], axis=1
+                )
+                directions = np.unique(directions * np.sign(first), axis=0)
                 numbers = np.zeros(len(directions), dtype=np.int64)
                 motion = _across(motion, ~free[None, :d], numbers, directions)
                 free[:d] &= (directions == 0).all(axis=0)  # axes along which it may move again

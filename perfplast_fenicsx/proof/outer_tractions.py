@@ -71,6 +71,8 @@ def outer_tractions(
     pairs: list[Touching] = [touching(body, one, other) for one, other in body.contacts]
     reason = None
     for pair, c, mu in zip(pairs, body.contact_adhesion, body.contact_friction, strict=True):
+        if pair.apart:
+            reason = f"at least {pair.apart} facets of contact have no matching opposite facet"
         weaker = np.minimum(radii[pair.first], radii[pair.second])
         for facets in (pair.first, pair.second):
             into[facets] = body.normals[facets]

@@ -24,6 +24,7 @@ from perfplast_fenicsx.proof.guided import left_free
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.mechanism import Mechanism, mechanism_of, resting_in
 from perfplast_fenicsx.proof.plain_arrays import ProofError
+from perfplast_fenicsx.proof.rigid import moments
 from perfplast_fenicsx.proof.rings import normals_of
 from perfplast_fenicsx.proof.verdict import share_of
 from perfplast_fenicsx.proof.volume_change import Undone, undone
@@ -43,7 +44,22 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
     size = body.areas @ pushes + body.volumes @ np.linalg.norm(loads.body_force, axis=1)
+    size += on_plates(body, loads)
     return float(abs(work) / size) if size > 0 else 0.0
+
+
+def on_plates(body: Body, loads: Loads) -> float:
+    """Return the largest work of forces and moments on rigid surfaces that move with speed 1."""
+    total = 0.0
+    for number, tag in enumerate(body.rigid):
+        x = body.vertices[body.facets[body.on(tag)]].reshape(-1, body.dim)
+        centre, held, force = x.mean(axis=0), body.rigid_held[number], loads.rigid_force[number]
+        total += float(np.linalg.norm(force * ~held))
+        if not (held.any() or body.is_revolved):
+            extent = np.linalg.norm(x - centre, axis=1).max()
+            moment = loads.rigid_moment[number] - moments(centre[None], force[None])[0]
+            total += float(np.linalg.norm(moment) / extent)
+    return total
 
 
 def most_work(
@@ -287,8 +303,7 @@ def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> f
     usual = usual_speed(body, body.sought, work)
     most = most_work(body, body.others, v, at_facets, strain_rates(body, v), usual)
     fastest = np.abs(v).max(initial=0.0)
-    sizes = np.abs(body.others.rigid_force).sum() + np.abs(body.others.rigid_moment).sum()
-    return share_of(abs(other_work), most + float(sizes * fastest))
+    return share_of(abs(other_work), most + on_plates(body, body.others) * float(fastest))
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:

@@ -458,9 +458,13 @@ CASES = [
         {"size": 1.0},
         {"shaft": 16 * tan(pi / 8) * 0.05},
         {
-            f"{end}{i}": (0, 0, sign * 2 * tan(pi / 8) * 0.05)
-            for end, sign in (("bottom", -1), ("top", 1))
-            for i in range(8)
+            **{
+                f"{end}{i}": (0, 0, sign * 2 * tan(pi / 8) * 0.05)
+                for end, sign in (("bottom", -1), ("top", 1))
+                for i in range(8)
+            },
+            "bottom0": (0, 0, 0.05 * (0.05 - 2 * tan(pi / 8))),
+            "held": (0, 0, -(0.05**2)),
         },
         gdim=3,
     ),

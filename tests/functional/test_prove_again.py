@@ -33,6 +33,12 @@ from tests.functional.test_random_statements import HINGED
 from tests.limit_analysis.test_rigid_blocks import pushed
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
+from tests.proof.small_bodies import (
+    adhering_square,
+    cut_square,
+    obstacle_without_normal,
+    plate_with_free_load,
+)
 from tests.proof.test_balance import strip
 from tests.proof.test_blocks import in_space
 from tests.proof.test_cone_shapes import LARGE
@@ -237,6 +243,24 @@ def test_both_checkers_compare_large_strengths(
         for found in (checker(path), check(path)):
             words = str(found)
             assert ("weaker" in words) == (above is upper), words
+
+
+@pytest.mark.parametrize("of", [adhering_square, cut_square, obstacle_without_normal])
+def test_the_second_checker_refuses(
+    of: Callable[[], Arrays], tmp_path: Path, checker: Checker
+) -> None:
+    """An attack proved false bounds for these squares."""
+    path = write(tmp_path / "lower.h5", {"lower": of()})
+    assert first_refuses(path, "lower")
+    assert "fault" in checker(path)["lower"]
+
+
+@pytest.mark.parametrize(("x", "force"), [(0.0, (0.0, 1.0)), (4e6, (0.0, 1.0)), (0.0, (1e7, 1.0))])
+def test_the_second_checker_counts_work_that_plates_can_do(
+    x: float, force: tuple[float, float], tmp_path: Path, checker: Checker
+) -> None:
+    path = write(tmp_path / "upper.h5", {"upper": plate_with_free_load(x, force)})
+    assert "any factor" in checker(path)["upper"]["fault"]
 
 
 def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:

@@ -59,6 +59,13 @@ function bodyOf(A) {
   for (const of of [body.contacts, body.obstacles, body.rigid]) {
     all(of, (tag) => tag > 0 && tags.has(tag), "contacts, obstacles or rigid name a surface that does not exist");
   }
+  for (let k = 0; k < planes; k++) {
+    if (!norm(row(body.towards, d, k))) refuse("a normal of an obstacle is zero");
+  }
+  for (const flags of [body.held, body.rigidHeld]) all(flags, (y) => y === 0 || y === 1, "a flag is not 0 or 1");
+  for (const of of [body.cells, body.facets, body.surface, body.cone, body.contacts, body.obstacles, body.rigid]) {
+    all(of, Number.isInteger, "a number of a vertex, a surface or a cone is not whole");
+  }
   for (const of of [body.guided, body.towards]) for (let i = 0; i < of.length; i += d) {
     const size = norm(of.subarray(i, i + d));
     if (size !== 0 && !(Math.abs(size - 1) <= 1e-12)) {
@@ -74,6 +81,12 @@ function bodyOf(A) {
   body.onAxis = range(f).map(onAxis);
   body.cones = conesOf(A, revolved ? 4 : d === 2 ? 3 : 6);
   all(body.cone, (c) => c >= -1 && c < body.cones.length, "cone contains numbers of cones that do not exist");
+  body.cone.forEach((k, c) => {
+    const fixed = revolved || (k >= 0 && (body.cones[k].k || body.cones[k].f > 0));
+    if (fixed && body.strength.subarray(c * w, c * w + w).some((y) => y !== 1)) {
+      refuse("cell_strength is given for bodies of revolution, or for cones with a tensile strength");
+    }
+  });
   body.blocks = body.cone.every((c) => c < 0); // no cell can yield
   if (body.blocks && (revolved ||
     !(pairs || planes))) refuse("no cell can yield, so nothing limits the load");

@@ -22,7 +22,10 @@ function compare(lower, upper) {
     const own = (name, body, i) => row(body[name], d, i);
     if (lower.onAxis[a] !== upper.onAxis[b]) refuse("a facet is on the axis in only one half");
     if (lower.surface[a] !== upper.surface[b]) refuse("the halves have different surfaces");
-    const [g, h] = [own("guided", lower, a), own("guided", upper, b)];
+    const [g, h] = [["guided", lower, a], ["guided", upper, b]].map((of) => { // their free parts, of length 1
+      const free = own(...of).map((y, k) => (own("held", lower, a)[k] ? 0 : y));
+      return free.map((y) => y / (norm(free) || 1));
+    });
     const turned = Math.min(...[1, -1].map((sign) => largest(g.map((y, k) => y - sign * h[k]))));
     if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > 1e-9) {
       refuse("the halves have different supports");
@@ -49,7 +52,7 @@ function compare(lower, upper) {
     const [one, other] = [lower, upper].map((body) => rows(body, of(body), body.division?.kept[g]));
     if (one.length !== other.length || one.some(([tags, normal, c, mu], k) => tags !== other[k][0] ||
       c > other[k][2] * (1 + rounding) || mu > other[k][3] * (1 + rounding)
-      || normal.some((y, i) => !(Math.abs(y - other[k][1][i]) <= 1e-9)))) {
+      || normal.some((y, i) => y !== other[k][1][i]))) {
       refuse("the halves have different contacts, or the upper half has less friction");
     }
   }

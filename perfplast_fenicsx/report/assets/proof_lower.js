@@ -452,7 +452,7 @@ function reactions(body, anchors, left) {
     : wrench(of, i, j).map((y, m) => [sums.get(body.pieces.of(cellOf(i))).row + m, sign * y * weight[k]]))));
   let [missing, errors] = rest();
   // forces cancel along axes along which no load acts
-  const idle = errors.map((_, i) => !revolved && i % high < d);
+  const idle = errors.map((_, i) => !revolved && i % high < d && missing[i] === 0);
   left.acts.forEach((is, i) =>
     { if (is) idle[sums.get(body.pieces.of(Math.floor(i / d))).row + (i % d)] = false; });
   for (const column of columns) for (const [i, y] of column) if (y !== 0) idle[i] = false;

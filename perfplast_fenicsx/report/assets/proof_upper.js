@@ -416,7 +416,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   }
   // The relative rounding error of a sum of n numbers is at most n U.
   const dissipation = total + (errors + cost) * UP + slip + (n * (w + 2) + 512) * U * (size + slip);
-  const usual = () => works[0][0] / works[0][3]; // mean velocity, weighted by the loads
+  const usual = () => works[0][3] && works[0][0] / works[0][3]; // mean velocity, weighted by the loads
   const works = [];
   for (const loads of body.loads) works.push(workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left,
     works.length === 2 ? usual() : 0));
@@ -540,8 +540,8 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
     sum += part * rootOf(dot(N[body.outer[i]], N[body.outer[i]]));
     forces += norm(body.area[body.outer[i]]) * Math.max(...force.map((of) =>
       norm(of.map((y, k) => (body.held[i * d + k] ? 0 : num(y, t.e))))));
-    most += Math.max(...force.map((of) =>
-      norm(of.map((y) => num(y, t.e))))) * norm(body.area[body.outer[i]]) * speed(facet[i]);
+    most += Math.max(...force.map((of) => norm(of.map((y, k) =>
+      (body.held[i * d + k] ? 0 : num(y, t.e)))))) * norm(body.area[body.outer[i]]) * speed(facet[i]);
     off += sizeOf(part,
       t.e + ev + e * (d - 1)) + Math.max(...force.map((of) =>
       norm(of.map((y) => num(y, t.e))))) * left.through[i];
@@ -573,7 +573,19 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
       found += part;
       off += 8 * U * Math.abs(part);
     });
-    most += [...loads.rigid_force, ...loads.rigid_moment].reduce((sum, y) => sum + Math.abs(y), 0) * flow.top;
+    body.rigid.forEach((tag, g) => { // largest work at speed 1; moments about the middle
+      const x = range(f).filter((i) => body.surface[i] === tag).flatMap((i) => body.ofFacet(i).map(body.point));
+      const middle = range(d).map((k) => x.reduce((sum, p) => sum + p[k], 0) / x.length);
+      const held = row(body.rigidHeld, d, g), force = row(loads.rigid_force, d, g);
+      let own = norm(force.map((y, k) => (held[k] ? 0 : y)));
+      if (!body.revolved && !held.some((y) => y)) {
+        const about = d === 2 ? [middle[0] * force[1] - middle[1] * force[0]] : cross(middle, force);
+        own += norm(row(loads.rigid_moment, turns, g).map((y, m) => y - about[m]))
+          / Math.max(...x.map((p) => norm(minus(p, middle))));
+      }
+      forces += own;
+      most += own * flow.top;
+    });
   }
   return [found, (off + 8 * U * Math.abs(found)) * UP, most, forces];
 }

@@ -1,0 +1,131 @@
+"""Halves of proofs of squares, small enough to write the truth by hand."""
+
+from collections.abc import Callable, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from tests.proof.forging import Arrays
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+BOTTOM, RIGHT, TOP, LEFT = range(4)
+"""Index of each facet of a square."""
+
+
+def squares(*corners: Sequence[float]) -> Arrays:
+    """Return unit squares of two cells with shear strength 1/√2, unloaded, one for each corner.
+
+    Each facet has the surface 1 + its index.
+    """
+    count = len(corners)
+    cells = np.array([[0, 1, 2], [0, 2, 3]])
+    facets = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+    deviator = np.array([[0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
+    return {
+        "vertices": np.concatenate([SQUARE + np.array(corner) for corner in corners]),
+        "cells": np.concatenate([cells + 4 * k for k in range(count)]),
+        "cone": np.zeros(2 * count, dtype=int),
+        "cone_bound": np.ones(1),
+        "cone_slope": np.zeros((1, 3)),
+        "cone_matrix": deviator[None],
+        "cone_sine": np.full(1, np.nan),
+        "body_force": np.zeros((2 * count, 2)),
+        "facets": np.concatenate([facets + 4 * k for k in range(count)]),
+        "surface": 1 + np.arange(4 * count),
+        "held": np.zeros((4 * count, 2), dtype=np.uint8),
+        "traction": np.zeros((4 * count, 2, 2)),
+        "contacts": np.zeros((0, 2), dtype=int),
+        "obstacles": np.zeros(0, dtype=int),
+        "obstacle_normals": np.zeros((0, 2)),
+        "bound": np.array(1.0),
+    }
+
+
+def with_stress(them: Arrays, *stresses: Sequence[Sequence[float]]) -> Arrays:
+    """Return a lower half with one constant stress in each square."""
+    stress = np.repeat(np.array(stresses, dtype=float), 2, axis=0)[:, None]
+    return them | {"stress": np.tile(stress, (1, 3, 1, 1))}
+
+
+def with_velocity(them: Arrays, of: Callable[..., Sequence[float]], bound: float) -> Arrays:
+    """Return an upper half with a velocity that is linear in each cell."""
+    vertices, edges = them["vertices"], dict[tuple[int, ...], int]()
+    nodes = []
+    for cell in them["cells"].tolist():
+        ends = [tuple(sorted(edge)) for edge in combinations(cell, 2)]
+        nodes.append([*cell, *(len(vertices) + edges.setdefault(e, len(edges)) for e in ends)])
+    places = np.concatenate([vertices, vertices[np.array(list(edges))].mean(axis=1)])
+    velocity = np.array([of(*place) for place in places], dtype=float)
+    return them | {"nodes": np.array(nodes), "velocity": velocity, "bound": np.array(bound)}
+
+
+def plate_with_free_load(x: float, force: Sequence[float]) -> Arrays:
+    """Return an upper half of a square at x under a plate, whose load a free load can cancel."""
+    them = squares((x, 0.0))
+    them["held"][BOTTOM] = 1
+    them["cone_matrix"] = np.eye(3)[None]
+    them |= {
+        "rigid": np.array([1 + TOP]),
+        "rigid_held": np.array([[1, 0]], dtype=np.uint8),
+        "rigid_force": np.array([[0.0, 1.0]]),
+        "rigid_moment": np.array([[x + 0.5]]),
+        "any_rigid_force": np.array([force]),
+        "any_rigid_moment": np.array([[x + 0.5]]),
+    }
+    return with_velocity(them, lambda _, y: (0.0, y), 1.00001)
+
+
+def pulled_square(guide: Sequence[float]) -> Arrays:
+    """Return a pulled square, and a loaded elastic square with two guides and held components x."""
+    them = squares((0.0, 0.0), (3.0, 0.0))
+    them["cone"][2:] = -1
+    them["held"][BOTTOM, 1] = them["held"][LEFT, 0] = 1
+    sides = [4 + RIGHT, 4 + LEFT]
+    them["held"][sides, 0] = 1
+    them["traction"][[TOP, 4 + TOP], :, 1] = 1.0
+    them["guided"] = np.zeros((8, 2))
+    them["guided"][sides] = np.array(guide) / np.linalg.norm(guide)
+    return them
+
+
+def adhering_square() -> Arrays:
+    """Return a lower half of a square that is pulled, and adheres to one that floats along x."""
+    them = squares((0.0, 0.0), (-1.0, 0.0), (0.0, 1.0))
+    them["cone"] = np.array([-1, -1, 0, 0, -1, -1])
+    them["cone_bound"] = np.array([10.0])
+    them["held"][BOTTOM, 1] = them["held"][8 + TOP, 1] = 1
+    them["held"][4 + LEFT] = 1
+    them["traction"][RIGHT, :, 0] = 1.0
+    them |= {
+        "contacts": np.array([[1 + TOP, 9 + BOTTOM], [1 + LEFT, 5 + RIGHT]]),
+        "contact_adhesion": np.array([1.0, 0.0]),
+        "contact_friction": np.zeros(2),
+        "bound": np.array(0.9),
+    }
+    return with_stress(
+        them, [[-0.1, -1.0], [-1.0, 0.0]], [[-0.1, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]]
+    )
+
+
+def cut_square() -> Arrays:
+    """Return a lower half of a square with a tensile strength of 0.25, and cell_strength 4."""
+    them = squares((0.0, 0.0))
+    them["held"][BOTTOM, 1] = them["held"][LEFT, 0] = 1
+    them["traction"][TOP, :, 1] = 1.0
+    them |= {
+        "cone_matrix": np.zeros((1, 3, 3)),
+        "cone_sine": np.zeros(1),
+        "cone_tension": np.array([0.25]),
+        "cell_strength": np.full((2, 3), 4.0),
+        "bound": np.array(0.99),
+    }
+    return with_stress(them, [[0.0, 0.0], [0.0, 0.99]])
+
+
+def obstacle_without_normal() -> Arrays:
+    """Return a lower half of a square that an obstacle with normal 0 seems to hold."""
+    them = squares((0.0, 0.0)) | {"obstacles": np.array([1 + RIGHT])}
+    them["held"][BOTTOM] = 1
+    them["traction"][TOP, :, 1] = 1.0
+    them["obstacle_normals"] = np.zeros((1, 2))
+    return with_stress(them, [[0.0, 0.0], [0.0, 1.0]])
