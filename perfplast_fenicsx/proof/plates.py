@@ -116,7 +116,8 @@ def plates_of(
         acts[number] = np.concatenate(pushed).any(axis=0) | held | bool(joined)
         if held.any() and not body.is_revolved:
             every = np.append(np.flatnonzero(held), np.arange(d, size))
-            further += [(through[number], -1, number, k) for k in every]
+            for facet in (int(through[number]), *joined):
+                further += [(facet, -1, number, k) for k in every]
         for facet in joined:
             further += [(facet, through[number], number, k) for k in np.flatnonzero(free)]
     first, second, plate, component = np.array(further, dtype=np.int64).reshape(-1, 4).T

@@ -35,6 +35,7 @@ from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.small_bodies import (
     adhering_square,
+    columns_under_a_plate,
     cut_square,
     obstacle_without_normal,
     plate_with_free_load,
@@ -253,6 +254,11 @@ def test_the_second_checker_refuses(
     path = write(tmp_path / "lower.h5", {"lower": of()})
     assert first_refuses(path, "lower")
     assert "fault" in checker(path)["lower"]
+
+
+def test_the_second_checker_holds_columns_by_a_plate(tmp_path: Path, checker: Checker) -> None:
+    path = write(tmp_path / "lower.h5", {"lower": columns_under_a_plate((1, 0))})
+    assert checker(path)["lower"]["proven"] == pytest.approx(first_bounds(path)[0], rel=AGREE)
 
 
 @pytest.mark.parametrize(("x", "force"), [(0.0, (0.0, 1.0)), (4e6, (0.0, 1.0)), (0.0, (1e7, 1.0))])

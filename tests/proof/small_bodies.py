@@ -129,3 +129,22 @@ def obstacle_without_normal() -> Arrays:
     them["traction"][TOP, :, 1] = 1.0
     them["obstacle_normals"] = np.zeros((1, 2))
     return with_stress(them, [[0.0, 0.0], [0.0, 1.0]])
+
+
+def columns_under_a_plate(held: Sequence[int]) -> Arrays:
+    """Return a lower half of two columns on rollers under a plate, with rounding in the stress."""
+    them = squares((0.0, 0.0), (2.0, 0.0))
+    them["held"][[BOTTOM, 4 + BOTTOM], 1] = 1
+    them["surface"][4 + TOP] = 1 + TOP
+    them |= {
+        "rigid": np.array([1 + TOP]),
+        "rigid_held": np.array([held], dtype=np.uint8),
+        "rigid_force": np.array([[0.0, -2.0]]),
+        "rigid_moment": np.array([[-3.0]]),
+        "bound": np.array((1 - 1e-9) / 3),
+        "factor": np.array(1 / 3),
+    }
+    stress = [[0.0, 0.0], [0.0, -1 / 3]]
+    them = with_stress(them, stress, stress)
+    noise = 1e-16 * np.random.default_rng(1).standard_normal(them["stress"].shape)
+    return them | {"stress": them["stress"] + noise + np.swapaxes(noise, 2, 3)}

@@ -15,6 +15,7 @@ from tests.proof.small_bodies import (
     RIGHT,
     TOP,
     adhering_square,
+    columns_under_a_plate,
     cut_square,
     plate_with_free_load,
     pulled_square,
@@ -128,3 +129,9 @@ def test_a_floating_body_carries_no_load() -> None:
 def test_strength_factors_do_not_apply_to_tensile_strength() -> None:
     with pytest.raises(ProofError, match="cell_strength"):
         Body.of(cut_square())
+
+
+def test_a_held_plate_holds_each_column() -> None:
+    """The residual forces of both columns pass to the support of the plate."""
+    them = columns_under_a_plate((1, 0))
+    assert check_lower(them).proven == pytest.approx(1 / 3)

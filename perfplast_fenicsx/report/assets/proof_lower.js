@@ -360,7 +360,9 @@ function plates(body, left, rest, factors) {
     const every = range(high).filter((k) => (k < d ? !(body.revolved && k === 0) : true));
     const besides = (i, o, ks) =>
       ks.forEach((k) => anchors.push({ i, o, k, centre, extent, most: Infinity }));
-    if (still && !body.revolved) besides(through, -1, every.filter((k) => k >= d || held[k]));
+    if (still && !body.revolved) {
+      for (const i of [through, ...joined]) besides(i, -1, every.filter((k) => k >= d || held[k]));
+    }
     for (const i of joined) besides(i, through, every.filter((k) => (k < d ? !held[k] : !still)));
   });
   return anchors;
