@@ -90,10 +90,8 @@ def strengths_of(
         cosine = np.where(body.cones.is_principal, cosine, 1.0)
         bound = body.cone_bound / sizes / cosine
         kinds = principal + 2 * body.cones.is_cut + 4 * body.cones.is_curved
-        cuts = np.log(bound / body.cone_tension, where=body.cones.is_cut, out=0 * steep)
-        bends = body.cone_curvature / body.cone_bound
-        np.log(bends, where=body.cones.is_curved, out=bends)
-        bends[~body.cones.is_curved] = 0.0
+        cuts = _logarithms(bound / body.cone_tension, body.cones.is_cut)
+        bends = _logarithms(body.cone_curvature / body.cone_bound, body.cones.is_curved)
         steep = np.where(body.cones.is_principal, body.cone_sine / cosine, steep)
         if division is not None:
             kinds = kinds + 8 * division.kind
@@ -113,6 +111,11 @@ def strengths_of(
         every = family, np.append(steep, 0.0), np.append(bound, np.inf), np.append(axial, False)
         found.append(Strengths(*every).of(body.cone))
     return found
+
+
+def _logarithms(ratios: Floats, known: Flags) -> Floats:
+    """Return the logarithms of ratios, and 0 where no ratio is known."""
+    return np.asarray(np.log(ratios, where=known, out=np.zeros_like(ratios)))
 
 
 def _shape(matrices: Floats) -> Floats:

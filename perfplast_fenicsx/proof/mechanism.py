@@ -90,9 +90,7 @@ def mechanism_of(body: Body, v: Floats, resting: Sequence[Longs] = ()) -> Mechan
     if len(jumps.first):
         every = np.arange(len(body.cells))
         at = _Units(body, places, 0 * values, held, [every]).lifted(at, jumps, units)
-    guided = np.zeros((places.count, body.dim), dtype=bool)  # axes that are not across a guide
-    for column in places.of_facets.T:
-        np.logical_or.at(guided, column, body.guided != 0)
+    guided = _at_places(places, body.guided != 0)  # axes that are not across a guide
     free = ~held & ~guided & (units.of_place < 0)[:, None]
     for _ in range(ROUNDS):
         enters = jumps.enters(at)
@@ -162,14 +160,26 @@ def _columns(x: Floats, centre: Floats, revolved: bool) -> Floats:
 
 def _held(body: Body, places: Places) -> Flags:
     """Return flags of components that supports hold; for rings, also of those on the axis."""
-    held = np.zeros((places.count, body.dim), dtype=bool)
-    for column in places.of_facets.T:
-        np.logical_or.at(held, column, body.held)
+    held = _at_places(places, body.held)
     if body.is_revolved:
         n, on_axis = len(body.vertices), body.vertices[:, 0] == 0
         held[:n][on_axis] = True
         held[n:][on_axis[places.ends].all(axis=1)] = True
     return held
+
+
+def _at_places(places: Places, flags: Flags) -> Flags:
+    """Return whether any facet at a place has a flag, shape (number of places, d)."""
+    found = np.zeros((places.count, flags.shape[1]), dtype=bool)
+    for column in places.of_facets.T:
+        np.logical_or.at(found, column, flags)
+    return found
+
+
+def _lines(directions: Floats) -> Floats:
+    """Return directions with a positive first component that is not zero: g and −g are equal."""
+    first = np.take_along_axis(directions, np.argmax(directions != 0, axis=1)[:, None], axis=1)
+    return np.asarray(directions * np.sign(first))
 
 
 def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
@@ -178,8 +188,7 @@ def _guided(body: Body, places: Places, at: Balls, held: Flags) -> Balls:
     if not len(some):
         return at
     count = places.of_facets.shape[1]
-    rows = np.repeat(body.guided[some], count, axis=0)
-    rows = rows * np.sign(rows[np.arange(len(rows)), np.argmax(rows != 0, axis=1)])[:, None]
+    rows = np.repeat(_lines(body.guided[some]), count, axis=0)
     numbers = places.of_facets[some].ravel()
     rows = np.unique(np.column_stack([numbers, rows]), axis=0)
     return _across(at, held, rows[:, 0].astype(np.int64), rows[:, 1:])
@@ -275,11 +284,7 @@ class _Units:
             motion = Balls.exact(found[None, :d])
             if stuck:
                 mine_too = (self.of_place[places.of_facets[guides]] == unit).any(axis=1)
-                directions = body.guided[guides[mine_too]]  # g and −g are one direction
-                first = np.take_along_axis(
-                    directions, np.argmax(directions != 0, axis=1)[:, None], axis=1
-                )
-                directions = np.unique(directions * np.sign(first), axis=0)
+                directions = np.unique(_lines(body.guided[guides[mine_too]]), axis=0)
                 numbers = np.zeros(len(directions), dtype=np.int64)
                 motion = _across(motion, ~free[None, :d], numbers, directions)
                 free[:d] &= (directions == 0).all(axis=0)  # axes along which it may move again

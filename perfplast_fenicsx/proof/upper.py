@@ -24,7 +24,7 @@ from perfplast_fenicsx.proof.guided import left_free
 from perfplast_fenicsx.proof.load_kinds import Loads
 from perfplast_fenicsx.proof.mechanism import Mechanism, mechanism_of, resting_in
 from perfplast_fenicsx.proof.plain_arrays import ProofError
-from perfplast_fenicsx.proof.rigid import moments
+from perfplast_fenicsx.proof.rigid import rigid_of
 from perfplast_fenicsx.proof.rings import normals_of
 from perfplast_fenicsx.proof.verdict import share_of
 from perfplast_fenicsx.proof.volume_change import Undone, undone
@@ -50,16 +50,11 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
 
 def on_plates(body: Body, loads: Loads) -> float:
     """Return the largest work of forces and moments on rigid surfaces that move with speed 1."""
-    total = 0.0
-    for number, tag in enumerate(body.rigid):
-        x = body.vertices[body.facets[body.on(tag)]].reshape(-1, body.dim)
-        centre, held, force = x.mean(axis=0), body.rigid_held[number], loads.rigid_force[number]
-        total += float(np.linalg.norm(force * ~held))
-        if not (held.any() or body.is_revolved):
-            extent = np.linalg.norm(x - centre, axis=1).max()
-            moment = loads.rigid_moment[number] - moments(centre[None], force[None])[0]
-            total += float(np.linalg.norm(moment) / extent)
-    return total
+    d, wanted = body.dim, [surface.wanted(loads) for surface in rigid_of(body)]
+    parts = [of[:d] for of in wanted]
+    if not body.is_revolved:
+        parts += [of[d:] for of in wanted]
+    return float(sum(np.linalg.norm(part) for part in parts))
 
 
 def most_work(

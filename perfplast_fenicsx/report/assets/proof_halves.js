@@ -227,7 +227,7 @@ function coneShapes(body) {
     const cosine = isPrincipal ? Math.sqrt((1 - s) * (1 + s)) : 1, cut = isPrincipal && f > 0;
     const slope = isPrincipal ? s / cosine : steep / size, bound = c / size / cosine, by = times?.[number] ?? 1;
     return {
-      family: [...root(isPrincipal ? deviator.map((_, i) => rows.map((j) => unit(i, j))) : M), ...along,
+      family: [...root(isPrincipal ? rows.map((i) => rows.map((j) => unit(i, j))) : M), ...along,
         isPrincipal ? (k ? 3 : cut ? 2 : 1) : 0, cut ? Math.log(bound / f) : 0, k ? Math.log(k / c) : 0,
         kind?.[number] ?? 0],
       axial: isPrincipal || norm(applied(M, along)) <= 1e-11 * size,
@@ -309,7 +309,7 @@ function whole(body, { factor, kept, divided }) {
     return sine > 0 ? 2 : 3;
   });
   const times = kind.map((of) => (of ? factor : 1));
-  const rubs = body.rubs.map(([c, mu, ...others], k) =>
-    [...[c, mu].map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))), ...others]);
+  const rubs = body.rubs.map((of, k) =>
+    of.map((values) => values.map((y, i) => (kept[k + 1][i] ? y : factor * y))));
   return { ...body, rubs, division: { times, kind, tangents, kept: kept.slice(1) } };
 }

@@ -177,9 +177,10 @@ function bent(body, flow, rows, resting) {
       return sum.map((y, i) => y + share * t[i]);
     }, none);
   };
-  const slide = (free, every) => { // leave only axes across all guides of some points
-    const directions = every.flatMap((p) => guides.get(p) ?? []);
-    free.forEach((is, i) => { free[i] = is && (!directions.length || (i < d && directions.every((g) => g[i] === 0n))); });
+  const guidesOf = (every) => every.flatMap((p) => guides.get(p) ?? []);
+  const slide = (free, directions) => { // leave only axes across all guides
+    if (directions.length) free.forEach((is, i) =>
+      { free[i] = is && i < d && directions.every((g) => g[i] === 0n); });
   };
   for (const [p, directions] of guides) Q[p] = moveAcross(Q[p], held[p], directions);
   const groups = [...flow.groups, ...(resting ? flow.resting : [])], joined = new Joined(groups.length),
@@ -201,10 +202,10 @@ function bent(body, flow, rows, resting) {
     let [shift, turn] = unit.motion;
     unit.every.forEach((p) => { unitOf[p] = k; });
     if (unit.stuck) { // later steps move it only across the guides
-      const directions = unit.every.flatMap((p) => guides.get(p) ?? []);
+      const directions = guidesOf(unit.every);
       shift = moveAcross(shift,
         unit.lock.map((is, i) => is || unit.mine.some((v) => held[v][i])), directions);
-      slide(unit.free, unit.every);
+      slide(unit.free, directions);
     }
     unit.turn = turn;
     for (const p of unit.mine) Q[p] = unit.at(p, shift, turn);
@@ -251,11 +252,11 @@ function bent(body, flow, rows, resting) {
       const parts = [...new Set(every.map((k) => unitOf[k]))].filter((k) => k >= 0);
       mover = motionsOf(body, flow,
         { every, lock: range(d).map((i) => parts.some((k) => units[k].lock[i])) });
-      if (mover.stuck) slide(mover.free, every);
+      if (mover.stuck) slide(mover.free, guidesOf(every));
       mover.parts = parts.map((k) => units[k]);
     } else if (!mover) {
       const free = held[p].map((is) => !is), still = range(d).map(() => 0);
-      slide(free, [p]);
+      slide(free, guidesOf([p]));
       mover = { every: [p], free,
         columns: () => free.map((is, i) => still.map((_, k) => (is && i === k ? 1 : 0))) };
     }
@@ -583,6 +584,7 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
         own += norm(row(loads.rigid_moment, turns, g).map((y, m) => y - about[m]))
           / Math.max(...x.map((p) => norm(minus(p, middle))));
       }
+      if (body.revolved) own /= 2 * Math.PI; // as the work
       forces += own;
       most += own * flow.top;
     });
