@@ -1,7 +1,6 @@
 """Test the checker's results for a factor that divides strengths."""
 
 from collections.abc import Callable
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.reduction import KEPT, division_of, reduction_of, reduction_words
 from tests.proof.forging import Arrays, Halves, blocks, copied, write
+from tests.proof.small_bodies import with_velocity
 from tests.proof.test_balance import row_of_cubes, strip
 
 
@@ -258,16 +258,7 @@ def pressed_cube(kind: str, match: Match) -> Arrays:
         stress = np.zeros((len(cells), 4, 3, 3))
         stress[..., 2, 2] = -0.25
         return them | {"stress": stress}
-    vertices, edges = them["vertices"], dict[tuple[int, int], int]()
-    nodes = [
-        [
-            *cell,
-            *(edges.setdefault((min(e), max(e)), 8 + len(edges)) for e in combinations(cell, 2)),
-        ]
-        for cell in cells.tolist()
-    ]
-    places = np.concatenate([vertices, vertices[np.array(list(edges))].mean(axis=1)])
-    return them | {"nodes": np.array(nodes), "velocity": places * [0.6, 0.6, -1.0]}
+    return with_velocity(them, lambda x, y, z: (0.6 * x, 0.6 * y, -z), 1.0)
 
 
 def written_cubes(
