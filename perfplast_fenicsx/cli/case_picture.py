@@ -71,7 +71,7 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "case.npz"
             save_arrays(file, case.title, meant, section, problem.tagged_mesh.axisymmetric)
-            drawing_process.draw_case(file, picture)
+            drawing_process.draw_case(file, picture, plane=problem.bodies.gdim == 2)
 
     return drawing_process.drawn_on_rank0(problem.comm, draw)
 

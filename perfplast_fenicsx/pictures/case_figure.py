@@ -1,14 +1,14 @@
 """Draw a case before the run: bodies with loads, supports, contacts and free surfaces.
 
-Only the drawing process imports this module (:mod:`drawing_process`).
+Only the drawing process imports this module (:mod:`drawing_process`). Pictures of plane bodies do
+not import VTK, whose import takes longer than such a picture.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import pyvista as pv
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
@@ -28,6 +28,9 @@ from perfplast_fenicsx.pictures.picture_file import (
     in_legend,
     replace_picture,
 )
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 FREE, REST = "#d9d9d9", "#ffc680"
 """Colours of free surfaces, and of the remaining part of a side with a named part."""
@@ -172,6 +175,8 @@ def _fill(axes: Axes, arrays: Arrays) -> None:
 
 def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uint8]:
     """Return an image of 3D bodies from one direction, shape (height, width, 3)."""
+    import pyvista as pv
+
     x = np.asarray(arrays["x"], dtype=np.float64)
     plotter = pv.Plotter(off_screen=True, window_size=[1000, 780])
     plotter.set_background("white")
@@ -223,7 +228,9 @@ def _arrows(arrays: Arrays) -> list[tuple[Floats, Floats, int]]:
     ]
 
 
-def _mesh(x: Floats) -> pv.PolyData:
+def _mesh(x: Floats) -> "pv.PolyData":
     """Return a mesh of triangles with given corners, shape (n, 3, 3)."""
+    import pyvista as pv
+
     numbers: Longs = np.arange(3 * len(x)).reshape(-1, 3)
     return pv.PolyData(x.reshape(-1, 3), faces=np.column_stack([np.full(len(x), 3), numbers]))

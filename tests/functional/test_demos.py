@@ -169,7 +169,9 @@ def test_case(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drawn: list[Path] = []
-    monkeypatch.setattr(drawing_process, "draw_case", lambda arrays, picture: drawn.append(picture))
+    monkeypatch.setattr(
+        drawing_process, "draw_case", lambda arrays, picture, plane: drawn.append(picture)
+    )
     assert command_line(["check", str(case)]) == SOLVED
     out, err = capsys.readouterr()
     assert err == ""
