@@ -40,6 +40,7 @@ from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.lower import bare_vertices
 from tests.models import Read
 from tests.proof.forging import Halves, copied, write, written
+from tests.symmetric_bodies import built
 
 COMM = MPI.COMM_WORLD
 SURCHARGE = {20.0: 6.399394, 30.0: 18.401122}
@@ -281,3 +282,24 @@ def test_sand_is_no_weak_body(read: Read) -> None:
     problem = on_heavy_sand(read, "rough", size=2.0)
     beside = variant(problem, materials={"ground": sand, "punch": clay})
     assert strong_bodies(beside, 0.1) == weak_bodies(beside) == ()
+
+
+@pytest.mark.serial
+def test_a_ridge_whose_cells_have_no_inner_vertex() -> None:
+    """Such cells carry no stress until they are divided, and the bounds ended at 0.497.
+
+    All slopes of the ridge fail along their faces at the horizontal acceleration tan(φ − β).
+    """
+    steep, angle = 0.3, 35.0  # tan β, φ
+    x = np.array([0.0, 1 / 3, 2 / 3, 2.0, 1.6, 1.27, 1.0])
+    points = np.column_stack([x, steep * np.minimum(x, 2 - x)])
+    cells = np.array([[0, 3, 1], [1, 3, 4], [1, 4, 2], [2, 4, 5], [2, 5, 6]])
+    ridge = built(COMM, points, cells, {"base": lambda x: np.abs(x[1]) < 1e-9}, 0.0)
+    sand = MohrCoulomb(1e4, 0.3, 0.0, angle)
+    pushed = [BodyForce("body", [0.0, -1.0], constant=True), BodyForce("body", [1.0, 0.0])]
+    problem = Problem(ridge, {"body": sand}, [Support("base")], pushed, degree=2)
+    exact = np.tan(np.radians(angle) - np.arctan(steep))
+    found = limit_bounds(problem)
+    assert found.upper.strict
+    assert found.upper.value is not None
+    assert exact < found.upper.value < 1.35 * exact  # 1.5 with undivided cells
