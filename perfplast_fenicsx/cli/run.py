@@ -45,8 +45,7 @@ from perfplast_fenicsx.problem.contact_check import left_out
 from perfplast_fenicsx.problem.history.loading_history import LoadingHistory
 from perfplast_fenicsx.problem.judged.oblique_facets import interlocked
 from perfplast_fenicsx.problem.judged.state import check_slip_is_true
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import halved, variant
+from perfplast_fenicsx.problem.problem import Problem, halved, variant
 from perfplast_fenicsx.report.report_file import LiveReport, Reporting, report_on
 
 log = logging.getLogger(__name__)

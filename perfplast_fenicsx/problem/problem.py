@@ -1,4 +1,4 @@
-"""Define the discrete problem: spaces, supports, loads, contact and forms.
+"""Define the discrete problem: spaces, supports, loads, contact and forms, and its variants.
 
 This module declares the problem; it does not solve it.
 
@@ -29,11 +29,13 @@ from perfplast_fenicsx.contact.rows.friction import Friction
 from perfplast_fenicsx.contact.rows.jump_basis import JumpBasis, make_basis
 from perfplast_fenicsx.contact.rows.loose_bodies import warn_of_loose_motions
 from perfplast_fenicsx.contact.rows.rigid_motions import FreeMotions, RigidMotions, held_motions
+from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.materials.elastic import Rigid, with_stand_ins
 from perfplast_fenicsx.materials.law import Material
 from perfplast_fenicsx.mesh.connected_bodies import Bodies, body_names, find_bodies
 from perfplast_fenicsx.mesh.kinematics import Kinematics
+from perfplast_fenicsx.mesh.refinement import check_refinable, refine
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import drop_garbage, lasting
 from perfplast_fenicsx.problem.assembled.declared_loads import LoadCase, declared_loads
@@ -157,10 +159,16 @@ class Problem:
         index_map = topology.index_map(topology.dim)
         self.cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         self.bodies: Bodies = find_bodies(self.V, self.kinematics)
-        self.laws = lay_out(tagged_mesh, spaces, materials)
-        self.initial_strain = initial_strain(tagged_mesh, spaces, materials, self.laws, initial)
-        self.shanks = Shanks(tagged_mesh, spaces, self.laws, initial)
+        self._lay_out(spaces, materials)
         self._hold(None)
+
+    def _lay_out(self, spaces: Spaces, materials: Mapping[str, Material]) -> None:
+        """Create laws, initial strain and shanks at the points of the spaces. Collective."""
+        tagged_mesh, given = self.tagged_mesh, self.given
+        self.laws = lay_out(tagged_mesh, spaces, materials)
+        told = (tagged_mesh, spaces, given.materials, self.laws, given.initial)
+        self.initial_strain = initial_strain(*told)
+        self.shanks = Shanks(tagged_mesh, spaces, self.laws, given.initial)
 
     def _hold(self, rigid: Mapping[str, Material] | None) -> None:
         """Create supports, rows, the prescribed motion and loads. Collective.
@@ -205,10 +213,7 @@ class Problem:
         other = copy.copy(self)
         other.__dict__.pop("glued_basis", None)
         points = Spaces(self.degree, self.V, self.S, self.Q, self.dx)
-        other.laws = lay_out(self.tagged_mesh, points, with_stand_ins(self.given.materials))
-        told = (self.tagged_mesh, points, self.given.materials, other.laws, self.given.initial)
-        other.initial_strain = initial_strain(*told)
-        other.shanks = Shanks(self.tagged_mesh, points, other.laws, self.given.initial)
+        other._lay_out(points, with_stand_ins(self.given.materials))
         other._hold(self.given.materials)
         return other
 
@@ -392,3 +397,103 @@ class Problem:
             known = (self.constraints, self.fixed, displacement)
             check_moved_surfaces(V, self.tagged_mesh, motion.moves(contacts, obstacles), *known)
         return motion
+
+
+def variant(
+    problem: Problem,
+    *,
+    materials: Mapping[str, Material] | None = None,
+    points: Spaces | None = None,
+    rows: tuple[Constraints, Constraints] | None = None,
+    basis: JumpBasis | None = None,
+    friction: Friction | None = None,
+    loads: Sequence[Load] | None = None,
+    rubbing: tuple[Sequence[Contact], Sequence[Obstacle]] | None = None,
+) -> Problem:
+    """Return a problem on the same bodies with other data. Collective.
+
+    The variant keeps the data of the given problem for which no argument is given.
+
+    The variant shares mesh, displacements, supports and contact search with the given problem, but
+    no data that levels change. Each variant has its own positions of supports and obstacles, and
+    its own slip. The history of its laws starts from zero.
+
+    Args:
+        problem: The original problem.
+        materials: Material of each volume, as for a new problem.
+        points: Spaces with other quadrature points and the same displacements.
+        rows: The contact inequalities, and the rows of tangential jumps on surfaces with friction.
+        basis: The basis in which the inequalities are bounds; its rows that are not pairs are tied.
+        friction: Friction data for the rows of the problem.
+        loads: Loads, as for a new problem.
+        rubbing: Contacts and obstacles that differ from the problem only in the friction of
+            surfaces that already have friction.
+
+    Raises:
+        InputError: If materials or loads do not fit the mesh.
+    """
+    other = copy.copy(problem)
+    spaces = points or Spaces(problem.degree, problem.V, problem.S, problem.Q, problem.dx)
+    other.S, other.Q, other.dx = spaces.S, spaces.Q, spaces.dx
+    if materials is not None:
+        other.given = replace(problem.given, materials=materials)
+    if materials is not None or points is not None or problem.history:
+        other._lay_out(spaces, other.given.materials)
+    other.constraints, other.sliding = rows or (problem.constraints, problem.sliding)
+    if basis is not None:
+        other.basis = basis
+        counts = problem.comm.allreduce(np.array([len(basis.index), len(basis.tied)]))
+        other.num_pairs, other.num_tied = map(int, counts)
+    resisting = friction or problem.friction
+    bound, origin = resisting.bound.copy(), resisting.origin.copy()
+    other.friction = replace(resisting, bound=bound, origin=origin)
+    other.prescribed = problem.prescribed.copy()
+    if loads is not None:
+        _load(other, loads)
+    if rubbing is not None:
+        _rub(other, *rubbing)
+    return other
+
+
+def _load(problem: Problem, loads: Sequence[Load]) -> None:
+    """Replace the loads of a problem. Collective."""
+    tagged_mesh, rigid = problem.tagged_mesh, problem.given.rigid
+    found = on_this_mesh(tagged_mesh, loads, rigid)
+    problem.given = replace(problem.given, loads=found)
+    moved = problem.interferes or problem.motion.moves_supports
+    stays = problem.initial_strain is not None or moved
+    told = (problem.bcs, rigid, problem.motion.driven, stays)
+    problem.loads = problem.declared = declared_loads(problem.V, tagged_mesh, found, *told)
+    problem.free.check([problem.loads.dead, problem.loads.live])
+
+
+def _rub(problem: Problem, contacts: Sequence[Contact], obstacles: Sequence[Obstacle]) -> None:
+    """Replace the friction of a problem. Not collective."""
+    problem.given = replace(problem.given, contacts=contacts, obstacles=obstacles)
+    sources = tuple(
+        replace(source, tresca=it.tresca, coulomb=it.coulomb)
+        for source, it in zip(problem.constraints.sources, [*contacts, *obstacles], strict=True)
+    )
+    problem.constraints = replace(problem.constraints, sources=sources)
+    friction = problem.friction
+    tresca, coulomb = problem.constraints.friction_of(friction.pair)
+    adhesion = tresca * friction.area
+    bound = adhesion.copy()
+    problem.friction = replace(friction, coulomb=coulomb, adhesion=adhesion, bound=bound)
+
+
+def halved(problem: Problem) -> Problem:
+    """Return the problem on a mesh in which all edges are halved. Collective.
+
+    Coincident vertices of bodies in contact remain coincident. The bodies do not change: polygons
+    that approximate circles remain polygons.
+
+    Raises:
+        InputError: If cells are curved.
+    """
+    tagged_mesh = problem.tagged_mesh
+    check_refinable(tagged_mesh)
+    topology = tagged_mesh.mesh.topology
+    every = np.ones(topology.index_map(topology.dim).size_local, dtype=np.bool_)
+    opposite = opposite_vertices(tagged_mesh, problem.given.contacts)
+    return problem.on(refine(tagged_mesh, every, opposite).tagged_mesh)

@@ -21,7 +21,7 @@ from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh, read_gmsh
 from perfplast_fenicsx.problem.assembled.spread_forces import area_of
 from perfplast_fenicsx.problem.judged.resultants import load_resultants
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 
 SOIL = '{{ law = "mohr-coulomb", young = 1e4, poisson = 0.3, cohesion = {}, friction_angle = {} }}'
 

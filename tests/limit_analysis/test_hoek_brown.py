@@ -24,7 +24,7 @@ from perfplast_fenicsx.limit_analysis.body.safety_factor import factor_of_safety
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import conic_solver
 from perfplast_fenicsx.limit_analysis.conic.parabolas import Parabola, Parabolas
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import interior_point
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 from tests.limit_analysis.test_principal_cones import COMM, assert_proven
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.limit_analysis.test_tension_cut_off import block

@@ -37,7 +37,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_bounds import KinematicL
 from perfplast_fenicsx.materials import Material, deviator, trace
 from perfplast_fenicsx.problem import Integral
 from perfplast_fenicsx.problem.judged.certificate import contact_forces
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 from tests.models import (
     PUNCH_LIMIT,
     STEEL,

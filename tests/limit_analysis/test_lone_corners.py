@@ -15,7 +15,7 @@ from perfplast_fenicsx import (
     limit_bounds,
 )
 from perfplast_fenicsx.arrays import Floats
-from perfplast_fenicsx.limit_analysis.facets.lone_corners import with_divided_corners
+from perfplast_fenicsx.limit_analysis.body.singular_points import with_divided_corners
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import cell_layout, strain_matrices
 from perfplast_fenicsx.problem.declared.loads import Load
 from tests.limit_analysis.test_interior_point import SOIL, K

@@ -34,7 +34,7 @@ from perfplast_fenicsx.limit_analysis import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import strong_bodies, weak_bodies
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 from perfplast_fenicsx.proof import check
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.lower import bare_vertices

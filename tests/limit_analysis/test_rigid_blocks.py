@@ -32,7 +32,7 @@ from perfplast_fenicsx.limit_analysis.blocks import block_limit
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Question
 from perfplast_fenicsx.limit_analysis.strength_search import check_curve
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 from perfplast_fenicsx.proof import check
 from tests.checks import assert_refused
 from tests.stones import box, chain, lune, stones, voussoir, weight_and

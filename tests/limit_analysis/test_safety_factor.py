@@ -41,7 +41,7 @@ from perfplast_fenicsx.limit_analysis.body.safety_factor import times_in_words
 from perfplast_fenicsx.limit_analysis.discrete.strength_reduction import Weakening, weakened
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question, Scope
 from perfplast_fenicsx.materials import Material
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 from perfplast_fenicsx.proof.checker import check
 from tests.checks import assert_refused
 from tests.limit_analysis.test_associated_joints import COSINE, SINE, cut_column

@@ -6,7 +6,7 @@ import pytest
 
 from perfplast_fenicsx import InitialStress, Newton, Problem, Support, VonMises
 from perfplast_fenicsx.problem import problem as problem_module
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import variant
 from tests.models import punch_problem
 
 STRONG = VonMises(young=1e5, poisson=0.2, yield_stress=700.0)

@@ -32,8 +32,7 @@ from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import InteriorSte
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question
 from perfplast_fenicsx.limit_analysis.stress.static_bound import strict_lower_bound
 from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure, Load, scaled
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 from perfplast_fenicsx.solvers.linear.factorisation import TooLarge
 from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 

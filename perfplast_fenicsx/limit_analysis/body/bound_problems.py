@@ -34,8 +34,7 @@ from perfplast_fenicsx.mesh.glued_bodies import glue
 from perfplast_fenicsx.mesh.ring_polynomials import coefficients_of_radius, polynomials
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 
 log = logging.getLogger(__name__)
 

@@ -44,8 +44,8 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
     held_bodies,
     strong_bodies,
 )
+from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import without_pores
 from perfplast_fenicsx.limit_analysis.facets.entering import with_strict_contact
-from perfplast_fenicsx.limit_analysis.facets.ring_flux import without_pores
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,
     check_flat_guides,

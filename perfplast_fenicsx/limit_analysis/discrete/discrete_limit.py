@@ -70,8 +70,7 @@ from perfplast_fenicsx.limit_analysis.statements.load_factor import (
     Standing,
 )
 from perfplast_fenicsx.outcome_words import percent
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 
 MOST = 0.9
 """Share of the inadmissible part in the bodies that :func:`locking_bodies` returns together."""

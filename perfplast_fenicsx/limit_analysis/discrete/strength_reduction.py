@@ -14,8 +14,7 @@ from perfplast_fenicsx.materials.law import Material, in_plane_stress
 from perfplast_fenicsx.materials.nonassociated_flow import pair_of
 from perfplast_fenicsx.problem.assembled.law_on_cells import set_parameters
 from perfplast_fenicsx.problem.declared.loads import Load
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 
 Rubs = TypeVar("Rubs", bound=Contact | Obstacle)
 """A contact or obstacle with friction."""

@@ -20,6 +20,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 from dolfinx import la
+from dolfinx.mesh import exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import geometry_dofmap
@@ -431,3 +432,46 @@ def _held(problem: Problem, facets: FacetGeometry) -> Flags:
     flags.scatter_forward()
     held: Flags = flags.array.reshape(-1, tdim) > 0
     return held
+
+
+def bare_vertices(
+    problem: Problem, at: BoundBody, loose: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Return flags of vertices without stress in this rank's cells. Collective.
+
+    On a free facet, σn = 0, so one principal stress is zero. Without cohesion, the yield condition
+    then requires σ = 0. At this vertex, the tractions on all other facets of the cell are then zero
+    too, and so is σ in the neighbouring cells. With a pore pressure this does not hold, because
+    yielding depends on effective stresses. Stresses at these vertices are not unknowns of a lower
+    bound, because their yield set has no interior.
+
+    Args:
+        problem: The bodies.
+        at: Conditions on the facets of the bodies.
+        loose: Flags of the cells without cohesion, shape (num_cells,).
+
+    Returns:
+        Flags, shape (num_cells, d + 1).
+    """
+    topology, on = problem.tagged_mesh.mesh.topology, at.numbers.facets
+    tdim = topology.dim
+    exterior = np.isin(on, exterior_facet_indices(topology))
+    free = (
+        exterior
+        & ~at.facets.held[on].any(axis=2)
+        & ~np.isin(on, at.facets.in_contact)
+        & loose[:, None]
+    )
+    free &= at.rigid.surface[on] < 0
+    pushed = (at.live.tractions != 0).any(axis=2) | (at.dead.tractions != 0).any(axis=2)
+    vertices: Longs = topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)[: len(on)]
+    others = np.array([[b for b in range(tdim + 1) if b != a] for a in range(tdim + 1)])
+    bare = free[:, :, None] & ~np.take_along_axis(pushed[on], at.numbers.places, axis=2)
+    wet = (at.live.pores != 0) | (at.dead.pores != 0)
+    bare &= ~wet[:, others]
+    flags = la.vector(topology.index_map(0), 1)
+    flags.array[vertices[:, others][bare]] = 1.0
+    flags.scatter_reverse(la.InsertMode.add)
+    flags.scatter_forward()
+    found: npt.NDArray[np.bool_] = (flags.array[vertices] > 0) & loose[:, None]
+    return found

@@ -5,6 +5,9 @@ condition. Then the bodies also carry the loads with any smaller pressure, becau
 brings ground closer to yielding. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0,
 and a smaller pressure does at most this work. Therefore a lower bound uses linear pressures above
 the given pressures, and an upper bound uses linear pressures below them. Both bounds are strict.
+
+In axisymmetry, bodies with pore pressures must preserve their volume. The pressures then do no
+work, and :func:`without_pores` removes them.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +22,7 @@ import numpy.typing as npt
 from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.errors import on_all_ranks
+from perfplast_fenicsx.errors import InputError, on_all_ranks
 from perfplast_fenicsx.formulas import ROUNDING
 from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
 from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
@@ -28,8 +31,7 @@ from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.mesh.straight_geometry import corners, gradients, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import EnclosedPores, FieldPores, Load, PorePressure
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 from perfplast_fenicsx.spatial_fields import SpatialField
 
 PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
@@ -53,6 +55,31 @@ def with_enclosed_pores(problem: Problem, side: str) -> Problem:
         return problem
     loads = [_enclosed(load, side) if load in bent else load for load in problem.given.loads]
     return variant(problem, loads=loads)
+
+
+def without_pores(problem: Problem, dilates: bool) -> Problem:
+    """Return the axisymmetric problem without pore pressures. Collective.
+
+    If bodies preserve their volume, a pore pressure does no work. Effective and total stresses then
+    differ by a mean stress, which does not affect yielding.
+
+    Args:
+        problem: The bodies.
+        dilates: Whether any body dilates.
+
+    Raises:
+        InputError: If a body dilates and there are pore pressures.
+    """
+    loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
+    if len(loads) == len(problem.given.loads):
+        return problem
+    if dilates:
+        raise InputError(
+            "in axisymmetry strict bounds do not support pore pressure in ground that dilates; "
+            "remove the pressure, or give control = 'work' and until = 'limit', for the limit "
+            "load of the mesh."
+        )
+    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
 
 
 def pores_in_words(problem: Problem) -> tuple[str, ...]:

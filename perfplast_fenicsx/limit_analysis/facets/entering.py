@@ -68,8 +68,7 @@ from perfplast_fenicsx.limit_analysis.facets.contact_facets import (
     rows_of,
 )
 from perfplast_fenicsx.parallel import send_rows
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 
 NARROWEST = 0.02
 """Tangent of the smallest angle of a cone. With a smaller angle, the directions would hardly be a

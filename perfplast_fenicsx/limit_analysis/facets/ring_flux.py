@@ -21,7 +21,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.kinematics import ON_AXIS, RingFlux
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
-from perfplast_fenicsx.problem.declared.loads import PorePressure
 from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
 
@@ -83,31 +82,6 @@ def _check_rings_meet(problem: Problem) -> None:
             "contact surfaces of equal radius; mesh the bodies without this gap (limit loads do "
             "not change), or give control = 'work' and until = 'limit'."
         )
-
-
-def without_pores(problem: Problem, dilates: bool) -> Problem:
-    """Return the axisymmetric problem without pore pressures. Collective.
-
-    If bodies preserve their volume, a pore pressure does no work. Effective and total stresses then
-    differ by a mean stress, which does not affect yielding.
-
-    Args:
-        problem: The bodies.
-        dilates: Whether any body dilates.
-
-    Raises:
-        InputError: If a body dilates and there are pore pressures.
-    """
-    loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
-    if len(loads) == len(problem.given.loads):
-        return problem
-    if dilates:
-        raise InputError(
-            "in axisymmetry strict bounds do not support pore pressure in ground that dilates; "
-            "remove the pressure, or give control = 'work' and until = 'limit', for the limit "
-            "load of the mesh."
-        )
-    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
 
 
 def nodal_velocity(problem: Problem, flux: fem.Function) -> fem.Function:

@@ -56,8 +56,7 @@ from perfplast_fenicsx.mesh.kinematics import RingFlux
 from perfplast_fenicsx.mesh.ring_polynomials import COEFFICIENTS, EDGES, coefficients_of_radius
 from perfplast_fenicsx.mesh.straight_geometry import gradients
 from perfplast_fenicsx.problem.assembled.spaces import Spaces
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,7 @@ from perfplast_fenicsx.problem.assembled.spaces import Spaces
 from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.stage import called
-from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.problem.variant import variant
+from perfplast_fenicsx.problem.problem import Problem, variant
 
 
 @dataclass(frozen=True, eq=False)

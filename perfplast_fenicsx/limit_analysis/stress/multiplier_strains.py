@@ -35,7 +35,7 @@ class MultiplierStrains:
         matrices: Matrices of :func:`stress_cells.strain_matrices` (in axisymmetry of
             :func:`stress_cells.ring_matrices`), transformed to the coordinates of the cones. The
             matrices are zero at bare vertices, where the stress is zero and not an unknown
-            (:mod:`lone_corners`).
+            (:func:`bound_body.bare_vertices`).
         idle: Flags of unknowns that belong only to bare vertices, shape (num_cells, num_rows).
         few: Flags of cells with idle unknowns, or with points on the axis, where stresses are zero.
             In such a cell, the rows of the facets may be equivalent to rows of the cell.

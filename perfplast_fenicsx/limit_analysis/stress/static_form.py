@@ -22,9 +22,13 @@ from perfplast_fenicsx.limit_analysis.discrete.friction_points import (
     FrictionStrains,
     SlipPlaces,
 )
-from perfplast_fenicsx.limit_analysis.facets.bound_body import BoundBody, FacetLoads, bound_body
+from perfplast_fenicsx.limit_analysis.facets.bound_body import (
+    BoundBody,
+    FacetLoads,
+    bare_vertices,
+    bound_body,
+)
 from perfplast_fenicsx.limit_analysis.facets.facet_geometry import FacetVelocities
-from perfplast_fenicsx.limit_analysis.facets.lone_corners import bare_vertices
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import (
     NODES,
     cell_layout,
