@@ -367,6 +367,7 @@ def test_values_on_the_cells_of_the_mesh_are_exact(tmp_path: Path) -> None:
     assert np.allclose(low, high, rtol=1e-9, atol=0.0)
 
 
+@pytest.mark.serial
 def test_a_linear_field_is_one_strength_however_it_is_given(tmp_path: Path) -> None:
     """Formula, table, points, a separate mesh and the body's mesh agree to 1e-12."""
     rng = np.random.default_rng(2)

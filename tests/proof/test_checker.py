@@ -156,12 +156,17 @@ def less_above(them: Arrays) -> None:
     them["stress"][~above] *= 0.9
 
 
+def linear_in_a_weak_cell(them: Arrays) -> None:
+    """Change one corner of a cell that yields; strong cells carry such a change at no cost."""
+    them["stress"][np.argmin(radii(them)), 0, 1, 1] += 1e-3
+
+
 BROKEN_STRESSES: dict[str, tuple[Callable[[Arrays], None], str]] = {
     "too large": (times("cone_bound", 0.99), "times as large"),
     "another load": (times("bound", 1.01), "outer tractions"),
     "weightless": (times("body_force", 0.5), "equilibrium"),
     "a jump": (add("stress", (7, slice(None), 0, 0), 1.0), "tractions"),
-    "a linear one": (add("stress", (7, 0, 1, 1), 1e-3), "equilibrium"),
+    "a linear one": (linear_in_a_weak_cell, "equilibrium"),
     "no symmetry": (add("stress", (slice(None), slice(None), 0, 1), 1.0), "asymmetry"),
     "shear": (shear_everywhere, "outer tractions"),
     "pull": (times("stress", -1.0), "tension"),
