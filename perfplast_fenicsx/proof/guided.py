@@ -10,7 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from perfplast_fenicsx.proof.load_kinds import ALIKE, Floats
+
 Flags = npt.NDArray[np.bool_]
 
 
@@ -51,11 +52,10 @@ def differ(one: Floats, other: Floats, held: Flags) -> Flags:
         other: Other directions, of the same shape.
         held: Held components, of the same shape.
     """
-    rounding = 1e-9
     one, other = (np.where(held, 0.0, of) for of in (one, other))
     sizes = [np.linalg.norm(of, axis=1, keepdims=True) for of in (one, other)]
     one, other = (
         of / np.where(size > 0, size, 1.0) for of, size in zip((one, other), sizes, strict=True)
     )
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
-    return np.asarray(np.minimum(*apart) > rounding)
+    return np.asarray(np.minimum(*apart) > ALIKE)

@@ -14,18 +14,14 @@ import numpy as np
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.cone_shapes import Strengths, are_weaker, strengths_of
 from perfplast_fenicsx.proof.guided import differ
-from perfplast_fenicsx.proof.load_kinds import Loads
+from perfplast_fenicsx.proof.load_kinds import ALIKE, Loads
 from perfplast_fenicsx.proof.reduction import Division
+from perfplast_fenicsx.proof.rigid import moments
 from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
 SAME = 1e-9
-"""Relative difference below which loads count as equal."""
-
-NOTHING = 1e-14
-"""Loads count as zero if they are smaller than this share of the largest load of the same kind on
-the same surface.
-"""
+"""Relative difference below which slopes of cones count as equal."""
 
 
 def differences(lower: Body, upper: Body, divisions: Sequence[Division] = ()) -> list[str]:
@@ -86,33 +82,44 @@ def _kinds(lower: Body, upper: Body) -> Iterator[tuple[Loads, Loads]]:
     yield lower.others, upper.others
 
 
-def _differ(one: Floats, other: Floats, nothing: Floats) -> Flags:
-    """Return flags of rows whose vectors differ by more than rounding.
+def _differ(one: Floats, other: Floats, noise: Floats | float = 0.0) -> Flags:
+    """Return flags of rows whose vectors differ by more than rounding (:data:`ALIKE`).
 
     Args:
         one: Vectors, shape (n, points, components).
         other: Vectors of the same shape.
-        nothing: Largest size of vectors that count as zero, shape (n,).
+        noise: Size of terms that cancel in these vectors (:func:`_noise`), shape (n,).
     """
     off = np.abs(one - other).max(axis=(1, 2), initial=0)
     size = np.maximum(np.abs(one), np.abs(other)).max(axis=(1, 2), initial=0)
-    return np.asarray(~(off <= np.maximum(SAME * size, nothing)))
+    return np.asarray(~(off <= ALIKE * (size + noise)))
+
+
+def _noise(vertices: Floats, values: Floats) -> Floats:
+    """Return the gradient of linear functions, times the largest coordinate, shape (n,).
+
+    A linear load consists of terms of this size, which cancel where the load is small.
+
+    Args:
+        vertices: Vertices of simplices, shape (n, k, d).
+        values: Values at the vertices, shape (n, k, components).
+    """
+    rise = np.ptp(values, axis=1).max(axis=1, initial=0.0)
+    run = np.ptp(vertices, axis=1).max(axis=1, initial=0.0)
+    return np.asarray(rise / run * np.abs(vertices).max(axis=(1, 2), initial=0.0))
 
 
 def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
     """Return flags of coinciding facets whose tractions differ at the smaller facet's vertices."""
     found = np.zeros(len(a), dtype=bool)
     places = lower.vertices[lower.facets[a]], upper.vertices[upper.facets[b]]
-    tags, at = np.unique(lower.surface[a], return_inverse=True)
     smaller = lower.areas[a] <= upper.areas[b]
     for kinds in _kinds(lower, upper):
         on = kinds[0].traction[a], kinds[1].traction[b]
-        most = np.zeros(len(tags))
-        np.maximum.at(most, at.ravel(), np.abs(on[0]).max(axis=(1, 2), initial=0))
-        nothing = NOTHING * most[at.ravel()]
         for some, i, j in ((smaller, 0, 1), (~smaller, 1, 0)):
             there = _linear(places[i][some], places[j][some], on[j][some])
-            found[some] |= _differ(on[i][some], there, nothing[some])
+            noise = _noise(places[j][some], on[j][some])
+            found[some] |= _differ(on[i][some], there, noise)
     return found
 
 
@@ -164,7 +171,7 @@ def _in_cells(lower: Body, upper: Body, divisions: Sequence[Division]) -> tuple[
         found = np.zeros(len(a), dtype=bool)
         for one, other in pulling:
             forces = one.body_force[a, None], other.body_force[b, None]
-            found |= _differ(forces[0], forces[1], np.zeros(len(a)))
+            found |= _differ(*forces)
         return found | _pores_differ(lower, upper, a, b) if wet else found
 
     a, b = shared_cells(lower, upper, lambda a, b: weaker(a, b) | loaded(a, b))
@@ -206,7 +213,6 @@ def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
     smaller = lower.volumes[a] <= upper.volumes[b]
     for kind in _kinds(lower, upper):
         u = [of.pore_pressure[..., None] for of in kind]
-        nothing = NOTHING * max(float(np.abs(of).max()) for of in u)
         wet_cells = [np.asarray(of.any(axis=(1, 2))) for of in u]
         wet = wet_cells[0][a] | wet_cells[1][b]
         slopes = [
@@ -218,7 +224,7 @@ def _pores_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
             s, t = small[some], large[some]
             away = places[i][s] - places[j][t][:, :1]
             there = u[j][t][:, :1] + np.einsum("npi,ni->np", away, slopes[j][t])[..., None]
-            found[some] |= _differ(u[i][s], there, np.full(len(some), nothing))
+            found[some] |= _differ(u[i][s], there, _noise(places[j][t], u[j][t]))
     return found
 
 
@@ -231,14 +237,21 @@ def _same_plates(lower: Body, upper: Body) -> bool:
     )
     if not (np.array_equal(*tags) and np.array_equal(*held)):
         return False
-    extent = np.abs(lower.vertices[lower.cells]).max()
+    places = [lower.vertices[lower.facets[lower.on(tag)]].reshape(-1, lower.dim) for tag in tags[0]]
+    if not places:
+        return True
+    centres = np.array([x.mean(axis=0) for x in places])
+    extents = np.array([np.linalg.norm(x - x.mean(axis=0), axis=1).max() for x in places])
     for kind in _kinds(lower, upper):
-        forces, moments = (
-            [getattr(of, name)[order][:, None] for of, order in zip(kind, orders, strict=True)]
+        forces, turns = (
+            [getattr(of, name)[order] for of, order in zip(kind, orders, strict=True)]
             for name in ("rigid_force", "rigid_moment")
         )
-        sizes = SAME * extent * np.abs(forces[0]).max(axis=(1, 2), initial=0)
-        apart = _differ(forces[0], forces[1], 0 * sizes) | _differ(moments[0], moments[1], sizes)
+        about = turns[0] - moments(centres, forces[0])
+        off = turns[0] - turns[1] - moments(centres, forces[0] - forces[1])
+        apart = _differ(*(of[:, None] for of in forces))
+        sizes = np.linalg.norm(about, axis=1) + extents * np.linalg.norm(forces[0], axis=1)
+        apart |= ~(np.abs(off).max(axis=1) <= ALIKE * sizes)
         if apart.any():
             return False
     return True

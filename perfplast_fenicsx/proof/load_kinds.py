@@ -38,6 +38,11 @@ def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
     return {**arrays, **none}
 
 
+ALIKE = 2.0**-48
+"""Largest difference between equal numbers of both halves, relative to their size: 32 times the
+largest rounding error of one operation, for values between the vertices of another mesh."""
+
+
 @dataclass(frozen=True)
 class Loads:
     """The loads of one kind.

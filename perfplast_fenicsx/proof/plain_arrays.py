@@ -56,7 +56,7 @@ def plain(name: str, values: Any) -> npt.NDArray:
             raise ProofError(f"{name} does not consist of {what}.")
         return array.astype(np.bool_)
     if name in LONGS:
-        if array.size and not array.max() <= np.iinfo(np.int64).max:
+        if array.size and not (array.max() < 2**53 and array.min() > -(2**53)):  # exact as doubles
             raise ProofError(f"{name} has numbers that are too large.")
         return array.astype(np.int64)
     numbers = array.astype(np.float64)

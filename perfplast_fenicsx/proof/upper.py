@@ -29,6 +29,9 @@ from perfplast_fenicsx.proof.rings import normals_of
 from perfplast_fenicsx.proof.verdict import share_of
 from perfplast_fenicsx.proof.volume_change import Undone, undone
 
+FAST = 1000.0
+"""Largest velocity that counts in the largest possible work of free loads, over the usual one."""
+
 
 def usual_speed(body: Body, loads: Loads, work: float) -> float:
     """Return the mean velocity at which loads do their work; 0 without tractions and body forces.
@@ -68,17 +71,21 @@ def most_work(
         v: Velocity at the nodes of each cell, shape (num_cells, nodes_per_cell, d).
         at_facets: Velocity at the nodes of each facet, shape (num_facets, nodes_per_facet, d).
         rates: Rates of strain at the vertices of each cell, shape (num_cells, d + 1, d, d).
-        usual: Lower limit of the velocity. The velocity of bodies at rest consists of rounding
-            errors, and without this limit the reported factor would depend on these errors.
+        usual: The usual velocity (:func:`usual_speed`), a lower limit. The velocity of bodies at
+            rest consists of rounding errors, and without this limit the reported factor would
+            depend on these errors. Velocities above :data:`FAST` times the usual velocity do not
+            count, so that one fast body cannot hide the work of the free loads.
     """
+    fastest = FAST * usual if usual > 0 else np.inf
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
-    quick = np.maximum(np.linalg.norm(at_facets, axis=2).max(axis=1), usual)
+    quick = np.linalg.norm(at_facets, axis=2).max(axis=1).clip(usual, fastest)
     total = float((body.areas * pushes) @ quick)
-    quick = np.maximum(np.linalg.norm(v, axis=2).max(axis=1), usual)
+    quick = np.linalg.norm(v, axis=2).max(axis=1).clip(usual, fastest)
     total += float((body.volumes * np.linalg.norm(loads.body_force, axis=1)) @ quick)
     strains = np.linalg.norm(rates, axis=(2, 3)).max(axis=1)
-    strains = np.maximum(strains, usual / np.ptp(body.vertices, axis=0).max())
+    extent = np.ptp(body.vertices, axis=0).max()
+    strains = strains.clip(usual / extent, FAST * fastest / extent)
     pressures = np.abs(loads.pore_pressure).max(axis=1)
     return total + float((body.volumes * pressures) @ strains) * float(np.sqrt(body.dim))
 
@@ -297,8 +304,8 @@ def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> f
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     usual = usual_speed(body, body.sought, work)
     most = most_work(body, body.others, v, at_facets, strain_rates(body, v), usual)
-    fastest = np.abs(v).max(initial=0.0)
-    return share_of(abs(other_work), most + on_plates(body, body.others) * float(fastest))
+    fastest = min(float(np.abs(v).max(initial=0.0)), FAST * usual if usual > 0 else np.inf)
+    return share_of(abs(other_work), most + on_plates(body, body.others) * fastest)
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:

@@ -34,11 +34,15 @@ from tests.limit_analysis.test_rigid_blocks import pushed
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.small_bodies import (
+    UNLIKE,
     adhering_square,
+    beside_a_fast_body,
+    beside_a_large_stress,
     columns_under_a_plate,
     cut_square,
     obstacle_without_normal,
     plate_with_free_load,
+    unlike_halves,
 )
 from tests.proof.test_balance import strip
 from tests.proof.test_blocks import in_space
@@ -267,6 +271,33 @@ def test_the_second_checker_counts_work_that_plates_can_do(
 ) -> None:
     path = write(tmp_path / "upper.h5", {"upper": plate_with_free_load(x, force)})
     assert "any factor" in checker(path)["upper"]["fault"]
+
+
+@pytest.mark.parametrize("kind", UNLIKE)
+def test_the_second_checker_compares_up_to_rounding(
+    kind: str, tmp_path: Path, checker: Checker
+) -> None:
+    for by, unlike in ((9e-10, True), (0.0, False)):
+        words = str(checker(write(tmp_path / "bounds.h5", unlike_halves(kind, by))))
+        assert ("the halves have different" in words) == unlike
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e7])
+def test_the_second_checker_counts_work_beside_fast_bodies(
+    speed: float, tmp_path: Path, checker: Checker
+) -> None:
+    path = write(tmp_path / "upper.h5", {"upper": beside_a_fast_body(speed)})
+    assert "any factor" in checker(path)["upper"]["fault"]
+
+
+def test_the_second_checker_counts_the_rounding_of_stresses(
+    tmp_path: Path, checker: Checker
+) -> None:
+    """A large stress leaves few digits for the stress of other bodies."""
+    for size in (0.0, 1e46):
+        path = write(tmp_path / "lower.h5", {"lower": beside_a_large_stress(size)})
+        found = checker(path)["lower"]
+        assert not found.get("proven", 0.0) > 0.51, found
 
 
 def test_both_checkers_agree(honest: Halves, tmp_path: Path, checker: Checker) -> None:

@@ -148,3 +148,87 @@ def columns_under_a_plate(held: Sequence[int]) -> Arrays:
     them = with_stress(them, stress, stress)
     noise = 1e-16 * np.random.default_rng(1).standard_normal(them["stress"].shape)
     return them | {"stress": them["stress"] + noise + np.swapaxes(noise, 2, 3)}
+
+
+def held_square(x: float = 0.0) -> Arrays:
+    """Return a square at x that is held at its bottom, with a traction on its top."""
+    them = squares((x, 0.0))
+    them["held"][BOTTOM] = 1
+    them["traction"][TOP, :, 1] = -1.0
+    return them
+
+
+def _free_force(them: Arrays, by: float) -> None:
+    them["any_body_force"] = np.array([[0.0, 1.0 + by], [0.0, 1.0]])
+
+
+def _small_component(them: Arrays, by: float) -> None:
+    them["body_force"] = np.array([[1.0 + 1e9 * by, 4e9], [1.0, 4e9]])
+
+
+def _beside_a_large_load(them: Arrays, by: float) -> None:
+    them["surface"][BOTTOM] = 1 + TOP
+    them["traction"][BOTTOM] = 1e15
+    them["traction"][TOP, :, 1] -= 1e9 * by
+
+
+def _guide(them: Arrays, by: float) -> None:
+    them["guided"] = np.zeros((4, 2))
+    them["guided"][RIGHT] = np.array([1.0, by]) / np.hypot(1.0, by)
+
+
+def _distant_moment(them: Arrays, by: float) -> None:
+    them["vertices"] = them["vertices"] + [1e9, 0.0]
+    them["traction"][:] = 0.0
+    them["rigid"] = np.array([1 + TOP])
+    them["rigid_held"] = np.zeros((1, 2), dtype=np.uint8)
+    them["rigid_force"] = np.array([[0.0, -1.0]])
+    them["rigid_moment"] = np.array([[-1e9 - 0.5 - 5e8 * by]])
+
+
+UNLIKE: dict[str, Callable[[Arrays, float], None]] = {
+    "free force": _free_force,
+    "small component": _small_component,
+    "beside a large load": _beside_a_large_load,
+    "guide": _guide,
+    "distant moment": _distant_moment,
+}
+"""Functions that change a square, by an amount that an attack took for rounding."""
+
+
+def unlike_halves(kind: str, by: float) -> dict[str, Arrays]:
+    """Return two halves of a square at rest, which differ by ``by`` as in :data:`UNLIKE`."""
+    both = [held_square(), held_square()]
+    for them, amount in zip(both, (0.0, by), strict=True):
+        UNLIKE[kind](them, amount)
+    still = [[0.0, 0.0], [0.0, 0.0]]
+    velocity = with_velocity(both[1], lambda x, y: (0.0, 0.0), 1.0)
+    return {"lower": with_stress(both[0], still), "upper": velocity}
+
+
+def beside_a_fast_body(speed: float) -> Arrays:
+    """Return an upper half whose free load equals the load, beside an unloaded body that moves."""
+    them = squares((0.0, 0.0), (5.0, 0.0))
+    them["cone"][2:] = -1
+    them["held"][BOTTOM, 1] = 1
+    them["traction"][TOP, :, 1] = -1.0
+    them["any_traction"] = them["traction"].copy()
+    them["any_traction"][4 + RIGHT, :, 0], them["any_traction"][4 + LEFT, :, 0] = 1.0, -1.0
+    return with_velocity(them, lambda x, y: (x, -y) if x < 2 else (speed, 0.0), 10.0)
+
+
+def beside_a_large_stress(size: float) -> Arrays:
+    """Return a lower half of a square at twice its strength, beside an elastic square's stress.
+
+    The numbers are so different in size that a checker may round the stress of the square to twice
+    its value, which balances the load.
+    """
+    load, scale = 2.0**-11, 2.0**40
+    them = squares((0.0, 0.0), (5.0, 0.0))
+    them["vertices"] = np.append(scale * them["vertices"], [[1e30, 0.0]], axis=0)
+    them["cone"][2:] = -1
+    them["cone_bound"], them["cone_matrix"] = np.array([0.51 * load]), np.eye(3)[None]
+    them["held"][BOTTOM, 1] = them["held"][LEFT, 0] = 1
+    them["held"][4:] = 1
+    them["traction"][RIGHT, :, 0] = load
+    return with_stress(them, [[load / 2, 0.0], [0.0, 0.0]], [[-size, 0.0], [0.0, -size]])

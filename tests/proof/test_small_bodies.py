@@ -12,12 +12,15 @@ from tests.proof.small_bodies import (
     LEFT,
     RIGHT,
     TOP,
+    UNLIKE,
     adhering_square,
+    beside_a_fast_body,
     columns_under_a_plate,
     cut_square,
     plate_with_free_load,
     pulled_square,
     squares,
+    unlike_halves,
     with_stress,
     with_velocity,
 )
@@ -124,3 +127,25 @@ def test_a_held_plate_holds_each_column() -> None:
     """The residual forces of both columns pass to the support of the plate."""
     them = columns_under_a_plate((1, 0))
     assert check_lower(them).proven == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize("kind", UNLIKE)
+def test_halves_that_differ_by_more_than_rounding(kind: str) -> None:
+    """Free loads without work, or large loads that supports carry, multiply small differences."""
+    for by, unlike in ((9e-10, True), (0.0, False)):
+        found = check_halves(unlike_halves(kind, by))["lower"]
+        assert any("the halves have different" in fault for fault in found.faults) == unlike
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e7])
+def test_a_fast_body_hides_no_work_of_free_loads(speed: float) -> None:
+    found = check_upper(beside_a_fast_body(speed))
+    assert found.proven is None
+    assert any("work of others" in fault for fault in found.faults)
+
+
+def test_tags_beyond_the_numbers_of_a_page_are_refused() -> None:
+    them = with_velocity(squares((0.0, 0.0)), lambda x, y: (0.0, 0.0), 1.0)
+    them["surface"][0] = 2**53 + 1
+    with pytest.raises(ProofError, match="surface has numbers that are too large"):
+        check_upper(them)

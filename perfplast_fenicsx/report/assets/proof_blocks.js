@@ -125,7 +125,8 @@ function blockBound(body, { best, inner }) {
         { if (most > 0) anchors.push({ i: a, j, o, p, way, e: 0, most,
         weight: Math.min(weight, most), point }); };
       const [part, small] = [0.99 / Math.sqrt(d), 0.99 / (d - 1)];
-      const room = !mu || shear <= mu * press * (1 - 1e-12) ? own.room : 0;
+      const spare = mu ? (mu * press * (1 - 1e-12) - shear) / (1 + mu) : press; // of the rounded forces
+      const room = Math.min(own.room, Math.max(spare, 0));
       if (mu > 0) for (const way of axes) besides(way, part * room, share * part * inside[k].room, true);
       else besides(normal, 0.99 * room, share * 0.99 * inside[k].room, true);
       if (!(c > 0)) return;
@@ -134,8 +135,8 @@ function blockBound(body, { best, inner }) {
       if (holds <= c * area * (1 - 1e-12)) for (const [i, q, way] of [[a, j, -1n], [o, p, 1n]]) {
         if (i >= 0) act(i, range(d).map((m) => (m === q ? sticks.map((y) => way * y) : none)), 0);
       }
-      const hat = area / (d - 1);
-      for (const way of ways) besides(way, small * own.rest * hat,
+      const hat = area / (d - 1), held = c - (holds <= c * area * (1 - 1e-12) ? holds / area : 0);
+      for (const way of ways) besides(way, small * Math.min(own.rest, held) * hat,
         share * small * inside[k].rest * hat, false);
     });
     for (let i = 0; i < f; i++) if (!touched.has(i)) {

@@ -65,6 +65,7 @@ function bodyOf(A) {
   for (const flags of [body.held, body.rigidHeld]) all(flags, (y) => y === 0 || y === 1, "a flag is not 0 or 1");
   for (const of of [body.cells, body.facets, body.surface, body.cone, body.contacts, body.obstacles, body.rigid]) {
     all(of, Number.isInteger, "a number of a vertex, a surface or a cone is not whole");
+    all(of, (y) => Math.abs(y) < 2 ** 53, "a number of a vertex, a surface or a cone is too large");
   }
   for (const of of [body.guided, body.towards]) for (let i = 0; i < of.length; i += d) {
     const size = norm(of.subarray(i, i + d));

@@ -12,12 +12,6 @@ function compare(lower, upper) {
   const places = (body, i) => body.ofFacet(i).map(body.point), sizes = (body, i) =>
     norm(body.area[body.outer[i]]);
   const pairs = alike ? range(lower.f).map((i) => [i, i]) : sharedFacets(lower, upper);
-  const most = lower.loads.map(({ traction }) => { // largest traction by surface
-    const found = new Map();
-    lower.surface.forEach((tag, i) =>
-      found.set(tag, Math.max(found.get(tag) ?? 0, largest(traction.subarray(i * d * d, (i + 1) * d * d)))));
-    return found;
-  });
   for (const [a, b] of pairs) {
     const own = (name, body, i) => row(body[name], d, i);
     if (lower.onAxis[a] !== upper.onAxis[b]) refuse("a facet is on the axis in only one half");
@@ -27,7 +21,7 @@ function compare(lower, upper) {
       return free.map((y) => y / (norm(free) || 1));
     });
     const turned = Math.min(...[1, -1].map((sign) => largest(g.map((y, k) => y - sign * h[k]))));
-    if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > 1e-9) {
+    if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > ALIKE) {
       refuse("the halves have different supports");
     }
     const [small, large] = sizes(lower, a) <= sizes(upper,
@@ -36,8 +30,8 @@ function compare(lower, upper) {
       const at = ([body, i]) => range(d).map((j) => row(body.loads[kind].traction, d, i * d + j));
       if (!at(small).flat().some((y) => y) && !at(large).flat().some((y) => y)) return;
       const there = places(...small).map((p) => linear(places(...large), at(large), p));
-      if (differ(at(small).flat(), there.flat(),
-        1e-14 * most[kind].get(lower.surface[a]))) refuse("the halves have different loads");
+      const noise = noiseOf(places(...large), at(large));
+      if (differ(at(small).flat(), there.flat(), noise)) refuse("the halves have different loads");
     });
   }
   compareCells(lower, upper, alike);
@@ -58,24 +52,42 @@ function compare(lower, upper) {
   }
   const order = [lower, upper].map((body) => [...range(body.rigid.length)].sort((i, j) =>
     body.rigid[i] - body.rigid[j]));
-  const extent = largest(lower.x), turns = 2 * d - 3,
+  const turns = 2 * d - 3,
     wrong = () => refuse("the halves have different rigid surfaces, or different loads on them");
   if (order[0].length !== order[1].length) wrong();
   order[0].forEach((g, k) => {
     const h = order[1][k];
     if (lower.rigid[g] !== upper.rigid[h] ||
       row(lower.rigidHeld, d, g).some((y, i) => y !== row(upper.rigidHeld, d, h)[i])) wrong();
+    const x = range(lower.f).filter((i) => lower.surface[i] === lower.rigid[g]).flatMap((i) =>
+      lower.ofFacet(i).map(lower.point));
+    const centre = range(d).map((k) => x.reduce((sum, p) => sum + p[k], 0) / x.length);
+    const extent = Math.max(...x.map((p) => norm(minus(p, centre))));
+    const about = (turn, force) => minus(turn,
+      d === 2 ? [centre[0] * force[1] - centre[1] * force[0]] : cross(centre, force));
     lower.loads.forEach((of, kind) => {
-      const pull = row(of.rigid_force, d, g), other = upper.loads[kind];
-      if (differ(pull, row(other.rigid_force, d, h), 0) || differ(row(of.rigid_moment, turns, g),
-        row(other.rigid_moment, turns, h), 1e-9 * extent * largest(pull))) wrong();
+      const other = upper.loads[kind], [pull, there] = [row(of.rigid_force, d, g), row(other.rigid_force, d, h)];
+      const [turn, turned] = [row(of.rigid_moment, turns, g), row(other.rigid_moment, turns, h)];
+      const off = about(minus(turn, turned), minus(pull, there));
+      const size = norm(about(turn, pull)) + extent * norm(pull);
+      if (differ(pull, there) || !(largest(off) <= ALIKE * size)) wrong();
     });
   });
 }
 
-/** Whether numbers differ by more than rounding errors and by more than what counts as zero. */
-const differ = (one, other, none) => !(largest(one.map((y, i) => y - other[i]))
-  <= Math.max(1e-9 * Math.max(largest(one), largest(other)), none));
+/** Largest difference between equal numbers of both halves, relative to their size. */
+const ALIKE = 2 ** -48;
+
+/** Whether numbers differ by more than rounding errors of terms of size `noise`, which cancel. */
+const differ = (one, other, noise = 0) =>
+  !(largest(minus(one, other)) <= ALIKE * (Math.max(largest(one), largest(other)) + noise));
+
+/** The gradient of a linear function, times the largest coordinate. */
+function noiseOf(vertices, values) {
+  const wide = (rows) => Math.max(...rows[0].map((_, i) =>
+    Math.max(...rows.map((y) => y[i])) - Math.min(...rows.map((y) => y[i]))));
+  return (wide(values) / wide(vertices)) * largest(vertices.flat());
+}
 
 /** The value of a linear function on a simplex of any dimension, at a point in its plane. */
 function linear(vertices, values, place) {
@@ -153,17 +165,15 @@ function compareCells(lower, upper, alike) {
     return overlapEnds(lower, a, upper, b).every((p) => isIn(one, other, ...[[lower, a], [upper, b]].map(
       ([body, c]) => shares(body, c, p).reduce((sum, y, k) => sum + y * body.strength[c * w + k], 0))));
   };
-  const nothing = range(3).map((kind) =>
-    1e-14 * Math.max(...bodies.map((body) => largest(body.loads[kind].pore_pressure))));
   const loaded = (a, b) => range(3).some((kind) => {
-    if (differ(force(lower, a, kind), force(upper, b, kind), 0)) return true;
+    if (differ(force(lower, a, kind), force(upper, b, kind))) return true;
     const pores = (body, c) => row(body.loads[kind].pore_pressure, w, c);
     const [small, large] =
       lower.volume[a] <= upper.volume[b] ? [[lower, a], [upper, b]] : [[upper, b], [lower, a]];
     if (!wet || ![...pores(...small), ...pores(...large)].some((y) => y)) return false;
     const there = cornersOf(...small).map((p) => shares(...large, p).reduce((sum, y, k) =>
       sum + y * pores(...large)[k], 0));
-    return differ(pores(...small), there, nothing[kind]);
+    return differ(pores(...small), there, noiseOf(cornersOf(...large), pores(...large).map((y) => [y])));
   });
   if (!wet && !varies && rows.size === 1 && stronger(0, 0)) return;
   const visit = (a, b) => {

@@ -212,7 +212,7 @@ function stressBound(body, half) {
       if (!(rho[k] > 0)) continue;
       const at = (c * body.values + k) * d * d;
       const v = vector(stress.subarray(at, at + d * d), d, theta[k]).map((y) => y / rho[k]);
-      const off = 256 * U * (norm(v) + most), size = tau + off;
+      const off = 256 * U * (norm(v) + most) + (d * 2 ** es) / rho[k], size = tau + off; // rounded to 2^es
       if (!cone.c) { used[k] = cone.excess(v) + off * cone.growth; continue; } // scaling does not help
       const ratio = cone.ratio(v) + (size && size * cone.weak);
       over = Math.max(over, ratio / body.strength[c * w + (k < w ? k : 0)]);
@@ -255,7 +255,7 @@ function exerted(body, rest, e, bare) {
     const unit = normal.map((y) => y / norm(normal)), area = norm(body.area[body.outer[a]]) * s * (1 - 8 * U);
     const from = o < 0 || frees(a).every((is) => is) ? rest[a][j] : rest[o][p].map((y) => -y);
     const v = from.map((y) => num(y, e)), along = v.reduce((sum, y, k) => sum + y * unit[k], 0);
-    const off = 32 * U * norm(v), across = v.map((y, k) => y - along * unit[k]), slip = norm(across);
+    const off = 32 * U * norm(v) + 2 * d * 2 ** e, across = v.map((y, k) => y - along * unit[k]), slip = norm(across);
     const most = Math.max(0, (c * radii(a, j) * area + mu * Math.max(-along, 0)) * (1 - 64 * U) - off);
     const share = slip > most ? most / slip : 1, pressed = Math.max(-along, 0) + off;
     const whole = across.map((y, k) => BigInt(Math.round((share * y - pressed * unit[k]) * 2 ** -e)));

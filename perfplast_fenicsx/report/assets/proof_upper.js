@@ -512,7 +512,9 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   const { d, w, n, f, D, N, e, x, cells } = body, { P, wide, facet, ev } = flow, factorial = d === 2 ? 2 : 6;
   if (!loads.some) return [0, 0, 0, 0];
   let found = 0, off = 0, most = 0, forces = 0; // the work, its error, and the most that loads could do
-  const speed = (places) => Math.max(usual, ...places.map((p) => norm(Q[p].map((y) => num(y, ev)))));
+  const fastest = usual > 0 ? 1000 * usual : Infinity; // one fast body must not hide the work of free loads
+  const speed = (places) =>
+    Math.min(Math.max(usual, ...places.map((p) => norm(Q[p].map((y) => num(y, ev))))), fastest);
   const b = exact(loads.body_force), t = exact(loads.traction), u = exact(loads.pore_pressure);
   let sum = 0n;
   for (let c = 0; c < n; c++) {
@@ -586,7 +588,7 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
       }
       if (body.revolved) own /= 2 * Math.PI; // as the work
       forces += own;
-      most += own * flow.top;
+      most += own * Math.min(flow.top, fastest);
     });
   }
   return [found, (off + 8 * U * Math.abs(found)) * UP, most, forces];
