@@ -456,8 +456,6 @@ class Iterate:
         u = self.fields.u
         u.x.array[:] += beta * self.direction.du.x.array
         self.y.axpy(beta, self._delta_y)
-        if beta > 1:  # points of friction may have reversed their slip
-            self.slip = slipping(self.jumps(), self.problem.friction.bound, ~self.slip.sticks)
         self.fields.update()
 
     def state(self, zeta: float, active: PairFlags) -> State:

@@ -152,9 +152,6 @@ def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
         if inadmissible > EXACT or entering <= ROUNDING:
             break
         closed |= enters > 0
-    if program.dilates and entering <= ROUNDING:  # no pair was held, and penetration is rounding
-        v.array[jumps] = np.minimum(v.array_r[jumps], 0.0)
-        inadmissible, entering = iteration.inadmissible(), 0.0
     work, dissipation = program.work(v), program.dissipation(v)
     if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
         return KinematicLoad(None, 0.0, inadmissible, entering)

@@ -383,8 +383,6 @@ def _search(
         now = None if iteration is None else iteration.now
         then = next_start(start, program, now, verdict, rtol)
         found = _found(varying, strains, program, iteration, (verdict, reason, len(steps)))
-        if program.keeps and verdict is Verdict.FOUND and found.load is None:
-            then = start.with_more_in_reserve()
         return found, then
 
 
