@@ -171,12 +171,18 @@ class _Ways:
     def _join_contacts(self, shut: Flags) -> None:
         """Let volume pass through contacts, with the same bump on both sides.
 
+        Facets that also touch another surface stay closed, because the bump could enter it.
         Rounding makes the areas of matching facets differ, and therefore the fluxes too.
         """
         body, wide, d = self._body, self._body.dim + 1, self._body.dim
         areas = self._body.shapes.areas.mid.reshape(-1, d)
-        for one, other in body.contacts:
-            pair = touching(body, one, other)
+        pairs = [touching(body, one, other) for one, other in body.contacts]
+        times = np.zeros(len(body.facets), dtype=np.int64)
+        touched = [of for pair in pairs for of in (pair.first, pair.second)]
+        for facets in (*touched, *(body.on(tag) for tag in body.obstacles)):
+            np.add.at(times, facets, 1)
+        shut = shut | (times > 1)
+        for pair in pairs:
             open_ = ~(shut[pair.first] | shut[pair.second])
             sides = [body.outer[of[open_]] for of in (pair.first, pair.second)]
             both = self._keeps[sides[0] // wide] & self._keeps[sides[1] // wide]

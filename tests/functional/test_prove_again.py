@@ -42,6 +42,7 @@ from tests.proof.small_bodies import (
     cut_square,
     obstacle_without_normal,
     plate_with_free_load,
+    pushed_square,
     unlike_halves,
 )
 from tests.proof.test_balance import strip
@@ -258,6 +259,14 @@ def test_the_second_checker_refuses(
     path = write(tmp_path / "lower.h5", {"lower": of()})
     assert first_refuses(path, "lower")
     assert "fault" in checker(path)["lower"]
+
+
+@pytest.mark.parametrize("last", ["nothing", "obstacle", "square"])
+def test_the_second_checker_passes_volume_only_to_one_neighbour(
+    last: str, tmp_path: Path, checker: Checker
+) -> None:
+    found = checker(write(tmp_path / "upper.h5", {"upper": pushed_square(last)}))
+    assert ("fault" in found["upper"]) == (last != "nothing")
 
 
 def test_the_second_checker_holds_columns_by_a_plate(tmp_path: Path, checker: Checker) -> None:

@@ -232,3 +232,28 @@ def beside_a_large_stress(size: float) -> Arrays:
     them["held"][4:] = 1
     them["traction"][RIGHT, :, 0] = load
     return with_stress(them, [[load / 2, 0.0], [0.0, 0.0]], [[-size, 0.0], [0.0, -size]])
+
+
+def pushed_square(last: str) -> Arrays:
+    """Return an upper half of a square that a plate pushes against another square.
+
+    Args:
+        last: What else the pushed side touches: "obstacle", "square" or "nothing".
+    """
+    them = squares((0.0, 0.0), (1.0, 0.0), (3.0, 0.0))
+    them["cone"][4:] = -1
+    for square in (0, 4, 8):
+        them["held"][[square + BOTTOM, square + TOP], 1] = 1
+    them["held"][8 + RIGHT] = 1
+    them |= {
+        "rigid": np.array([1 + LEFT]),
+        "rigid_held": np.array([[0, 1]], dtype=np.uint8),
+        "rigid_force": np.array([[1.0, 0.0]]),
+        "rigid_moment": np.array([[-0.5]]),
+    }
+    them["contacts"] = np.array([[1 + RIGHT, 5 + LEFT], [1 + RIGHT, 9 + LEFT]])
+    if last != "square":
+        them["contacts"] = them["contacts"][:1]
+    if last == "obstacle":
+        them |= {"obstacles": np.array([1 + RIGHT]), "obstacle_normals": np.array([[1.0, 0.0]])}
+    return with_velocity(them, lambda x, _: (max(1 - x, 0.0), 0.0), 1000.0)

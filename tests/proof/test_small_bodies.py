@@ -19,6 +19,7 @@ from tests.proof.small_bodies import (
     cut_square,
     plate_with_free_load,
     pulled_square,
+    pushed_square,
     squares,
     unlike_halves,
     with_stress,
@@ -149,3 +150,10 @@ def test_tags_beyond_the_numbers_of_a_page_are_refused() -> None:
     them["surface"][0] = 2**53 + 1
     with pytest.raises(ProofError, match="surface has numbers that are too large"):
         check_upper(them)
+
+
+@pytest.mark.parametrize("last", ["nothing", "obstacle", "square"])
+def test_volume_does_not_pass_a_contact_into_a_third_surface(last: str) -> None:
+    """The pushed square must not enter the third surface when it pushes its neighbour."""
+    found = check_upper(pushed_square(last))
+    assert (found.proven is None) == (last != "nothing")

@@ -612,8 +612,12 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     const i = body.facetAt[side];
     return i < 0 ? norm(area[side]) : norm(area[side].map((y, k) => (body.held[i * d + k] ? 0 : y)));
   };
-  const meets = new Map(rows.flatMap(({ a, b, c, mu }) =>
-    [[a, { b, c, mu }], ...(b < 0 ? [] : [[b, { b: a, c, mu }]])]));
+  const meets = new Map(); // all contacts and obstacles of a facet
+  const meet = (i, own) => (meets.get(i) ?? meets.set(i, []).get(i)).push(own);
+  for (const { a, b, normal, c, mu } of rows) {
+    meet(a, { b, c, mu, along: dot(normal, N[body.outer[a]]) });
+    if (b >= 0) meet(b, { b: a, c, mu, along: 1n });
+  }
   const touched = new Set([...body.contacts, ...body.obstacles]);
   const kindOf = (side) => { // 0 free surface, 1 dilating cell, 2 contact that opens, 9 no outlet
     const c = Math.floor(across[side] / w), i = body.facetAt[side];
@@ -621,15 +625,17 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
     if (body.glued[i] || body.onAxis[i] || norm(body.guided.subarray(i * d, i * d + d)) ||
       !(free(side) > 0.1 * norm(area[side]))) return 9;
     if (!touched.has(body.surface[i])) return 0;
-    const own = meets.get(i);
-    return own && !(own.c > 0) && !(own.mu > 0) && free(side) === norm(area[side]) ? 2 : own ? 9 : 0;
+    const all = meets.get(i);
+    if (!all) return 0;
+    const opens = all.every(({ c, mu, along }) => !(c > 0) && !(mu > 0) && along > 0n);
+    return opens && free(side) === norm(area[side]) ? 2 : 9;
   };
   const out = new Int32Array(n).fill(-1), parent = new Int32Array(n).fill(-1), order = [],
     seen = new Uint8Array(n);
-  const over = (side) => { // the opposite side, also across contact
+  const over = (side) => { // the opposite side, also across contact with nothing else
     if (across[side] >= 0) return across[side];
-    const own = meets.get(body.facetAt[side]);
-    return own && own.b >= 0 && kindOf(side) === 2 &&
+    const [own, more] = meets.get(body.facetAt[side]) ?? [];
+    return own && !more && own.b >= 0 && meets.get(own.b).length === 1 && kindOf(side) === 2 &&
       kindOf(body.outer[own.b]) === 2 ? body.outer[own.b] : -1;
   };
   const grow = (first) => {
