@@ -327,6 +327,13 @@ class Body:
         """Return the areas of ``facets``."""
         return self.areas_of(self.outer)
 
+    @cached_property
+    def widths(self) -> Floats:
+        """Return the lengths of ``facets`` in 2D; in 3D their least widths."""
+        x = self.vertices[self.facets]
+        longest = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
+        return np.asarray(2 * self.areas / longest if self.dim == 3 else longest)
+
     def areas_of(self, sides: Longs) -> Floats:
         """Return the areas of sides."""
         slope = np.linalg.norm(self.gradients.reshape(-1, self.dim)[sides], axis=1)

@@ -55,7 +55,7 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
         large, small = (np.where(of, places[0][a], places[1][b]) for of in (larger, ~larger))
         normals = np.where(larger[:, 0], one.normals[a], other.normals[b])
         heights = np.einsum("pvi,pi->pv", small - large[:, :1], normals)
-        least = np.minimum(_widths(one, a), _widths(other, b))
+        least = np.minimum(one.widths[a], other.widths[b])
         slack = np.minimum(np.maximum(reach[0][a], reach[1][b]), 1e-3 * least)
         flat = (np.abs(heights) <= slack[:, None]).all(axis=1)
         a, b, large, small = a[flat], b[flat], large[flat], small[flat]
@@ -69,13 +69,6 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
         lacks = ~(np.abs(covered - body.areas) <= COVERED * body.areas)
         alone.append(x[lacks].mean(axis=1))
     return SharedFacets(first, second, np.concatenate(alone))
-
-
-def _widths(body: Body, facets: Longs) -> Floats:
-    """Return the length of facets in 2D; in 3D the least width, 2 · area/(longest edge)."""
-    x = body.vertices[body.facets[facets]]
-    longest = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).max(axis=1)
-    return np.asarray(2 * body.areas[facets] / longest if body.dim == 3 else longest)
 
 
 def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Floats:

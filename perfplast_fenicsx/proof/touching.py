@@ -65,11 +65,10 @@ def touching(body: Body, one: np.int64, other: np.int64) -> Touching:
 
 def _close(body: Body, facets: Longs) -> Floats:
     """Return the tangential distance that counts as zero at each facet."""
-    x = body.vertices[body.facets[facets]]
-    sizes = np.ptp(x, axis=1).max(axis=1)
+    sizes = body.widths[facets]
     if body.is_revolved:  # the radius scales the difference of two rings
-        sizes = np.minimum(sizes, x[..., 0].max(axis=1))
-    rounding = 1e-6  # tangential distance counted as zero, over facet size
+        sizes = np.minimum(sizes, body.vertices[body.facets[facets]][..., 0].max(axis=1))
+    rounding = 1e-6  # tangential distance counted as zero, over the least width of the facet
     return rounding * np.asarray(sizes)
 
 
@@ -165,7 +164,7 @@ def _overlapping(body: Body, a: Longs, b: Longs, in_front: bool = False) -> int:
             np.concatenate([n[:, :, None], np.tile(np.eye(body.dim), (len(n), 1, 1))], axis=2)
         )[0][:, :, 1:]
         mine, other = (x[f] @ frames[i] for f in (some[i], b[j]))
-        slack = _close(body, some)[i][:, None]
+        slack = np.minimum(_close(body, some[i]), _close(body, b[j]))[:, None]
         apart = (mine.min(axis=1) >= other.max(axis=1) - slack) | (
             other.min(axis=1) >= mine.max(axis=1) - slack
         )

@@ -43,6 +43,7 @@ from tests.proof.small_bodies import (
     obstacle_without_normal,
     plate_with_free_load,
     pushed_square,
+    stacked_walls,
     unlike_halves,
 )
 from tests.proof.test_balance import strip
@@ -267,6 +268,11 @@ def test_the_second_checker_passes_volume_only_to_one_neighbour(
 ) -> None:
     found = checker(write(tmp_path / "upper.h5", {"upper": pushed_square(last)}))
     assert ("fault" in found["upper"]) == (last != "nothing")
+
+
+def test_the_second_checker_finds_thin_walls_in_contact(tmp_path: Path, checker: Checker) -> None:
+    found = checker(write(tmp_path / "upper.h5", {"upper": stacked_walls(5e-7)}))
+    assert "do not match the opposite facets" in found["upper"]["fault"]
 
 
 def test_the_second_checker_holds_columns_by_a_plate(tmp_path: Path, checker: Checker) -> None:

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from tests.proof.forging import Arrays
+from tests.proof.test_balance import row_of_cubes
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 BOTTOM, RIGHT, TOP, LEFT = range(4)
@@ -257,3 +258,35 @@ def pushed_square(last: str) -> Arrays:
     if last == "obstacle":
         them |= {"obstacles": np.array([1 + RIGHT]), "obstacle_normals": np.array([[1.0, 0.0]])}
     return with_velocity(them, lambda x, _: (max(1 - x, 0.0), 0.0), 1000.0)
+
+
+def stacked_walls(width: float) -> Arrays:
+    """Return an upper half of a wall that falls into a wall below it, divided in another way."""
+    one = row_of_cubes(1)
+    size, count = np.array([1.0, width, 1.0]), len(one["vertices"])
+    below = one["vertices"] * [-1.0, 1.0, 1.0] + [1.0, 0.0, -1.0]
+    facets = np.concatenate([one["facets"], one["facets"] + count])
+    z = np.concatenate([one["vertices"], below])[facets][..., 2]
+    is_below = np.arange(len(facets)) >= len(one["facets"])
+    deviator = np.eye(6)
+    deviator[:3, :3] -= 1 / 3
+    them = {
+        "vertices": np.concatenate([one["vertices"], below]) * size,
+        "cells": np.concatenate([one["cells"], one["cells"] + count]),
+        "cone": np.repeat([0, -1], 6),
+        "cone_bound": np.ones(1),
+        "cone_slope": np.zeros((1, 6)),
+        "cone_matrix": deviator[None],
+        "cone_sine": np.full(1, np.nan),
+        "body_force": np.repeat([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0]], 6, axis=0),
+        "facets": facets,
+        "surface": np.where((z == 0).all(axis=1), 1 + is_below, 0),
+        "held": np.tile((z == -1).all(axis=1)[:, None], 3).astype(np.uint8),
+        "traction": np.zeros((len(facets), 3, 3)),
+        "contacts": np.array([[1, 2]]),
+        "obstacles": np.zeros(0, dtype=int),
+        "obstacle_normals": np.zeros((0, 3)),
+    }
+    falling = with_velocity(them, lambda *_: (0.0, 0.0, -1.0), 0.0)
+    falling["velocity"][np.unique(falling["nodes"][6:])] = 0.0
+    return falling

@@ -21,6 +21,7 @@ from tests.proof.small_bodies import (
     pulled_square,
     pushed_square,
     squares,
+    stacked_walls,
     unlike_halves,
     with_stress,
     with_velocity,
@@ -157,3 +158,13 @@ def test_volume_does_not_pass_a_contact_into_a_third_surface(last: str) -> None:
     """The pushed square must not enter the third surface when it pushes its neighbour."""
     found = check_upper(pushed_square(last))
     assert (found.proven is None) == (last != "nothing")
+
+
+@pytest.mark.parametrize("width", [1.0, 5e-7])
+def test_thin_walls_are_in_contact(width: float) -> None:
+    """A wall can be thinner than a millionth of its length."""
+    assert any(
+        "no matching opposite facet" in of for of in check_upper(stacked_walls(width)).faults
+    )
+    apart = stacked_walls(width) | {"contacts": np.zeros((0, 2), dtype=int)}
+    assert check_upper(apart).proven == 0

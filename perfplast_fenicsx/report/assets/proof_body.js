@@ -270,6 +270,12 @@ function glue(body) {
   body.outer.forEach((side, i) => { body.facetAt[side] = i; });
 }
 
+/** The length of a facet in 2D; in 3D its least width. */
+function widthOf(body, i) {
+  const x = body.ofFacet(i).map(body.point), area = norm(body.area[body.outer[i]]);
+  return body.d === 2 ? area : (2 * area) / Math.max(...x.map((p, k) => norm(minus(p, x[(k + 1) % 3]))));
+}
+
 const boxOfPoints = (points) => [0, 1].map((end) => range(points[0].length).map(
   (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
 

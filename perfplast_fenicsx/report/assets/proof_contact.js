@@ -12,8 +12,7 @@ function contactOf(body) {
     return area.map((y) => y / norm(area));
   });
   const centre = points.map((of) => range(d).map((i) => of.reduce((sum, p) => sum + p[i], 0) / d));
-  const close = points.map((of) => 1e-6 * Math.max(...range(d).map(
-    (i) => Math.max(...of.map((p) => p[i])) - Math.min(...of.map((p) => p[i])))));
+  const close = range(body.f).map((i) => 1e-6 * widthOf(body, i));
   if (body.revolved) points.forEach((of, i) =>
     { close[i] = Math.min(close[i], 1e-6 * Math.max(...of.map((p) => p[0]))); });
   const on = (tag) => range(body.f).filter((i) => body.surface[i] === tag);
@@ -60,7 +59,7 @@ function contactOf(body) {
         if (sides.every((s) => {
           const [u, v] = [a, b].map((of) => points[of].map((p) => dots(minus(p, centre[a]), s)));
           return Math.min(Math.max(...u), Math.max(...v)) - Math.max(Math.min(...u), Math.min(...v))
-            > close[a] * norm(s);
+            > Math.min(close[a], close[b]) * norm(s);
         })) refuse("facets in contact do not match the opposite facets");
       }
     }

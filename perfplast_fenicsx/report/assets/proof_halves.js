@@ -102,9 +102,8 @@ function sharedFacets(lower, upper) {
   const { d } = lower, bodies = [lower, upper];
   const all = bodies.map((body) => range(body.f).map((i) => {
     const x = body.ofFacet(i).map(body.point), vector = body.area[body.outer[i]], area = norm(vector);
-    const edges = x.map((p, k) => norm(minus(p, x[(k + 1) % d]))), reach = 1e-11 * largest(x.flat());
-    return { x, area, normal: vector.map((y) => y / area), reach,
-      width: d === 2 ? area : (2 * area) / Math.max(...edges), covered: 0 };
+    const reach = 1e-11 * largest(x.flat());
+    return { x, area, normal: vector.map((y) => y / area), reach, width: widthOf(body, i), covered: 0 };
   }));
   const boxOf = ({ x, reach }) =>
     [0, 1].map((end) => range(d).map((i) => (end ? Math.max(...x.map((p) => p[i])) + reach
