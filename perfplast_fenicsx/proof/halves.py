@@ -13,6 +13,7 @@ import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
 from perfplast_fenicsx.proof.cone_shapes import Strengths, are_weaker, strengths_of
+from perfplast_fenicsx.proof.crossed_facets import crossed
 from perfplast_fenicsx.proof.guided import differ
 from perfplast_fenicsx.proof.load_kinds import ALIKE, Loads
 from perfplast_fenicsx.proof.reduction import Division
@@ -46,8 +47,9 @@ def differences(lower: Body, upper: Body, divisions: Sequence[Division] = ()) ->
     places = lower.vertices[lower.facets[a]].mean(axis=1)
     alone = np.concatenate([facets.alone, places[lower.on_axis[a] != upper.on_axis[b]]])
     loaded = places[_tractions_differ(lower, upper, a, b)]
-    weaker = loaded[:0]
+    weaker = joined = loaded[:0]
     if not len(alone):
+        joined = crossed(lower, upper)
         weaker, in_cells = _in_cells(lower, upper, divisions)
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
@@ -55,6 +57,7 @@ def differences(lower: Body, upper: Body, divisions: Sequence[Division] = ()) ->
     weak = "the upper half has weaker bodies than the lower one, or cones of other shapes"
     found = [
         *_told("the halves have bodies of different volume or position", alone),
+        *_told("one half is connected where the other half has a surface", joined),
         *_told(weak, weaker),
         *_told("the halves have different surfaces", places[lower.surface[a] != upper.surface[b]]),
         *_told("the halves have different supports", places[held]),

@@ -9,12 +9,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perfplast_fenicsx.proof.balls import U
 from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.box_pairs import box_pairs
+from perfplast_fenicsx.proof.shared_cells import boxes_of
 
 CLOSE = 1e-11
-"""Distance from the plane of a facet that counts as zero, relative to the largest coordinate. It
-covers the rounding of repeatedly divided cells."""
+"""Distance from the plane of a facet that counts as zero, relative to the extent of the bodies."""
+
+ROUNDED = 32 * U
+"""Additional distance, relative to the largest coordinate: the rounding of repeatedly divided
+cells."""
+
+THIN = 1e-6
+"""Largest such distance, relative to the height of the cell over the facet."""
 
 COVERED = 1e-6
 """Largest uncovered share of a facet that counts as zero, and the share of the smaller facet above
@@ -41,11 +49,12 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
     """Return the coinciding facets of two halves."""
     halves = (one, other)
     places = [body.vertices[body.facets] for body in halves]
-    reach = [CLOSE * np.abs(x).max(axis=(1, 2)) for x in places]
-    boxes = [
-        np.stack([x.min(axis=1) - r[:, None], x.max(axis=1) + r[:, None]])
-        for x, r in zip(places, reach, strict=True)
+    x = np.concatenate([of.reshape(-1, one.dim) for of in places])
+    reach = CLOSE * float(np.ptp(x, axis=0).max()) + ROUNDED * float(np.abs(x).max())
+    slacks = [
+        np.minimum(np.minimum(reach, THIN * _heights(body)), 1e-3 * body.widths) for body in halves
     ]
+    boxes = [boxes_of(x) + reach * np.array([-1.0, 1.0])[:, None, None] for x in places]
     none = np.zeros(0, dtype=np.int64)
     found: list[tuple[Longs, Longs, Floats]] = [(none, none, np.zeros(0))]
     for a, b in box_pairs(*boxes):
@@ -55,44 +64,72 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
         large, small = (np.where(of, places[0][a], places[1][b]) for of in (larger, ~larger))
         normals = np.where(larger[:, 0], one.normals[a], other.normals[b])
         heights = np.einsum("pvi,pi->pv", small - large[:, :1], normals)
-        least = np.minimum(one.widths[a], other.widths[b])
-        slack = np.minimum(np.maximum(reach[0][a], reach[1][b]), 1e-3 * least)
+        slack = np.minimum(slacks[0][a], slacks[1][b])
         flat = (np.abs(heights) <= slack[:, None]).all(axis=1)
         a, b, large, small = a[flat], b[flat], large[flat], small[flat]
-        common = _common(large, small, normals[flat], slack[flat])
-        kept = common > COVERED * np.minimum(one.areas[a], other.areas[b])
-        found.append((a[kept], b[kept], common[kept]))
+        found.append((a, b, common_parts(large, small, normals[flat])))
     first, second, common = (np.concatenate(values) for values in zip(*found, strict=True))
     alone = []
-    for body, x, at in zip(halves, places, (first, second), strict=True):
+    for body, x, slack, at in zip(halves, places, slacks, (first, second), strict=True):
         covered = np.bincount(at, weights=common, minlength=len(x))
-        lacks = ~(np.abs(covered - body.areas) <= COVERED * body.areas)
+        around = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).sum(axis=1)
+        edges = slack * (around if body.dim == 3 else 2.0)
+        most = edges * (1 + np.bincount(at, weights=common > 0, minlength=len(x)))
+        lacks = ~(np.abs(covered - body.areas) <= np.minimum(most, COVERED * body.areas))
         alone.append(x[lacks].mean(axis=1))
-    return SharedFacets(first, second, np.concatenate(alone))
+    kept = common > COVERED * np.minimum(one.areas[first], other.areas[second])
+    return SharedFacets(first[kept], second[kept], np.concatenate(alone))
 
 
-def _common(large: Floats, small: Floats, normals: Floats, slack: Floats) -> Floats:
+def _heights(body: Body) -> Floats:
+    """Return the heights of the cells over ``facets``."""
+    return np.asarray(body.dim * body.volumes[body.outer // (body.dim + 1)] / body.areas)
+
+
+def common_parts(large: Floats, small: Floats, normals: Floats) -> Floats:
     """Return the common length or area of pairs of facets in one plane.
 
     Args:
         large: Vertices of the larger facet of each pair, shape (num_pairs, d, d).
         small: Vertices of the smaller facet, same shape.
         normals: Normal of each plane.
-        slack: Distance that counts as zero.
     """
+    start = small[:, :1]  # near the common part, so that its rounding errors are small
     if large.shape[2] == 2:
         along = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-        ends = [np.einsum("pvi,pi->pv", x - large[:, :1], along) for x in (large, small)]
+        ends = [np.einsum("pvi,pi->pv", x - start, along) for x in (large, small)]
         least = np.maximum(*(end.min(axis=1) for end in ends))
         return np.maximum(np.minimum(*(end.max(axis=1) for end in ends)) - least, 0.0)
     frames = np.linalg.qr(
         np.concatenate([normals[:, :, None], np.tile(np.eye(3), (len(normals), 1, 1))], axis=2)
     )[0][:, :, 1:]
-    flat = [_turned((x - large[:, :1]) @ frames) for x in (large, small)]
-    # Green's theorem for the part of each boundary inside the other triangle; common parts count
-    # once.
-    once = _swept(flat[0], flat[1], slack, with_common=True)
-    return once + _swept(flat[1], flat[0], slack, with_common=False)
+    around, inside = (_turned((x - start) @ frames) for x in (large, small))
+    for k in range(3):
+        inside = _cut(inside, around[:, k], around[:, (k + 1) % 3] - around[:, k])
+    after = np.roll(inside, -1, axis=1)
+    areas = inside[..., 0] * after[..., 1] - inside[..., 1] * after[..., 0]
+    return np.asarray(areas.sum(axis=1) / 2)
+
+
+def _cut(polygons: Floats, start: Floats, along: Floats) -> Floats:
+    """Return the parts of polygons to the left of lines.
+
+    Points to the right of a line move onto the line, where they add no area.
+
+    Args:
+        polygons: Points of plane polygons, shape (n, num_points, 2).
+        start: A point of each line.
+        along: Direction of each line.
+    """
+    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    left = (left / np.linalg.norm(left, axis=1, keepdims=True))[:, None]
+    depth = ((polygons - start[:, None]) * left).sum(axis=2, keepdims=True)
+    moved = polygons - np.minimum(depth, 0.0) * left
+    after, deep = np.roll(polygons, -1, axis=1), np.roll(depth, -1, axis=1)
+    crosses = depth * deep < 0
+    share = np.divide(depth, depth - deep, out=np.zeros_like(depth), where=crosses)
+    between = np.where(crosses, polygons + share * (after - polygons), moved)
+    return np.stack([moved, between], axis=2).reshape(len(polygons), 2 * polygons.shape[1], 2)
 
 
 def _turned(triangles: Floats) -> Floats:
@@ -100,37 +137,3 @@ def _turned(triangles: Floats) -> Floats:
     sides = triangles[:, 1:] - triangles[:, :1]
     left = np.linalg.det(sides) > 0
     return np.where(left[:, None, None], triangles, triangles[:, [0, 2, 1]])
-
-
-def _swept(triangles: Floats, inside: Floats, slack: Floats, with_common: bool) -> Floats:
-    """Return the area swept about the origin by the parts of edges that lie in other triangles.
-
-    Args:
-        triangles: Vertices of the triangles with the edges, shape (num_pairs, 3, 2).
-        inside: Vertices of the other triangles.
-        slack: Distance that counts as zero.
-        with_common: Whether the area includes parts that lie along edges of the other triangles.
-    """
-    ends = np.roll(triangles, -1, axis=1)
-    sides = np.roll(inside, -1, axis=1) - inside
-    along = np.einsum("pei,pli->pel", ends - triangles, sides) > 0
-    depth = np.where(along & with_common, -slack[:, None, None], slack[:, None, None])
-    inward = np.stack([-sides[..., 1], sides[..., 0]], axis=2)
-    inward = inward / np.linalg.norm(inward, axis=2, keepdims=True)
-    begin, end = (
-        np.einsum("pei,pli->pel", x, inward)
-        - np.einsum("pli,pli->pl", inside, inward)[:, None]
-        - depth
-        for x in (triangles, ends)
-    )
-    rise = end - begin
-    with np.errstate(all="ignore"):
-        crossing = -begin / rise
-    enters = np.where(rise > 0, crossing, np.where((rise == 0) & (begin < 0), 2.0, 0.0))
-    leaves = np.where(rise < 0, crossing, 1.0)
-    least = np.clip(enters.max(axis=2), 0.0, 1.0)[..., None]
-    most = np.clip(leaves.min(axis=2), 0.0, 1.0)[..., None]
-    most = np.maximum(least, most)
-    first, last = (triangles + t * (ends - triangles) for t in (least, most))
-    areas = first[..., 0] * last[..., 1] - first[..., 1] * last[..., 0]
-    return np.asarray(areas.sum(axis=1) / 2)

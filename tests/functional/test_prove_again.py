@@ -40,10 +40,12 @@ from tests.proof.small_bodies import (
     beside_a_large_stress,
     columns_under_a_plate,
     cut_square,
+    hanging_square,
     obstacle_without_normal,
     plate_with_free_load,
     pushed_square,
     stacked_walls,
+    thin_triangles,
     unlike_halves,
 )
 from tests.proof.test_balance import strip
@@ -273,6 +275,22 @@ def test_the_second_checker_passes_volume_only_to_one_neighbour(
 def test_the_second_checker_finds_thin_walls_in_contact(tmp_path: Path, checker: Checker) -> None:
     found = checker(write(tmp_path / "upper.h5", {"upper": stacked_walls(5e-7)}))
     assert "do not match the opposite facets" in found["upper"]["fault"]
+
+
+@pytest.mark.parametrize(
+    "halves",
+    [hanging_square(5e-7), hanging_square(2e-11), thin_triangles(0.4375, 0.75, 6e10)],
+    ids=["strip", "narrow strip", "heights"],
+)
+def test_the_second_checker_sees_small_differences_of_bodies(
+    halves: Halves, tmp_path: Path, checker: Checker
+) -> None:
+    path = write(tmp_path / "bounds.h5", halves)
+    assert first_bounds(path) == [None, None]
+    found = checker(path)
+    for kind in ("lower", "upper"):
+        fault = found[kind]["fault"]
+        assert "bodies of different volume" in fault or "one half is connected" in fault
 
 
 def test_the_second_checker_holds_columns_by_a_plate(tmp_path: Path, checker: Checker) -> None:

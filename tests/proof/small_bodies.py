@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from tests.proof.forging import Arrays
+from tests.proof.forging import Arrays, Halves
 from tests.proof.test_balance import row_of_cubes
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -290,3 +290,70 @@ def stacked_walls(width: float) -> Arrays:
     falling = with_velocity(them, lambda *_: (0.0, 0.0, -1.0), 0.0)
     falling["velocity"][np.unique(falling["nodes"][6:])] = 0.0
     return falling
+
+
+def hanging_square(width: float) -> Halves:
+    """Return halves of two elastic squares above one another, connected at a corner of the lower.
+
+    The upper square is held at its top, and the lower one is pulled. A third square, without loads,
+    only dissipates power.
+
+    Args:
+        width: Length of the facet that both squares share in the lower half.
+    """
+    above = squares((0.0, 0.0), (0.0, -1.0), (5.0, 0.0))
+    above["cone"][:4] = -1
+    above["cone_matrix"] = np.eye(3)[None]
+    above["surface"][:] = 0
+    above["held"][TOP] = 1
+    above["traction"][4 + BOTTOM, :, 1] = -1.0
+    below = dict(above)
+    place = [[0, 0], [1, 0], [1, 1], [0, 1], [0, -1], [1, -1], [1 - width, 0], [0, 0]]
+    below["vertices"] = np.concatenate([np.array(place, dtype=float), above["vertices"][8:]])
+    below["cells"] = np.concatenate(
+        [[[3, 0, 6], [3, 6, 2], [6, 1, 2], [4, 7, 6], [4, 6, 5], [6, 1, 5]], above["cells"][4:]]
+    )
+    below["facets"] = np.concatenate(
+        [[[0, 6], [1, 2], [2, 3], [3, 0], [4, 5], [5, 1], [6, 7], [7, 4]], above["facets"][8:]]
+    )
+    below["cone"] = np.array([-1] * 6 + [0] * 2)
+    below["body_force"] = np.zeros((8, 2))
+    above = with_velocity(above, lambda x, _: (max(1.2 * (x - 5), 0.0), 0.0), 1.21)
+    above["velocity"][np.unique(above["nodes"][2:4])] = [0.0, -1.0]
+    return {"lower": below | {"stress": np.zeros((8, 3, 2, 2))}, "upper": above}
+
+
+def thin_triangles(low: float, high: float, away: float) -> Halves:
+    """Return halves of a pulled triangle of length 1000, with different heights.
+
+    Args:
+        low: Height in the upper half.
+        high: Height in the lower half.
+        away: Distance from the origin.
+    """
+
+    def triangle(height: float) -> Arrays:
+        them = squares((0.0, 0.0))
+        them["vertices"] = away + np.array([[0.0, 0.0], [1000.0, 0.0], [500.0, height]])
+        them["facets"] = np.array([[0, 1], [1, 2], [2, 0]])
+        for name in ("surface", "traction"):
+            them[name] = them[name][:3]
+        for name in ("cells", "cone", "body_force"):
+            them[name] = them[name][:1]
+        them["cone_matrix"] = np.diag([1.0, 1e5, 1e5])[None]
+        them["held"] = np.array([[0, 1], [0, 0], [1, 0]], dtype=np.uint8)
+        them["traction"][1, :, 0] = 1.0
+        return them
+
+    stress = np.zeros((1, 3, 2, 2))
+    stress[..., 0, 0] = 0.5
+    share = 0.5 * high / np.hypot(500.0, high)
+    lower = {"stress": stress, "factor": np.array(share), "bound": np.array(share * (1 - 1e-9))}
+
+    def of(x: float, y: float) -> Sequence[float]:
+        return (x - away - 500.0 / low * (y - away), 0.0)
+
+    return {
+        "lower": triangle(high) | lower,
+        "upper": with_velocity(triangle(low), of, 1.01 * low / 500.0),
+    }

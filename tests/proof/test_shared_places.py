@@ -9,10 +9,12 @@ import pytest
 from perfplast_fenicsx.proof.body import Body
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 from perfplast_fenicsx.proof.checker import overlapping
+from perfplast_fenicsx.proof.crossed_facets import _crossed, crossed
 from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.plain_arrays import ProofError
 from perfplast_fenicsx.proof.shared_cells import have_common_volume
 from perfplast_fenicsx.proof.shared_facets import shared_facets
+from tests.proof.test_balance import row_of_cubes
 from tests.proof.test_shadowed_contact import plates
 
 pytestmark = pytest.mark.serial
@@ -186,3 +188,58 @@ def test_a_corner_that_is_not_the_same(dim: int) -> None:
     one, other = box(4, dim), box(6, dim, moved)
     assert len(shared_facets(one, other).alone)
     assert "volume or position" in differences(one, other)[0]
+
+
+def test_divided_bodies_are_the_same_far_away() -> None:
+    """Other divisions, and rounding of coordinates, change nothing; a common facet does."""
+    row = row_of_cubes(2)
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    bodies = []
+    for mirror in (1.0, -1.0):
+        x = (row["vertices"] - [1.0, 0.5, 0.5]) * [mirror, 1.0, 1.0]
+        bodies.append(solid(row | {"vertices": x @ turn + 1e4}))
+    assert not differences(*bodies)
+    apart = row_of_cubes(1)
+    cut = {
+        "vertices": np.concatenate([apart["vertices"] + [k, 0, 0] for k in range(2)]),
+        "cells": np.concatenate([apart["cells"], apart["cells"] + 8]),
+        "facets": np.concatenate([apart["facets"], apart["facets"] + 8]),
+    }
+    assert len(crossed(solid(row), solid(cut))) == 2
+    assert not len(crossed(solid(cut), solid(cut | {"vertices": cut["vertices"] + 0.0})))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_a_cell_lies_on_both_sides_of_a_facet(size: float) -> None:
+    """The cell need not contain an edge of the facet, nor be large."""
+    row = row_of_cubes(1)
+    x = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0], [0.2, 0.2, 1.0]])
+    for shift, through in ((0.0, 1), (2e-3, 1), (1.0, 0)):
+        cell = {
+            "vertices": np.array([0.3, 0.3, 1.0]) + size * (x + shift * np.eye(3)[2]),
+            "cells": np.arange(4)[None],
+            "facets": np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
+        }
+        assert len(_crossed(solid(cell), solid(row))) == through
+
+
+def solid(mesh: dict[str, npt.NDArray]) -> Body:
+    """Return a body of one material without loads."""
+    count, facets = len(mesh["cells"]), len(mesh["facets"])
+    return Body.of(
+        {
+            **mesh,
+            "cone": np.zeros(count, dtype=int),
+            "cone_bound": np.ones(1),
+            "cone_slope": np.zeros((1, 6)),
+            "cone_matrix": np.eye(6)[None],
+            "cone_sine": np.full(1, np.nan),
+            "body_force": np.zeros((count, 3)),
+            "surface": np.zeros(facets, dtype=int),
+            "held": np.zeros((facets, 3), dtype=np.uint8),
+            "traction": np.zeros((facets, 3, 3)),
+            "contacts": np.zeros((0, 2), dtype=int),
+            "obstacles": np.zeros(0, dtype=int),
+            "obstacle_normals": np.zeros((0, 3)),
+        }
+    )

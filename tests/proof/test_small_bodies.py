@@ -17,11 +17,13 @@ from tests.proof.small_bodies import (
     beside_a_fast_body,
     columns_under_a_plate,
     cut_square,
+    hanging_square,
     plate_with_free_load,
     pulled_square,
     pushed_square,
     squares,
     stacked_walls,
+    thin_triangles,
     unlike_halves,
     with_stress,
     with_velocity,
@@ -168,3 +170,20 @@ def test_thin_walls_are_in_contact(width: float) -> None:
     )
     apart = stacked_walls(width) | {"contacts": np.zeros((0, 2), dtype=int)}
     assert check_upper(apart).proven == 0
+
+
+@pytest.mark.parametrize("width", [5e-7, 2e-11])
+def test_a_narrow_strip_connects_bodies(width: float) -> None:
+    """A strip of elastic material carries any load, however narrow it is."""
+    for half in check_halves(hanging_square(width)).values():
+        assert half.proven is None
+        assert half.reached == pytest.approx(1.1, rel=0.1)
+
+
+def test_rounding_does_not_hide_the_height_of_a_body() -> None:
+    """The heights differ by much more than rounding, but the coordinates are much larger."""
+    for half in check_halves(thin_triangles(0.4375, 0.75, 6e10)).values():
+        assert half.proven is None
+        assert half.reached is not None
+    for half in check_halves(thin_triangles(0.75, 0.75, 6e10)).values():
+        assert not half.faults

@@ -99,32 +99,68 @@ function linear(vertices, values, place) {
 
 /** Pairs of outer facets that overlap; refuse halves in which they do not cover all facets. */
 function sharedFacets(lower, upper) {
-  const { d } = lower, bodies = [lower, upper];
-  const all = bodies.map((body) => range(body.f).map((i) => {
-    const x = body.ofFacet(i).map(body.point), vector = body.area[body.outer[i]], area = norm(vector);
-    const reach = 1e-11 * largest(x.flat());
-    return { x, area, normal: vector.map((y) => y / area), reach, width: widthOf(body, i), covered: 0 };
-  }));
-  const boxOf = ({ x, reach }) =>
-    [0, 1].map((end) => range(d).map((i) => (end ? Math.max(...x.map((p) => p[i])) + reach
-    : Math.min(...x.map((p) => p[i])) - reach)));
-  const grid = new Grid(all[1].map(boxOf)), pairs = [];
-  all[0].forEach((one, a) => grid.near(boxOf(one), (b) => {
-    const other = all[1][b];
+  const { d } = lower, bodies = [lower, upper], every = bodies.map(outerFacets);
+  const x = every.flat().flatMap((of) => of.x), [low, high] = boxOfPoints(x);
+  const reach = 1e-11 * Math.max(...minus(high, low)) + 32 * U * largest(x.flat());
+  const boxOf = (of) => boxOfPoints(of.x).map((p, end) => p.map((y) => y + (end ? reach : -reach)));
+  const slackOf = ({ height, width }) => Math.min(reach, 1e-6 * height, 1e-3 * width);
+  const grid = new Grid(every[1].map(boxOf)), pairs = [];
+  every[0].forEach((one, a) => grid.near(boxOf(one), (b) => {
+    const other = every[1][b];
     if (!(dots(one.normal, other.normal) > 0.5)) return;
     const [small, large] = one.area >= other.area ? [other, one] : [one, other];
-    const slack = Math.min(Math.max(one.reach, other.reach), 1e-3 * Math.min(one.width, other.width));
+    const slack = Math.min(slackOf(one), slackOf(other));
     if (small.x.some((p) => Math.abs(dots(minus(p, large.x[0]), large.normal)) > slack)) return;
     const common = commonArea(large, small);
-    if (!(common > 1e-6 * small.area)) return;
-    one.covered += common;
-    other.covered += common;
-    pairs.push([a, b]);
+    for (const of of [one, other]) { of.covered += common; of.count += common > 0; }
+    if (common > 1e-6 * small.area) pairs.push([a, b]);
   }));
-  if (all.flat().some(({ covered, area }) => !(Math.abs(covered - area) <= 1e-6 * area))) {
-    refuse("the halves have bodies of different volume or position");
-  }
+  if (every.flat().some((of) => {
+    const around = d === 2 ? 2 : of.x.reduce((sum, p, k) => sum + norm(minus(p, of.x[(k + 1) % d])), 0);
+    const most = Math.min(slackOf(of) * around * (1 + of.count), 1e-6 * of.area);
+    return !(Math.abs(of.covered - of.area) <= most);
+  })) refuse("the halves have bodies of different volume or position");
+  cut(lower, every[1]);
+  cut(upper, every[0]);
   return pairs;
+}
+
+/** The outer facets of a body. */
+const outerFacets = (body) => range(body.f).map((i) => {
+  const vector = body.area[body.outer[i]], area = norm(vector), c = Math.floor(body.outer[i] / body.w);
+  return { x: body.ofFacet(i).map(body.point), area, normal: vector.map((y) => y / area), covered: 0, count: 0,
+    width: widthOf(body, i), height: (body.d * body.volume[c]) / area };
+});
+
+/** Refuse outer facets of the other half that extend through cells, or along inner facets, of a body. */
+function cut(body, facets) {
+  const { d, w, n, across } = body, grid = new Grid(facets.map(({ x }) => boxOfPoints(x)));
+  const wrong = () => refuse("one half is connected where the other half has a surface");
+  const onCut = new Float64Array(n * w), share = 1e-3; // of heights, and of inner facets
+  for (let c = 0; c < n; c++) {
+    const x = cornersOf(body, c), sides = range(w).map((k) => norm(body.area[c * w + k]));
+    const most = (share * d * body.volume[c]) / Math.max(...sides);
+    grid.near(boxOfPoints(x).map((p, end) => p.map((y) => y + (end ? most : -most))), (o) => {
+      const heights = x.map((p) => dots(minus(p, facets[o].x[0]), facets[o].normal));
+      if (Math.min(Math.max(...heights), -Math.min(...heights)) > most && through(x, facets[o].x, most)) wrong();
+      const far = range(w).filter((k) => Math.abs(heights[k]) > most), side = c * w + far[0];
+      if (far.length > 1 || across[side] < 0) return;
+      onCut[side] += commonArea(facets[o], { x: body.ends(side).map(body.point) }) / sides[far[0]];
+    });
+  }
+  if (onCut.some((y, side) => y > share && onCut[across[side]] > share)) wrong();
+}
+
+/** Whether no motion by `most` separates a cell from a facet whose plane it intersects. */
+function through(cell, facet, most) {
+  const edges = pairsOf(cell.length).map(([i, j]) => minus(cell[j], cell[i]));
+  const ends = [...edges, ...facet.map((p, k) => minus(facet[(k + 1) % facet.length], p))];
+  const axes = facet.length === 2 ? edges.map(([u, v]) => [v, -u])
+    : edges.flatMap((p) => ends.map((q) => cross(p, q)));
+  return axes.every((axis) => {
+    const size = norm(axis), [u, v] = [cell, facet].map((of) => of.map((p) => dots(minus(p, cell[0]), axis)));
+    return !size || Math.min(Math.max(...u) - Math.min(...v), Math.max(...v) - Math.min(...u)) > most * size;
+  });
 }
 
 /** The common length or area of two facets in a plane: the sides of one facet cut the other facet. */
