@@ -24,11 +24,16 @@ EVERY = tuple(f"{kind}{name}" for kind in KINDS for name in NAMES)
 
 def with_all(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
     """Return the arrays, with zeros for loads that the file does not contain."""
-    like = {"body_force": "body_force", "traction": "traction", "pore_pressure": "cells"}
-    shapes = {name: np.shape(arrays[of]) for name, of in like.items() if of in arrays}
-    axes = np.shape(arrays.get("vertices", ()))[1:]
-    rigid = (*np.shape(arrays.get("rigid", ())), *axes)
-    shapes |= {"rigid_force": rigid, "rigid_moment": (*rigid[:-1], *(2 * d - 3 for d in axes))}
+    axes, cells, facets = (np.shape(arrays.get(of, ())) for of in ("vertices", "cells", "facets"))
+    d = axes[1:]
+    rigid = (*np.shape(arrays.get("rigid", ())), *d)
+    shapes = {
+        "body_force": (*cells[:1], *d),
+        "traction": (*facets, *d),
+        "pore_pressure": cells,
+        "rigid_force": rigid,
+        "rigid_moment": (*rigid[:-1], *(2 * each - 3 for each in d)),
+    }
     none = {
         f"{kind}{name}": np.zeros(shape)
         for kind in KINDS

@@ -22,7 +22,14 @@ OF = {
 
 
 def with_rubbing(arrays: Mapping[str, npt.NDArray]) -> dict[str, npt.NDArray]:
-    """Return the arrays, with zeros for missing adhesion and friction."""
+    """Return the arrays, without contacts if they are missing, and with zeros for missing terms."""
+    axes = np.shape(arrays.get("vertices", ()))[1:]
+    arrays = {
+        "contacts": np.zeros((0, 2), dtype=np.int64),
+        "obstacles": np.zeros(0, dtype=np.int64),
+        "obstacle_normals": np.zeros((0, *axes)),
+        **arrays,
+    }
     none = {
         name: np.zeros(np.asarray(arrays[of]).shape[:1])
         for name, of in OF.items()

@@ -351,7 +351,7 @@ FORGERIES: dict[str, tuple[Forgery, str]] = {
     "vertex before the first": (both(put("cells", (0, 0), -1)), "do not exist"),
     "no velocity": (high(drop("velocity")), "missing"),
     "no stress": (low(drop("stress")), "missing"),
-    "no contacts array": (both(drop("contacts")), "missing"),
+    "no contacts array": (both(drop("contacts")), "shape of contact_adhesion"),
     # geometry
     "a cell twice": (
         alone(

@@ -187,3 +187,10 @@ def test_rounding_does_not_hide_the_height_of_a_body() -> None:
         assert half.reached is not None
     for half in check_halves(thin_triangles(0.75, 0.75, 6e10)).values():
         assert not half.faults
+
+
+def test_loads_and_contacts_may_be_missing() -> None:
+    them = columns_under_a_plate((1, 0))
+    for name in ("body_force", "traction", "contacts", "obstacles", "obstacle_normals"):
+        del them[name]
+    assert check_lower(them).proven == pytest.approx(1 / 3)
