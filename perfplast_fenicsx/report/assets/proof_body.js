@@ -18,6 +18,7 @@ function bodyOf(A) {
   if (d !== 2 && d !== 3) refuse("vertices have neither two nor three coordinates");
   const cells = of("cells"), n = cells.shape[0], facets = of("facets"), f = facets.shape[0];
   if (!n) refuse("there are no cells");
+  if (![undefined, 0, 1].includes(A.numbers.revolved)) refuse("revolved does not consist of flags, 0 or 1");
   const revolved = !!A.numbers.revolved, turns = 2 * d - 3, plates = A.rigid?.shape[0] ?? 0;
   const data = (name, shape, fill = 0) => {
     const size = shape.reduce((a, b) => a * b, 1);

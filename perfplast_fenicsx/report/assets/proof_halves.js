@@ -314,6 +314,9 @@ function reductionOf(body, A) {
   if (kept.some((of, k) => of.length !== counts[k])) {
     refuse("the shape of cell_kept, contact_kept or obstacle_kept does not fit the bodies");
   }
+  kept.forEach((of, k) => {
+    if (!of.every((y) => y === 0 || y === 1)) refuse(`${names[k]} does not consist of flags, 0 or 1`);
+  });
   const cones = [0, 1].map((is) => new Set(body.cone.filter((c, i) => c >= 0 && kept[0][i] === is)));
   if ([...cones[1]].some((c) =>
     cones[0].has(c))) refuse("cell_kept divides a strength in some cells but not in others");
