@@ -357,6 +357,9 @@ class Body:
             raise ProofError("cell_strength is not positive and finite.")
         if not self.varies:
             return
+        steepest = 1e6  # rounding of larger numbers would hide the smaller ones
+        if not (strength.max(axis=1) <= steepest * strength.min(axis=1)).all():
+            raise ProofError("cell_strength varies by a factor of more than 1e6 in a cell.")
         changed = (strength != 1).any(axis=1)
         fixed = self.cones.is_cut | self.cones.is_curved
         if self.is_revolved or fixed[self.cone[changed & self.plastic]].any():

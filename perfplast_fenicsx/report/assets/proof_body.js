@@ -54,6 +54,10 @@ function bodyOf(A) {
     all(of, (v) => v >= 0 && v < count, "cells or facets name vertices that do not exist");
   }
   all(body.strength, (s) => s > 0, "cell_strength is not positive");
+  all(range(n), (c) => { // rounding of larger numbers would hide the smaller ones
+    const own = body.strength.subarray(c * w, c * w + w);
+    return Math.max(...own) <= 1e6 * Math.min(...own);
+  }, "cell_strength varies by a factor of more than 1e6 in a cell");
   body.rubs.flat().forEach((of) => all(of, (r) => r >= 0, "friction is negative"));
   all(body.surface, (tag) => tag >= 0, "surface has negative tags");
   const tags = new Set(body.surface);
