@@ -115,11 +115,13 @@ def division_of(body: Body, factor: float, kept: Mapping[str, npt.NDArray]) -> D
 @np.errstate(invalid="ignore", divide="ignore")
 def _tangents_of(match: str, eta: Floats) -> Floats:
     """Return tan φ of cones ‖dev σ‖/√2 + ηp ≤ k (D. C. Drucker, W. Prager); NaN if too steep."""
-    if match == "plane-strain":
-        return np.asarray(3 * eta / np.sqrt(9 - 12 * eta**2))
-    sign = -1 if match == "compression" else 1
-    sine = 3 * np.sqrt(3) * eta / (6 - sign * np.sqrt(3) * eta)
-    return np.asarray(np.where(sine > 0, sine / np.sqrt(1 - sine**2), np.nan))
+    steepest = 1e3  # beyond, rounding of η changes tan φ
+    found = 3 * eta / np.sqrt(9 - 12 * eta**2)
+    if match != "plane-strain":
+        sign = -1 if match == "compression" else 1
+        sine = 3 * np.sqrt(3) * eta / (6 - sign * np.sqrt(3) * eta)
+        found = np.where(sine > 0, sine / np.sqrt(1 - sine**2), np.nan)
+    return np.asarray(np.where(found <= steepest, found, np.nan))
 
 
 def _sines_of(body: Body) -> Floats:

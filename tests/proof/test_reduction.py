@@ -297,6 +297,16 @@ def test_the_slope_of_ground_in_space_is_compared(match: Match, tmp_path: Path) 
     assert f"0.2 with tan φ = {np.tan(np.radians(20.0)):.6g} ({match})" in told
 
 
+def test_ground_with_a_vertical_slope_has_no_match() -> None:
+    """The slope of the match is infinite for one of these η, and hides that the apex is low."""
+    lower, upper = (pressed_cube(kind, "plane-strain") for kind in ("lower", "upper"))
+    upper["cone_bound"] = 1e-3 * lower["cone_bound"]
+    for off in range(-8, 9):
+        eta = np.sqrt(0.75 if off % 2 else 3.0) * (1 + off * 2.0**-53)
+        upper["cone_slope"] = np.sqrt(2) / 3 * eta * np.array([[1.0, 1, 1, 0, 0, 0]])
+        assert "weaker" in found_differences(lower, upper)[0]
+
+
 def test_sand_of_unlike_friction_is_not_the_same() -> None:
     """Without cohesion only the slope distinguishes both halves."""
     halves = [pressed_cube(kind, "compression") for kind in ("lower", "upper")]
