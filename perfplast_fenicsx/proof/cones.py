@@ -43,8 +43,15 @@ Flags = npt.NDArray[np.bool_]
 RANK = 1e-6
 """Least ratio of a matrix's nonzero singular values to its largest singular value."""
 
-ROUNDED = 1e-13
-"""Ratio of singular values, or of q·ν to ‖q‖, below which the smaller number counts as zero."""
+ROUNDED = 2e-15
+"""Ratio of singular values, or of q·ν to ‖q‖, below which the smaller number counts as zero.
+
+A large pressure multiplies what counts as zero. The lower half pays for a change of M and q by 128
+roundings (:mod:`lower`), which include these numbers and the tolerance of :mod:`cone_shapes`.
+"""
+
+MOST_DIGITS = 1e-3
+"""Largest relative rounding error of a dissipation that the checker supports."""
 
 STEEPEST = 1 - 1e-9
 """Largest ‖r‖ of cones that have no null vector ν with q·ν > 0."""
@@ -155,7 +162,8 @@ class Cones:
         pull, size = np.abs(self._pull), np.linalg.norm(self.slope, axis=1)
         if not (~self.has_null | (pull <= ROUNDED * size) | (pull > RANK * size)).all():
             raise ProofError("a cone's slope along its matrix's null vector is nearly zero.")
-        if not (np.linalg.norm(self._tilt, axis=1)[~self.grows] < STEEPEST).all():
+        flat = np.linalg.norm(self._tilt, axis=1) < STEEPEST
+        if not ((flat | self.grows).all() and (self.digits <= MOST_DIGITS).all()):
             raise ProofError("a cone is too steep for its rates to be supported.")
 
     @cached_property
@@ -331,12 +339,20 @@ class Cones:
 
     @cached_property
     def digits(self) -> Floats:
-        """Return the relative rounding error of numbers computed from a cone and a rate."""
+        """Return the relative rounding error of numbers computed from a cone and a rate.
+
+        The dissipation contains 1/(1 − ‖r‖²), or 1/(q·ν) with an error of ν.
+        """
         values = np.linalg.svd(self.matrix, compute_uv=False)
         last = np.where(self.has_null, values[:, -2], values[:, -1])
         last = np.where(self.is_pointwise, 1.0, last)
         worst = np.where(self.is_pointwise, 1.0, values[:, 0]) / last
-        return np.asarray(256 * U * worst)
+        square = 1 - np.einsum("ni,ni->n", self._tilt, self._tilt)
+        flat = np.linalg.norm(self._tilt, axis=1) < STEEPEST
+        worst = worst / np.where(flat & ~self.grows, square, 1.0)
+        closes = self.grows & ~self.is_pointwise
+        sizes = np.where(closes, np.linalg.norm(self.slope, axis=1), 1.0)
+        return np.asarray(256 * U * worst * sizes / np.where(closes, np.abs(self._pull), 1.0))
 
     @cached_property
     def steepness(self) -> Floats:
@@ -399,8 +415,10 @@ class Cones:
         """
         unit = np.zeros(self.slope.shape[1])
         unit[:normals] = 1 / np.sqrt(normals)
-        off = np.linalg.norm(self._null - (self._null @ unit)[:, None] * unit, axis=1)
-        quadratic = self.has_null & ~self.grows & (off <= ROUNDED)
+        bounded = np.linalg.norm(self.matrix @ unit, axis=1)
+        along = np.abs(self.slope @ unit) <= ROUNDED * np.linalg.norm(self.slope, axis=1)
+        along &= bounded <= ROUNDED * np.linalg.norm(self.matrix, ord=2, axis=(1, 2))
+        quadratic = self.has_null & ~self.grows & along
         return np.asarray(np.where(self.is_principal, ~self.grows, quadratic))
 
     @property
@@ -416,8 +434,8 @@ class Cones:
         """
         tilt = self._tilt
         square = 1 - np.einsum("ni,ni->n", tilt, tilt)
-        share = np.where(square < 1, (1 - np.sqrt(square)) / np.maximum(1 - square, ROUNDED), 0.0)
-        # (η·r)² + (1 − ‖r‖²)‖η‖² is ‖√(1 − ‖r‖²) η + (1 − √(1 − ‖r‖²)) r (r·η)/‖r‖²‖²
+        share = 1 / (1 + np.sqrt(square))
+        # (η·r)² + (1 − ‖r‖²)‖η‖² is ‖√(1 − ‖r‖²) η + r (r·η)/(1 + √(1 − ‖r‖²))‖²
         root = np.sqrt(square)[:, None, None] * np.eye(tilt.shape[1])
         root = root + share[:, None, None] * tilt[:, :, None] * tilt[:, None]
         scale = (self.bound / square)[:, None, None]

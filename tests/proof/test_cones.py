@@ -1,6 +1,7 @@
 """Test the checker's cones: dissipation by sampling, and invalid or different arrays."""
 
 from collections.abc import Callable
+from decimal import Decimal, getcontext
 from pathlib import Path
 
 from mpi4py import MPI
@@ -105,6 +106,47 @@ def test_dissipation_of_what_grows(seed: int) -> None:
         if not lacks:
             assert best(cones, rate, seed) <= power * (1 + 1e-12)
             assert power == pytest.approx(apex @ rate)
+
+
+def exact_power(cones: Cones, rate: np.ndarray) -> float:
+    """Return the dissipation of a cone with M of full rank, with 60 digits."""
+    getcontext().prec = 60
+    columns = [[Decimal(x) for x in of] for of in (*cones.matrix[0].tolist(),)]
+    det = _mixed(*columns)
+
+    def back(v: np.ndarray) -> list[Decimal]:
+        right = [Decimal(x) for x in v.tolist()]
+        each = [[right if i == k else columns[i] for i in range(3)] for k in range(3)]
+        return [_mixed(*of) / det for of in each]
+
+    r, h = back(cones.slope[0]), back(rate)
+    square, along = 1 - _dot(r, r), _dot(h, r)
+    head = ((along**2 + square * _dot(h, h)).sqrt() - along) / square
+    return float(Decimal(float(cones.bound[0])) * head)
+
+
+def _dot(a: list[Decimal], b: list[Decimal]) -> Decimal:
+    return sum((x * y for x, y in zip(a, b, strict=True)), start=Decimal(0))
+
+
+def _mixed(a: list[Decimal], b: list[Decimal], c: list[Decimal]) -> Decimal:
+    across = [b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2] for i in range(3)]
+    return _dot(a, across)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rounding_of_a_steep_cone(seed: int) -> None:
+    """M is 1e-4 times as large along one stress, and 1 − ‖r‖² is 2e-6."""
+    random = np.random.default_rng(seed)
+    left, right = (np.linalg.qr(random.normal(size=(3, 3)))[0] for _ in range(2))
+    matrix = left @ np.diag([1.0, 0.7, 1e-4]) @ right
+    slope = (1 - 1e-6) * matrix.T @ left[:, 2]
+    cones = Cones(np.array([2.0]), slope[None], matrix[None], NONE, NONE, NONE)
+    cones.check(3)
+    sizes, along = cones.convex_power(AT, -slope[None, None])
+    power = float(np.linalg.norm(sizes[0, 0]) + along[0, 0])
+    error = 2 * cones.digits[0] * cones.steepness[0] * np.linalg.norm(slope)
+    assert abs(exact_power(cones, -slope) - power) <= error
 
 
 def test_vectors_do_the_work_of_tensors() -> None:

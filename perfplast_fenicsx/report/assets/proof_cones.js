@@ -109,40 +109,38 @@ function parabola(c, k, m) {
 }
 
 function roundCone(c, q, M, m) {
-  const square = range(m).map((i) => range(m).map((j) => M.reduce((sum, row) => sum + row[i] * row[j], 0)));
-  // normal components
-  const { values, vectors } = eigen(square), most = Math.max(...values), n = m === 3 ? 2 : 3;
+  const { values, along, images } = singular(M), most = Math.max(...values), n = m === 3 ? 2 : 3;
   const times = (matrix, v) => matrix.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
-  const least = values.indexOf(Math.min(...values)), free = vectors.map((row) => row[least]);
-  if (values.filter((y) => !(y > 1e-12 * most)).length > 1) {
+  const least = values.indexOf(Math.min(...values)), free = along[least], rounded = 2e-15; // as in Python
+  if (values.filter((y) => !(y > 1e-6 * most)).length > 1) {
     refuse("a cone's matrix leaves more than one stress free");
   }
-  const gone = norm(times(M, free)) <= 1e-13 * Math.sqrt(most);
-  if (!gone && !(values[least] > 1e-12 * most)) refuse("a cone's matrix is nearly singular");
+  const gone = values[least] <= rounded * most;
+  if (!gone && !(values[least] > 1e-6 * most)) refuse("a cone's matrix is nearly singular");
   const pull = gone ? dots(q, free) : 0, grows = Math.abs(pull) > 1e-6 * norm(q);
-  if (gone && !grows && !(Math.abs(pull) <= 1e-13 * norm(q))) {
+  if (gone && !grows && !(Math.abs(pull) <= rounded * norm(q))) {
     refuse("a cone's slope along its matrix's null vector is nearly zero");
   }
   if (!grows && !(c > 0)) refuse("a cone's bound is not positive, and no slope closes it");
-  // M⁺ᵀ = M V Ω⁻¹ Vᵀ, without the stress that the matrix leaves free
+  // M⁺ᵀ, without the stress that the matrix leaves free: images M v over squares of their sizes, times v
   const scale = values.map((y, k) => (gone && k === least ? 0 : 1 / y));
-  const inverse = range(m).map((i) => range(m).map(
-    (j) => scale.reduce((sum, y, k) => sum + y * vectors[i][k] * vectors[j][k], 0)));
-  const back = M.map((row) => range(m).map((j) => dots(row, inverse.map((of) => of[j]))));
+  const back = range(m).map((i) => range(m).map(
+    (j) => scale.reduce((sum, y, k) => sum + (images[k][i] * y) * (along[k][j] * y), 0)));
   const r = times(back, q), rest = 1 - dots(r, r), size = norm(back.flat());
-  if (!grows && !(rest > 1e-9)) refuse("a cone is too steep for its rates to be supported");
-  const digits = 256 * U * size * Math.sqrt(most), normal = free.map((_, i) => (i < n ? 1 / n : 0));
-  const along = dots(free, normal) * n / Math.sqrt(n); // component along the axis of mean stress
-  const off = norm(free.map((y, i) => y - along * (i < n ? 1 / Math.sqrt(n) : 0)));
+  // The dissipation contains 1/rest, or 1/pull with an error of ν
+  const digits = 256 * U * size * most * (grows ? norm(q) / Math.abs(pull) : 1 / rest);
+  if (!(grows || rest > 1e-9) || !(digits <= 1e-3)) refuse("a cone is too steep for its rates to be supported");
+  const mean = free.map((_, i) => (i < n ? 1 / Math.sqrt(n) : 0)); // the axis of mean stress
+  const isMean = norm(times(M, mean)) <= rounded * most && Math.abs(dots(q, mean)) <= rounded * norm(q);
   const alert = (1 / Math.abs(pull) + size * (1 + norm(q) / Math.abs(pull))) * UP;
   const head = (v) => dots(free, v) / pull;
   const lacks = (v, z) => norm(times(back, v.map((y, i) => y - z * q[i])));
   return {
-    c, q, M, digits, grows, linear: grows, keeps: gone && !grows && off <= 1e-13, takes: !gone && !grows,
-    alert: grows ? alert : 0, radius: c / Math.sqrt(most),
-    weak: ((Math.sqrt(most) + norm(q)) / c) * UP,
+    c, q, M, digits, grows, linear: grows, keeps: gone && !grows && isMean, takes: !gone && !grows,
+    alert: grows ? alert : 0, radius: c / most,
+    weak: ((most + norm(q)) / c) * UP,
     steep: c * (grows ? alert : (size * (1 + norm(r))) / rest) * UP * (1 + digits),
-    steepest: Math.sqrt(most), growth: (Math.sqrt(most) + norm(q)) * UP,
+    steepest: most, growth: (most + norm(q)) * UP,
     excess: (v) => norm(times(M, v)) + dots(q, v),
     ratio: (v) => { // for c = 0, relative to the strength that the pressure gives
       if (c > 0) return (norm(times(M, v)) + dots(q, v)) / c;

@@ -123,6 +123,32 @@ function eigen(matrix) {
   return { values: a.map((row, i) => unit * row[i]), vectors: v };
 }
 
+/**
+ * Singular values of a square matrix M, its right singular vectors v (`along`) and the `images` Mv, by
+ * Jacobi rotations of its columns, whose rounding errors are those of M.
+ */
+function singular(M) {
+  const n = M.length, unit = 2 ** Math.floor(Math.log2(largest(M.flat()) || 1));
+  const images = range(n).map((j) => M.map((row) => row[j] / unit));
+  const along = range(n).map((j) => range(n).map((i) => (i === j ? 1 : 0)));
+  const most = norm(images.flat());
+  for (let sweep = 0, turned = true; turned && sweep < 30; sweep++) {
+    turned = false;
+    for (let p = 0; p < n; p++) for (let q = p + 1; q < n; q++) {
+      const [a, b] = [images[p], images[q]], dot = dots(a, b), [x, y] = [norm(a), norm(b)];
+      if (!(Math.abs(dot) > 4 * U * x * y && Math.min(x, y) > 8 * U * most)) continue;
+      turned = true;
+      const angle = ((y - x) * (y + x)) / (2 * dot);
+      const t = (angle < 0 ? -1 : 1) / (Math.abs(angle) + Math.hypot(angle, 1));
+      const c = 1 / Math.hypot(t, 1), s = t * c;
+      for (const of of [images, along]) {
+        [of[p], of[q]] = [of[p].map((u, k) => c * u - s * of[q][k]), of[p].map((u, k) => s * u + c * of[q][k])];
+      }
+    }
+  }
+  return { values: images.map((v) => unit * norm(v)), along, images: images.map((v) => v.map((y) => unit * y)) };
+}
+
 /** Disjoint sets of the numbers 0 ... n − 1 that can be joined. */
 class Joined {
   constructor(n) { this.above = Int32Array.from(range(n)); }
