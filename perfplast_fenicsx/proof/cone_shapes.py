@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from perfplast_fenicsx.proof.body import Body, Flags, Floats, Longs
+from perfplast_fenicsx.proof.cones import ROUNDED
 from perfplast_fenicsx.proof.reduction import Division
 from perfplast_fenicsx.proof.rings import normals_of
 
@@ -16,8 +17,9 @@ class Strengths(NamedTuple):
 
     Attributes:
         family: Index of the shape. Cones of one shape have equal (MᵀM)^½ and direction of q after
-            scaling M to size 1. Cones of principal stresses have one shape if the ratio of c to the
-            tensile strength is equal, and parabolas if the ratio of k to f is equal.
+            scaling M to size 1, up to rounding. Cones of principal stresses have one shape if the
+            ratio of c to the tensile strength is equal, and parabolas if the ratio of k to f is
+            equal.
         slope: |q| after this scaling, or s/√(1 − s²) = tan φ for bounds of principal stresses.
         bound: c after this scaling, or c/√(1 − s²) for bounds of principal stresses.
         axial: Whether M q = 0, or the cone bounds principal stresses. In both cases a smaller slope
@@ -55,7 +57,8 @@ def are_weaker(lower: Strengths, upper: Strengths) -> Flags:
     with np.errstate(invalid="ignore"):  # ∞·0 for elastic cells, which have no cone
         no_higher = lower.bound * upper.slope <= upper.bound * lower.slope * (1 + rounding)
     holds = (lower.family == upper.family) & ((same & more) | (~same & flatter & no_higher))
-    return np.asarray(~holds)
+    elastic = np.isinf(upper.bound) & (upper.slope == 0)
+    return np.asarray(~(holds | elastic))
 
 
 def strengths_of(
@@ -63,7 +66,7 @@ def strengths_of(
 ) -> list[Strengths]:
     """Return the strengths of the cells of each body.
 
-    Elastic cells count as volume-preserving bodies of infinite strength.
+    Elastic cells count as volume-preserving bodies of infinite strength. They contain each cone.
 
     Args:
         bodies: The bodies.
@@ -84,7 +87,7 @@ def strengths_of(
         along = np.divide(slopes, steep[:, None], out=0 * slopes, where=steep[:, None] > 0)
         matrices = np.where(principal[:, None, None], np.eye(m), body.cone_matrix)
         lost = np.linalg.norm(np.einsum("cij,cj->ci", matrices, along), axis=1)
-        axial = principal | (lost <= 1e-11 * sizes)
+        axial = principal | (lost <= ROUNDED * sizes)
         along[principal] = 0.0
         cosine = np.sqrt((1 - body.cone_sine) * (1 + body.cone_sine))
         cosine = np.where(body.cones.is_principal, cosine, 1.0)
@@ -103,7 +106,7 @@ def strengths_of(
             steep = np.where(matched, tangents, steep) * division.times
         shapes.append(np.column_stack([_shape(matrices), along, kinds, cuts, bends]))
         cones.append((steep, bound, axial))
-    numbers = _alike_rows(np.concatenate(shapes))
+    numbers = _alike_rows(np.concatenate(shapes), m)
     found, first = [], 1
     for body, (steep, bound, axial) in zip(bodies, cones, strict=True):
         family = np.append(numbers[first : first + len(bound)], numbers[0])
@@ -131,8 +134,25 @@ def _shape(matrices: Floats) -> Floats:
     )
 
 
-def _alike_rows(rows: Floats) -> Longs:
-    """Return an index for each row; rows that round to the same values have the same index."""
-    digits = 11  # decimal places that are compared
-    _, numbers = np.unique(np.round(rows, digits), axis=0, return_inverse=True)
-    return np.asarray(numbers.ravel(), dtype=np.int64)
+def _alike_rows(rows: Floats, m: int) -> Longs:
+    """Return an index for each row; rows that are equal up to rounding have the same index.
+
+    A large pressure multiplies a difference of M or of the direction of q, and the lower half pays
+    only for rounding. A difference of the other numbers is a relative difference of strengths.
+
+    Args:
+        rows: (MᵀM)^½, the direction of q and other numbers, shape (n, m² + m + 3).
+        m: Number of components of a stress.
+    """
+    rounding, digits = 1e-15, 1e-11
+    every, numbers = np.unique(rows, axis=0, return_inverse=True)
+    found, count = np.full(len(every), -1, dtype=np.int64), 0
+    while (found < 0).any():
+        first = np.argmax(found < 0)
+        shape, along, rest = np.split(np.abs(every - every[first]), [m * m, m * m + m], axis=1)
+        alike = (np.linalg.norm(shape, axis=1) <= rounding) & (found < 0)
+        alike &= np.linalg.norm(along, axis=1) <= rounding
+        found[alike & (rest.max(axis=1) <= digits)] = count
+        found[first] = count
+        count += 1
+    return np.asarray(found[numbers.ravel()], dtype=np.int64)

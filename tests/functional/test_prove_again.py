@@ -26,6 +26,7 @@ from perfplast_fenicsx.materials.drucker_prager import Match
 from perfplast_fenicsx.proof import ProofError, check
 from perfplast_fenicsx.proof.__main__ import main
 from perfplast_fenicsx.proof.checker import check_pair, numbers_digest
+from perfplast_fenicsx.report import proof_again
 from perfplast_fenicsx.report.frame import asset
 from perfplast_fenicsx.report.proof_again import checker_source, packed_proof, prove_again
 from tests.functional.browser_page import Page, alone
@@ -34,6 +35,7 @@ from tests.limit_analysis.test_rigid_blocks import pushed
 from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.small_bodies import (
+    ROUNDED,
     UNLIKE,
     adhering_square,
     beside_a_fast_body,
@@ -61,6 +63,9 @@ pytestmark = [pytest.mark.serial, alone]
 AGREE = 1e-8
 """Largest relative difference of bounds, by which a claim may exceed a proof. The checkers round to
 the safe side in different ways."""
+
+CONES = {"cone": np.zeros(2, dtype=int)}
+"""Two cells that can yield."""
 
 RUBBING = 1e-7
 """The same for upper bounds with friction, where each checker modifies a velocity differently."""
@@ -236,7 +241,7 @@ def test_both_files_of_ground_in_space(match: Match, tmp_path: Path, browser: An
         assert ("Factor of safety: between 1 and 10;" in words) == (change is not flatter), words
 
 
-@pytest.mark.parametrize("which", [0, 1, 2, 3])
+@pytest.mark.parametrize("which", range(len(LARGE)))
 def test_both_checkers_compare_large_strengths(
     which: int, tmp_path: Path, checker: Checker
 ) -> None:
@@ -254,11 +259,25 @@ def test_both_checkers_compare_large_strengths(
             assert ("weaker" in words) == (above is upper), words
 
 
-@pytest.mark.parametrize("of", [adhering_square, cut_square, obstacle_without_normal])
-def test_the_second_checker_refuses(
-    of: Callable[[], Arrays], tmp_path: Path, checker: Checker
+def test_both_checkers_let_elastic_cells_contain_each_cone(
+    tmp_path: Path, checker: Checker
 ) -> None:
-    """An attack proved false bounds for these squares."""
+    lower = LARGE[-1][0] | {"body_force": np.ones((2, 2))}
+    upper = lower | {"cone": np.array([0, -1]), "velocity": np.zeros((9, 2))}
+    del upper["stress"]
+    upper["nodes"] = np.array([[0, 1, 3, 4, 5, 6], [0, 3, 2, 5, 7, 8]])
+    for halves in ((lower, upper), (lower | {"cone": np.array([0, -1])}, {**upper, **CONES})):
+        path = write(tmp_path / "bounds.h5", dict(zip(("lower", "upper"), halves, strict=True)))
+        for found in (checker(path), check(path)):
+            assert ("weaker" in str(found)) == (halves[1] is not upper), found
+
+
+@pytest.mark.parametrize("of", [adhering_square, cut_square, obstacle_without_normal, *ROUNDED])
+def test_the_second_checker_refuses(
+    of: Callable[[], Arrays], tmp_path: Path, checker: Checker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An attack proved false bounds for these squares, or used their cones or flags."""
+    monkeypatch.setattr(proof_again, "plain", lambda _, values: values)  # another writer's page
     path = write(tmp_path / "lower.h5", {"lower": of()})
     assert first_refuses(path, "lower")
     assert "fault" in checker(path)["lower"]

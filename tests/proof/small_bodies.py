@@ -132,6 +132,49 @@ def obstacle_without_normal() -> Arrays:
     return with_stress(them, [[0.0, 0.0], [0.0, 1.0]])
 
 
+def unloaded_square(**others: np.ndarray) -> Arrays:
+    """Return a lower half of a loaded square with zero stress, and with other arrays."""
+    them = squares((0.0, 0.0))
+    them["held"][BOTTOM] = 1
+    them["traction"][TOP, :, 1] = 1.0
+    zero = with_stress(them, [[0.0, 0.0], [0.0, 0.0]])
+    return zero | {"bound": np.array(0.0)} | others
+
+
+def nearly_free_square() -> Arrays:
+    """Return a lower half whose strength a tension of 1e14 multiplies: q·ν is not quite zero."""
+    return unloaded_square(cone_slope=np.array([[-3.4e-14, -3.4e-14, 0.5]]))
+
+
+def steep_square() -> Arrays:
+    """Return a lower half whose cone is so steep that rounding changes its dissipation."""
+    matrix, slope = np.diag([1.0, 1.0, 1e-5]), [0.0, 0.0, 1e-5 * (1 - 5e-8)]
+    return unloaded_square(cone_matrix=matrix[None], cone_slope=np.array([slope]))
+
+
+def strong_corners() -> Arrays:
+    """Return a lower half whose strengths at two vertices are lost in the rounding of the third."""
+    return unloaded_square(cell_strength=np.array([[1e18, 1.0, 1.0]] * 2))
+
+
+def kept_twice() -> Arrays:
+    """Return a lower half with a flag that is 2."""
+    return unloaded_square(strength_factor=np.array(2.0), cell_kept=np.full(2, 2))
+
+
+def half_revolved() -> Arrays:
+    """Return a lower half with half a flag for an axis of revolution."""
+    stress = np.zeros((2, 6, 2, 2))
+    return unloaded_square(revolved=np.array(0.5), stress=stress) | {
+        "vertices": squares((1.0, 0.0))["vertices"],
+        **{"cone_slope": np.zeros((1, 4)), "cone_matrix": np.eye(4)[None]},
+    }
+
+
+ROUNDED = (nearly_free_square, steep_square, strong_corners, kept_twice, half_revolved)
+"""Lower halves in which numbers are nearly, but not exactly, what the checkers support."""
+
+
 def columns_under_a_plate(held: Sequence[int]) -> Arrays:
     """Return a lower half of two columns on rollers under a plate, with rounding in the stress."""
     them = squares((0.0, 0.0), (2.0, 0.0))

@@ -1,16 +1,21 @@
 """Test the checker on squares for which an attack proved false bounds."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from perfplast_fenicsx.proof.body import Body
-from perfplast_fenicsx.proof.checker import check_halves, check_lower, check_upper
+from perfplast_fenicsx.proof.checker import check, check_halves, check_lower, check_upper
 from perfplast_fenicsx.proof.halves import differences
 from perfplast_fenicsx.proof.plain_arrays import ProofError
+from tests.proof.forging import Arrays, write
 from tests.proof.small_bodies import (
     BOTTOM,
     LEFT,
     RIGHT,
+    ROUNDED,
     TOP,
     UNLIKE,
     adhering_square,
@@ -25,6 +30,7 @@ from tests.proof.small_bodies import (
     stacked_walls,
     thin_triangles,
     unlike_halves,
+    unloaded_square,
     with_stress,
     with_velocity,
 )
@@ -58,6 +64,14 @@ def test_obstacles_must_have_equal_normals() -> None:
         bodies.append(Body.of(them | {"obstacle_normals": normal / np.linalg.norm(normal)}))
     assert differences(*bodies)
     assert not differences(bodies[0], bodies[0])
+
+
+@pytest.mark.parametrize("of", ROUNDED)
+def test_nearly_supported_numbers_are_refused(of: Callable[[], Arrays], tmp_path: Path) -> None:
+    with pytest.raises(ProofError):
+        check(write(tmp_path / "lower.h5", {"lower": of()}))
+    plain = check(write(tmp_path / "plain.h5", {"lower": unloaded_square()}))
+    assert plain["lower"].proven == 0.0
 
 
 def test_contact_does_not_pass_a_body_in_between() -> None:

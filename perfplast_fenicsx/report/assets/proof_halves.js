@@ -260,10 +260,8 @@ function coneShapes(body) {
   const deviator = rows.map((i) => rows.map((j) => unit(i, j) - (i < normals && j < normals ? 1 / normals : 0)));
   const applied = (M, v) => M.map((row) => row.reduce((sum, y, i) => sum + y * v[i], 0));
   const root = (M) => { // (MᵀM)^½ of M after scaling it to size 1, as singular values times vectors
-    const size = norm(M.flat()), P = M.map((row) => row.map((y) => y / size));
-    const { vectors } = eigen(rows.map((i) => rows.map((j) => P.reduce((sum, row) => sum + row[i] * row[j], 0))));
-    const along = rows.map((k) => vectors.map((row) => row[k])), sizes = along.map((v) => norm(applied(P, v)));
-    return rows.flatMap((i) => rows.map((j) => along.reduce((sum, v, k) => sum + sizes[k] * v[i] * v[j], 0)));
+    const size = norm(M.flat()), { values, along } = singular(M.map((row) => row.map((y) => y / size)));
+    return rows.flatMap((i) => rows.map((j) => along.reduce((sum, v, k) => sum + values[k] * v[i] * v[j], 0)));
   };
   const { times, kind, tangents } = body.division ?? {};
   const found = body.cones.map(({ c, q, M, s, f, k }, number) => {
@@ -275,7 +273,7 @@ function coneShapes(body) {
       family: [...root(isPrincipal ? rows.map((i) => rows.map((j) => unit(i, j))) : M), ...along,
         isPrincipal ? (k ? 3 : cut ? 2 : 1) : 0, cut ? Math.log(bound / f) : 0, k ? Math.log(k / c) : 0,
         kind?.[number] ?? 0],
-      axial: isPrincipal || norm(applied(M, along)) <= 1e-11 * size,
+      axial: isPrincipal || norm(applied(M, along)) <= 2e-15 * size,
       // F does not move the apex, where p = c/|q|
       readings: (tangents?.[number] ?? [slope]).map((tangent) =>
         ({ slope: tangent * by, bound: (slope ? (bound / slope) * tangent : bound) * by })),
@@ -288,8 +286,12 @@ function coneShapes(body) {
 
 /** Whether a cone is known to lie in another one in some reading, both with their bounds times factors. */
 function isIn(one, other, factor, times) {
-  const small = 1e-12; // for shapes of size 1; the Python checker rounds them to 1e-11
-  if (one.family.some((y, i) => !(Math.abs(y - other.family[i]) <= small))) return false;
+  const [{ slope, bound }] = other.readings;
+  if (bound === Infinity && slope === 0) return true; // an elastic cell contains each cone
+  const small = 1e-12, off = one.family.map((y, i) => y - other.family[i]), shape = off.length - 4;
+  // A large pressure multiplies differences of M and of q; the lower half pays only for rounding
+  if (!(norm(off.slice(0, shape)) <= 3e-15)) return false;
+  if (!(largest(off.slice(shape)) <= small)) return false;
   return one.readings.some((less, k) => { // cones of one family have equal numbers of readings
     const more = other.readings[k];
     const [c, most] = [less.bound * factor, more.bound * times * (1 + 1e-12)];
@@ -353,7 +355,7 @@ function whole(body, { factor, kept, divided }) {
     };
     const sine = m === 3 ? slope(2) : NaN, eta = sine > 0 ? sine / Math.sqrt(1 + sine ** 2 / 3) : slope(3);
     if (!(eta > 0)) return 1;
-    tangents[number] = MATCHES.map((tangent) => tangent(eta));
+    tangents[number] = MATCHES.map((tangent) => (tangent(eta) <= 1e3 ? tangent(eta) : NaN)); // as in Python
     return sine > 0 ? 2 : 3;
   });
   const times = kind.map((of) => (of ? factor : 1));
