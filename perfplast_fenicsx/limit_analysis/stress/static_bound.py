@@ -34,6 +34,7 @@ from perfplast_fenicsx.limit_analysis.conic.interior_steps import (
     choose_units,
     next_start,
 )
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import weak_bodies
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import by_friction_alone
 from perfplast_fenicsx.limit_analysis.facets.bound_body import BENT, BoundBody, bound_body
@@ -235,17 +236,9 @@ CORNERS = (
     " in a corner of loaded, free and supported surfaces; divide the cell, or refine the mesh"
 )
 
-COARSE = (
-    "no stress that is linear in the cells can carry the loads with compression on all contact"
-    " surfaces; refine the mesh"
-)
-
-UNREACHED = (
-    "no stress in equilibrium was found; on a coarse mesh, there may be no such stress with"
-    " compression on all contact surfaces; refine the mesh"
-)
-"""Reason for a missing bound after an iteration has stalled. For meshes of twenty cells, linear
-programming has shown that no such stress exists.
+UNREACHED = "no stress in equilibrium was found; on a coarse mesh, no stress may carry"
+"""Start of the reason for a missing bound after an iteration has stalled. For meshes of twenty
+cells, linear programming has shown that no such stress exists.
 """
 
 REPLACED = "the loads of the problem were replaced after its declaration"
@@ -360,7 +353,8 @@ def _search(
         verdict, reason = solve(iteration, rtol, steps, monitor, least=question.enough)
         taken = static.factorisations
         if verdict is Verdict.NO_RESISTANCE:
-            found = no_stress(body, verdict, COARSE, none)
+            reason = _no_stress_on_mesh(problem, "no stress that is linear in the cells can carry")
+            found = no_stress(body, verdict, reason, none)
             return replace(found, steps=steps, factorisations=taken), None
         then = next_start(start, program, iteration.now, verdict, rtol)
         end = verdict, reason, steps
@@ -372,6 +366,19 @@ def _search(
                 reached.append(stress)
                 then = start.with_more_in_reserve(certificate.overstress)
         return found, then
+
+
+def _no_stress_on_mesh(problem: Problem, what: str) -> str:
+    """Return the reason for a missing bound on a coarse mesh, and its remedy.
+
+    Args:
+        problem: The bodies and their loads.
+        what: The first words, to which the function adds the loads.
+    """
+    touch = problem.given.contacts or problem.given.obstacles
+    pressed = " with compression on all contact surfaces" if touch else ""
+    sand = ", or give ground without cohesion a small one" if body_cones(problem).loose else ""
+    return f"{what} the loads{pressed}; refine the mesh{sand}"
 
 
 def _carried_by_none(problem: Problem) -> str:
@@ -450,7 +457,9 @@ def _result(
         told = told.with_some_of(reached, static)
     pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
     certificate = certify_stress(static, pressure, deviator, value, aside)
-    doubts = (UNREACHED, *weak_bodies(problem)) if certificate.is_doubted else ()
+    doubts: tuple[str, ...] = ()
+    if certificate.is_doubted:
+        doubts = _no_stress_on_mesh(problem, UNREACHED), *weak_bodies(problem)
     scope = Scope.MESH if why_not else Scope.BODY
     bound = Bound(value, "lower", scope, why_not, doubts=doubts)
     if doubts and (why_not or not np.isfinite(value)):
