@@ -42,7 +42,7 @@ def left_free(vectors: Floats, held: Flags, guided: Floats) -> Floats:
     return free
 
 
-def differ(one: Floats, other: Floats, held: Flags) -> Flags:
+def differ(one: Floats, other: Floats, held: Flags, far: Floats) -> Flags:
     """Return flags of directions that differ, except by rounding or by their sign, shape (n,).
 
     The function compares unit vectors along the parts of directions that are not held.
@@ -51,6 +51,8 @@ def differ(one: Floats, other: Floats, held: Flags) -> Flags:
         one: Directions, shape (n, d).
         other: Other directions, of the same shape.
         held: Held components, of the same shape.
+        far: Largest coordinates of the facets over their extents, shape (n,); the rounding of
+            coordinates changes the normals of facets.
     """
     one, other = (np.where(held, 0.0, of) for of in (one, other))
     sizes = [np.linalg.norm(of, axis=1, keepdims=True) for of in (one, other)]
@@ -58,4 +60,4 @@ def differ(one: Floats, other: Floats, held: Flags) -> Flags:
         of / np.where(size > 0, size, 1.0) for of, size in zip((one, other), sizes, strict=True)
     )
     apart = [np.abs(one + sign * other).max(axis=1, initial=0) for sign in (-1, 1)]
-    return np.asarray(np.minimum(*apart) > ALIKE)
+    return np.asarray(np.minimum(*apart) > ALIKE * (1 + far))

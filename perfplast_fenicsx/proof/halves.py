@@ -53,7 +53,10 @@ def differences(lower: Body, upper: Body, divisions: Sequence[Division] = ()) ->
         weaker, in_cells = _in_cells(lower, upper, divisions)
         loaded = np.concatenate([loaded, in_cells])
     held = (lower.held[a] != upper.held[b]).any(axis=1)
-    held |= differ(lower.guided[a], upper.guided[b], lower.held[a])
+    far = np.maximum(
+        far_off(lower.vertices[lower.facets[a]]), far_off(upper.vertices[upper.facets[b]])
+    )
+    held |= differ(lower.guided[a], upper.guided[b], lower.held[a], far)
     weak = "the upper half has weaker bodies than the lower one, or cones of other shapes"
     found = [
         *_told("the halves have bodies of different volume or position", alone),
@@ -99,17 +102,24 @@ def _differ(one: Floats, other: Floats, noise: Floats | float = 0.0) -> Flags:
 
 
 def _noise(vertices: Floats, values: Floats) -> Floats:
-    """Return the gradient of linear functions, times the largest coordinate, shape (n,).
+    """Return the size of terms that cancel in loads on simplices, shape (n,).
 
-    A linear load consists of terms of this size, which cancel where the load is small.
+    Where a linear load is small, terms of the size of its gradient times the coordinates cancel.
+    Coordinates are rounded, which changes the direction of a pressure by their size relative to
+    that of the facet.
 
     Args:
         vertices: Vertices of simplices, shape (n, k, d).
         values: Values at the vertices, shape (n, k, components).
     """
-    rise = np.ptp(values, axis=1).max(axis=1, initial=0.0)
+    size = np.abs(values).max(axis=(1, 2), initial=0.0) + np.ptp(values, axis=1).max(axis=1)
+    return np.asarray(size * far_off(vertices))
+
+
+def far_off(vertices: Floats) -> Floats:
+    """Return the largest coordinates of simplices over their extents, shape (n,)."""
     run = np.ptp(vertices, axis=1).max(axis=1, initial=0.0)
-    return np.asarray(rise / run * np.abs(vertices).max(axis=(1, 2), initial=0.0))
+    return np.asarray(np.abs(vertices).max(axis=(1, 2), initial=0.0) / run)
 
 
 def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
@@ -121,8 +131,8 @@ def _tractions_differ(lower: Body, upper: Body, a: Longs, b: Longs) -> Flags:
         on = kinds[0].traction[a], kinds[1].traction[b]
         for some, i, j in ((smaller, 0, 1), (~smaller, 1, 0)):
             there = _linear(places[i][some], places[j][some], on[j][some])
-            noise = _noise(places[j][some], on[j][some])
-            found[some] |= _differ(on[i][some], there, noise)
+            noise = [_noise(places[k][some], on[k][some]) for k in (i, j)]
+            found[some] |= _differ(on[i][some], there, np.maximum(*noise))
     return found
 
 

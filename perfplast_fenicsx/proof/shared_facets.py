@@ -14,12 +14,9 @@ from perfplast_fenicsx.proof.body import Body, Floats, Longs
 from perfplast_fenicsx.proof.box_pairs import box_pairs
 from perfplast_fenicsx.proof.shared_cells import boxes_of
 
-CLOSE = 1e-11
-"""Distance from the plane of a facet that counts as zero, relative to the extent of the bodies."""
-
-ROUNDED = 32 * U
-"""Additional distance, relative to the largest coordinate: the rounding of repeatedly divided
-cells."""
+ROUNDED = 64 * U
+"""Distance from the plane of a facet that counts as zero, relative to the largest coordinate. It
+covers the rounding of repeatedly divided cells."""
 
 THIN = 1e-6
 """Largest such distance, relative to the height of the cell over the facet."""
@@ -49,8 +46,7 @@ def shared_facets(one: Body, other: Body) -> SharedFacets:
     """Return the coinciding facets of two halves."""
     halves = (one, other)
     places = [body.vertices[body.facets] for body in halves]
-    x = np.concatenate([of.reshape(-1, one.dim) for of in places])
-    reach = CLOSE * float(np.ptp(x, axis=0).max()) + ROUNDED * float(np.abs(x).max())
+    reach = ROUNDED * max(float(np.abs(x).max()) for x in places)
     slacks = [
         np.minimum(np.minimum(reach, THIN * _heights(body)), 1e-3 * body.widths) for body in halves
     ]

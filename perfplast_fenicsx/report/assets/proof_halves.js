@@ -20,8 +20,9 @@ function compare(lower, upper) {
       const free = own(...of).map((y, k) => (own("held", lower, a)[k] ? 0 : y));
       return free.map((y) => y / (norm(free) || 1));
     });
+    const far = Math.max(farOff(places(lower, a)), farOff(places(upper, b)));
     const turned = Math.min(...[1, -1].map((sign) => largest(g.map((y, k) => y - sign * h[k]))));
-    if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > ALIKE) {
+    if (own("held", lower, a).some((y, k) => y !== own("held", upper, b)[k]) || turned > ALIKE * (1 + far)) {
       refuse("the halves have different supports");
     }
     const [small, large] = sizes(lower, a) <= sizes(upper,
@@ -30,7 +31,7 @@ function compare(lower, upper) {
       const at = ([body, i]) => range(d).map((j) => row(body.loads[kind].traction, d, i * d + j));
       if (!at(small).flat().some((y) => y) && !at(large).flat().some((y) => y)) return;
       const there = places(...small).map((p) => linear(places(...large), at(large), p));
-      const noise = noiseOf(places(...large), at(large));
+      const noise = Math.max(...[small, large].map((of) => noiseOf(places(...of), at(of))));
       if (differ(at(small).flat(), there.flat(), noise)) refuse("the halves have different loads");
     });
   }
@@ -82,12 +83,14 @@ const ALIKE = 2 ** -48;
 const differ = (one, other, noise = 0) =>
   !(largest(minus(one, other)) <= ALIKE * (Math.max(largest(one), largest(other)) + noise));
 
-/** The gradient of a linear function, times the largest coordinate. */
-function noiseOf(vertices, values) {
-  const wide = (rows) => Math.max(...rows[0].map((_, i) =>
-    Math.max(...rows.map((y) => y[i])) - Math.min(...rows.map((y) => y[i]))));
-  return (wide(values) / wide(vertices)) * largest(vertices.flat());
-}
+const wide = (rows) => Math.max(...rows[0].map((_, i) =>
+  Math.max(...rows.map((y) => y[i])) - Math.min(...rows.map((y) => y[i]))));
+
+/** The largest coordinate of a simplex over its extent. */
+const farOff = (vertices) => largest(vertices.flat()) / wide(vertices);
+
+/** The size of terms that cancel in loads: of gradients, and of the directions of pressures. */
+const noiseOf = (vertices, values) => (largest(values.flat()) + wide(values)) * farOff(vertices);
 
 /** The value of a linear function on a simplex of any dimension, at a point in its plane. */
 function linear(vertices, values, place) {
@@ -100,8 +103,7 @@ function linear(vertices, values, place) {
 /** Pairs of outer facets that overlap; refuse halves in which they do not cover all facets. */
 function sharedFacets(lower, upper) {
   const { d } = lower, bodies = [lower, upper], every = bodies.map(outerFacets);
-  const x = every.flat().flatMap((of) => of.x), [low, high] = boxOfPoints(x);
-  const reach = 1e-11 * Math.max(...minus(high, low)) + 32 * U * largest(x.flat());
+  const reach = 64 * U * largest(every.flat().flatMap((of) => of.x.flat()));
   const boxOf = (of) => boxOfPoints(of.x).map((p, end) => p.map((y) => y + (end ? reach : -reach)));
   const slackOf = ({ height, width }) => Math.min(reach, 1e-6 * height, 1e-3 * width);
   const grid = new Grid(every[1].map(boxOf)), pairs = [];
