@@ -34,7 +34,7 @@ FAST = 1000.0
 
 
 def usual_speed(body: Body, loads: Loads, work: float) -> float:
-    """Return the mean velocity at which loads do their work; 0 without tractions and body forces.
+    """Return the mean velocity at which loads do their work; 0 without loads.
 
     The mean velocity depends only on the sought loads, so a single fast cell cannot hide the work
     of the free loads.
@@ -47,7 +47,8 @@ def usual_speed(body: Body, loads: Loads, work: float) -> float:
     free = left_free(loads.traction, body.held, body.guided)
     pushes = np.linalg.norm(free, axis=2).mean(axis=1)
     size = body.areas @ pushes + body.volumes @ np.linalg.norm(loads.body_force, axis=1)
-    size += on_plates(body, loads)
+    pores = np.abs(loads.pore_pressure).max(axis=1) / np.ptp(body.vertices, axis=0).max()
+    size += body.volumes @ pores * np.sqrt(body.dim) + on_plates(body, loads)
     return float(abs(work) / size) if size > 0 else 0.0
 
 
@@ -197,8 +198,9 @@ def _measured(body: Body, v: Floats, mechanism: Mechanism) -> Flow:
         bound = excess / (least if excess > 0 else most)
         bound = float(np.nextafter(bound, np.inf)) if excess else 0.0
     measured = {}
+    other = abs(works[2][0]) + works[2][1] + undoes[2]
     if body.others:
-        measured["work_of_others"] = _share_of_others(body, v, works[2][0], work)
+        measured["work_of_others"] = _share_of_others(body, v, other, work)
     scale = least if least > 0 else np.nan
     cost += dead_off + abs(excess) * work_off / scale
     return Flow(
@@ -208,7 +210,7 @@ def _measured(body: Body, v: Floats, mechanism: Mechanism) -> Flow:
         cost / scale,
         max(dissipation, abs(excess)) / scale,
         least,
-        abs(works[2][0]) + works[2][1] + undoes[2],
+        other,
     )
 
 
@@ -305,7 +307,7 @@ def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> f
     usual = usual_speed(body, body.sought, work)
     most = most_work(body, body.others, v, at_facets, strain_rates(body, v), usual)
     fastest = min(float(np.abs(v).max(initial=0.0)), FAST * usual if usual > 0 else np.inf)
-    return share_of(abs(other_work), most + on_plates(body, body.others) * fastest)
+    return share_of(other_work, most + on_plates(body, body.others) * fastest)
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:

@@ -101,8 +101,9 @@ def undone(body: Body, mechanism: Mechanism, change: Balls, kinds: tuple[Flags, 
     sizes = np.where(keeps, sizes, np.sqrt(d) * gradients)
     at = np.full(count * (d + 1), -1)
     at[body.outer] = np.arange(len(body.outer))
-    leaves = some[~inner]
-    through[at[ways.out[leaves]]] = most[leaves] * ways.tilt[leaves]
+    for sides in (side, there):  # outlets, and both sides of contacts through which volume passes
+        facets = np.where(sides >= 0, at[sides], -1)
+        np.add.at(through, facets[facets >= 0], (most * ways.tilt)[some][facets >= 0])
     return Undone(gradients, sizes, upwards(through), reason)
 
 

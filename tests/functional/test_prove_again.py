@@ -36,6 +36,7 @@ from tests.limit_analysis.test_static_bound import rectangle
 from tests.proof.forging import Arrays, Halves, blocks, copied, halves_of, write, written
 from tests.proof.small_bodies import (
     ROUNDED,
+    UNDONE,
     UNLIKE,
     adhering_square,
     beside_a_fast_body,
@@ -332,6 +333,15 @@ def test_the_second_checker_compares_up_to_rounding(
     for by, unlike in ((9e-10, True), (0.0, False)):
         words = str(checker(write(tmp_path / "bounds.h5", unlike_halves(kind, by))))
         assert ("the halves have different" in words) == unlike
+
+
+@pytest.mark.parametrize("name", UNDONE)
+def test_the_second_checker_counts_the_flow_that_undoes_volume_changes(
+    name: str, tmp_path: Path, checker: Checker
+) -> None:
+    make, (_, words) = UNDONE[name]
+    path = write(tmp_path / "upper.h5", {"upper": make()})
+    assert words in checker(path)["upper"]["fault"]
 
 
 @pytest.mark.parametrize("speed", [0.0, 1e7])

@@ -400,3 +400,92 @@ def thin_triangles(low: float, high: float, away: float) -> Halves:
         "lower": triangle(high) | lower,
         "upper": with_velocity(triangle(low), of, 1.01 * low / 500.0),
     }
+
+
+def _confined(them: Arrays) -> Arrays:
+    """Hold both sides of all squares, and the bottom of the first one."""
+    for square in range(0, len(them["facets"]), 4):
+        them["held"][[square + RIGHT, square + LEFT], 0] = 1
+    them["held"][BOTTOM] = 1
+    return them
+
+
+def loaded_contact() -> Arrays:
+    """Return an upper half of a confined square, which a traction in its contact compresses.
+
+    The flow that undoes the compression moves the traction back.
+    """
+    them = _confined(squares((0.0, 0.0), (0.0, 1.0)))
+    them["contacts"] = np.array([[1 + TOP, 5 + BOTTOM]])
+    them["traction"][TOP, :, 1] = -1.0
+    them = with_velocity(them, lambda x, y: (0.0, -y), 1000.0)
+    them["velocity"][them["nodes"][2:].ravel()] = 0.0
+    return them
+
+
+def above_ground_at_rest() -> Arrays:
+    """Return an upper half of a confined square under a plate, which is compressed above ground.
+
+    The ground below dilates, so that the volume change may flow into it only if it dilates enough.
+    """
+    them = _confined(squares((0.0, 0.0), (0.0, 1.0)))
+    them["cells"][2:] = np.array([3, 2, 6, 7])[them["cells"][2:] - 4]
+    them["facets"][4:] = np.array([3, 2, 6, 7])[them["facets"][4:] - 4]
+    outer = np.delete(np.arange(8), [TOP, 4 + BOTTOM])
+    them |= {name: them[name][outer] for name in ("facets", "surface", "held", "traction")}
+    them["cone"] = np.array([1, 1, 0, 0])
+    slope = np.sin(np.radians(30)) / np.sqrt(2) * np.array([1.0, 1.0, 0.0])
+    them |= {
+        "cone_bound": np.ones(2),
+        "cone_slope": np.array([np.zeros(3), slope]),
+        "cone_matrix": np.tile(them["cone_matrix"], (2, 1, 1)),
+        "cone_sine": np.full(2, np.nan),
+        "rigid": np.array([5 + TOP]),
+        "rigid_held": np.array([[1, 0]], dtype=np.uint8),
+        "rigid_force": np.array([[0.0, -1.0]]),
+        "rigid_moment": np.zeros((1, 1)),
+    }
+    return with_velocity(them, lambda x, y: (0.0, min(1.0 - y, 0.0)), 1000.0)
+
+
+def pushed_up() -> Arrays:
+    """Return an upper half of a confined square that a plate pushes up against a free pressure.
+
+    Only the flow that undoes the compression moves the free pressure.
+    """
+    them = _confined(squares((0.0, 0.0)))
+    them["held"][BOTTOM] = 0
+    them |= {
+        "any_traction": np.zeros((4, 2, 2)),
+        "rigid": np.array([1 + BOTTOM]),
+        "rigid_held": np.array([[1, 0]], dtype=np.uint8),
+        "rigid_force": np.array([[0.0, 1.0]]),
+        "rigid_moment": np.zeros((1, 1)),
+    }
+    them["any_traction"][TOP, :, 1] = -1.0
+    return with_velocity(them, lambda x, y: (0.0, 1.0 - y), 1000.0)
+
+
+def grown_by_pores() -> Arrays:
+    """Return an upper half of a square that a pore pressure stretches, as a free traction does.
+
+    A tiny traction does no work, so that it does not tell how fast the loads move.
+    """
+    them = squares((0.0, 0.0))
+    them["held"][BOTTOM, 1] = them["held"][LEFT, 0] = 1
+    them["cone_matrix"] = np.eye(3)[None]
+    them["pore_pressure"] = np.ones((2, 3))
+    them["traction"][RIGHT, :, 0] = 1e-6
+    them["any_traction"] = np.zeros((4, 2, 2))
+    them["any_traction"][TOP, :, 1] = 1.0
+    return with_velocity(them, lambda x, y: (0.0, y), 10.0)
+
+
+UNDONE: dict[str, tuple[Callable[[], Arrays], tuple[str, str]]] = {
+    "loaded contact": (loaded_contact, ("work of the loads", "no work larger than rounding")),
+    "above ground": (above_ground_at_rest, ("dilate too little", "dilate too little")),
+    "free pressure": (pushed_up, ("work of others", "any factor do work")),
+    "pores": (grown_by_pores, ("work of others", "any factor do work")),
+}
+"""Upper halves in which the flow that undoes volume changes, or pores, do work, with the words of
+both checkers."""

@@ -26,12 +26,13 @@ function bodyOf(A) {
     if (A[name].shape.join() !== shape.join()) refuse(`the shape of ${name} does not fit the bodies`);
     return A[name].data;
   };
+  const own = (name, shape) => of(name) && data(name, shape);
   const pairs = A.contacts?.shape[0] ?? 0, planes = A.obstacles?.shape[0] ?? 0;
   const body = {
     d, w, n, f, revolved, values: revolved ? 6 : w, x: data("vertices", [x.shape[0], d]),
       cells: data("cells", [n, w]),
-    cone: data("cone", [n]), strength: data("cell_strength", [n, w], 1),
-    facets: data("facets", [f, d]), surface: data("surface", [f]), held: data("held", [f, d]),
+    cone: own("cone", [n]), strength: data("cell_strength", [n, w], 1),
+    facets: data("facets", [f, d]), surface: own("surface", [f]), held: own("held", [f, d]),
     guided: data("guided", [f, d]), contacts: data("contacts", [pairs, 2]),
     obstacles: data("obstacles", [planes]), towards: data("obstacle_normals", [planes, d]),
     rubs: ["contact", "obstacle"].map((of, i) => ["adhesion", "friction"].map(

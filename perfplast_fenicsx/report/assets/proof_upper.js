@@ -362,7 +362,10 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
   const lacks = new Float64Array(n).fill(-Infinity),
     rings = range(n).map(() => ({ reach: 1, rate: 1, radius: 1 }));
   for (let c = 0; c < n; c++) {
-    if (still[c]) continue;
+    if (still[c]) { // it dilates exactly as it must, but volume that flows into it changes this
+      if (body.cone[c] >= 0 && cone(c).grows) lacks[c] = 0;
+      continue;
+    }
     if (body.cone[c] < 0) refuse("an elastic cell has a strain rate");
     const own = cone(c), gradients = range(w).map((k) => {
       const g = new Array(d * d).fill(0n);
@@ -427,7 +430,7 @@ function boundOf(body, { Q, still, slip, flow, rows, plateUnit }) {
     refuse("the loads do no work larger than rounding errors");
   }
   // Loads with any factor may do the work that rounding errors of the velocity cause.
-  if (body.loads[2].some && !(Math.abs(other) <= 1e-6 * most)) refuse("loads with any factor do work");
+  if (body.loads[2].some && !(Math.abs(other) + otherOff <= 1e-6 * most)) refuse("loads with any factor do work");
   const proven = excess === 0 ? 0 : excess / (excess > 0 ? work - off : work + off);
   return { proven: proven + Math.abs(proven) * 4 * U,
     power: Math.max(dissipation, Math.abs(excess)) / (work - off),
@@ -512,6 +515,11 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
   const { d, w, n, f, D, N, e, x, cells } = body, { P, wide, facet, ev } = flow, factorial = d === 2 ? 2 : 6;
   if (!loads.some) return [0, 0, 0, 0];
   let found = 0, off = 0, most = 0, forces = 0; // the work, its error, and the most that loads could do
+  const extent = Math.max(...range(d).map((i) => {
+    let [low, high] = [Infinity, -Infinity];
+    for (let k = i; k < x.length; k += d) [low, high] = [Math.min(low, x[k]), Math.max(high, x[k])];
+    return high - low;
+  }));
   const fastest = usual > 0 ? 1000 * usual : Infinity; // one fast body must not hide the work of free loads
   const speed = (places) =>
     Math.min(Math.max(usual, ...places.map((p) => norm(Q[p].map((y) => num(y, ev))))), fastest);
@@ -558,6 +566,7 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
     const worst = Math.max(...own.map((y) => Math.abs(num(y, u.e))));
     most += (worst * Math.max(...grow.map((y) => sizeOf(y, eg)))) / factorial;
     off += worst * left.change[c];
+    forces += (worst * body.volume[c] * Math.sqrt(d)) / extent; // times a velocity, as the other loads
   }
   found += num(sum, u.e + eg) / (factorial * w * (w + 1));
   if (body.rigid.length) {
@@ -672,6 +681,9 @@ function undone(body, { Q, flow, rows }, changes, eg, keeps, takes) {
       flux[parent[c]] += flux[c];
       onSides[parent[c]] += share;
       unlike[parent[c]] += unlike[c] + (i >= 0 ? own * 1e-5 : 0);
+      if (i >= 0) for (const at of [i, body.facetAt[over(side)]]) { // both sides of contact
+        through[at] += (own * norm(area[side])) / free(side) * UP;
+      }
     } else if (i >= 0) {
       if (touched.has(body.surface[i]) && meets.has(i) && (flux[c] > 0n || unlike[c] !== 0)) lost();
       through[i] += (own * norm(area[side])) / free(side) * UP;
