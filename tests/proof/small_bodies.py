@@ -175,6 +175,22 @@ ROUNDED = (nearly_free_square, steep_square, strong_corners, kept_twice, half_re
 """Lower halves in which numbers are nearly, but not exactly, what the checkers support."""
 
 
+def guided_plate() -> Arrays:
+    """Return a lower half of a square under a plate that a guide holds against its load."""
+    them = squares((0.0, 0.0))
+    them["held"][BOTTOM] = 1
+    them["guided"] = np.zeros((4, 2))
+    them["guided"][TOP, 1] = 1.0
+    them |= {
+        "rigid": np.array([1 + TOP]),
+        "rigid_held": np.zeros((1, 2), dtype=np.uint8),
+        "rigid_force": np.array([[0.0, 1.0]]),
+        "rigid_moment": np.array([[0.5]]),
+        "bound": np.array(0.05),
+    }
+    return with_stress(them, [[0.0, 0.0], [0.0, 0.0]])
+
+
 def columns_under_a_plate(held: Sequence[int]) -> Arrays:
     """Return a lower half of two columns on rollers under a plate, with rounding in the stress."""
     them = squares((0.0, 0.0), (2.0, 0.0))

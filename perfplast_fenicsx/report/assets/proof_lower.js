@@ -274,10 +274,10 @@ function exerted(body, rest, e, bare) {
     }
   }
   for (let i = 0; i < f; i++) {
-    if (times[i] + (norm(body.guided.subarray(i * d,
-      i * d + d)) > 0) > 1) refuse("a facet is in contact with two others");
+    const touches = times[i] + (norm(row(body.guided, d, i)) > 0);
+    if (touches > 1) refuse("a facet is in contact with two others");
     if (body.glued[i] &&
-      (times[i] || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
+      (touches || frees(i).includes(0))) refuse("a rigid surface is in contact, or held by supports");
   }
   for (const { a, b: o, order, normal, e: ea, c, mu } of rows) for (let j = 0; j < rest[a].length; j++) {
     const p = o < 0 ? 0 : order[j];
