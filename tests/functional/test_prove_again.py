@@ -43,6 +43,7 @@ from tests.proof.small_bodies import (
     beside_a_large_stress,
     columns_under_a_plate,
     cut_square,
+    guided_plate,
     hanging_square,
     obstacle_without_normal,
     plate_with_free_load,
@@ -273,11 +274,13 @@ def test_both_checkers_let_elastic_cells_contain_each_cone(
             assert ("weaker" in str(found)) == (halves[1] is not upper), found
 
 
-@pytest.mark.parametrize("of", [adhering_square, cut_square, obstacle_without_normal, *ROUNDED])
+@pytest.mark.parametrize(
+    "of", [adhering_square, cut_square, guided_plate, obstacle_without_normal, *ROUNDED]
+)
 def test_the_second_checker_refuses(
     of: Callable[[], Arrays], tmp_path: Path, checker: Checker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An attack proved false bounds for these squares, or used their cones or flags."""
+    """An attack proved false bounds for these squares, or bounds that the first checker refuses."""
     monkeypatch.setattr(proof_again, "plain", lambda _, values: values)  # another writer's page
     path = write(tmp_path / "lower.h5", {"lower": of()})
     assert first_refuses(path, "lower")
