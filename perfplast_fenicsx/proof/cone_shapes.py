@@ -144,15 +144,16 @@ def _alike_rows(rows: Floats, m: int) -> Longs:
         rows: (MᵀM)^½, the direction of q and other numbers, shape (n, m² + m + 3).
         m: Number of components of a stress.
     """
-    rounding, digits = 1e-15, 1e-11
-    every, numbers = np.unique(rows, axis=0, return_inverse=True)
-    found, count = np.full(len(every), -1, dtype=np.int64), 0
-    while (found < 0).any():
-        first = np.argmax(found < 0)
-        shape, along, rest = np.split(np.abs(every - every[first]), [m * m, m * m + m], axis=1)
-        alike = (np.linalg.norm(shape, axis=1) <= rounding) & (found < 0)
-        alike &= np.linalg.norm(along, axis=1) <= rounding
-        found[alike & (rest.max(axis=1) <= digits)] = count
-        found[first] = count
+    rounding, digits = 1e-15, 11
+    shapes, of_row = np.unique(rows[:, : m * m + m], axis=0, return_inverse=True)
+    groups, count = np.full(len(shapes), -1, dtype=np.int64), 0
+    while (groups < 0).any():  # shapes are few; numbers of strengths may differ in all cells
+        first = np.argmax(groups < 0)
+        off = np.split(shapes - shapes[first], [m * m], axis=1)
+        alike = np.logical_and(*(np.linalg.norm(part, axis=1) <= rounding for part in off))
+        groups[alike & (groups < 0)] = groups[first] = count
         count += 1
-    return np.asarray(found[numbers.ravel()], dtype=np.int64)
+    others = np.round(rows[:, m * m + m :], digits)
+    every = np.column_stack([groups[of_row.ravel()], others])
+    _, numbers = np.unique(every, axis=0, return_inverse=True)
+    return np.asarray(numbers.ravel(), dtype=np.int64)

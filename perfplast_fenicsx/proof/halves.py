@@ -17,7 +17,7 @@ from perfplast_fenicsx.proof.crossed_facets import crossed
 from perfplast_fenicsx.proof.guided import differ
 from perfplast_fenicsx.proof.load_kinds import ALIKE, Loads
 from perfplast_fenicsx.proof.reduction import Division
-from perfplast_fenicsx.proof.rigid import moments
+from perfplast_fenicsx.proof.rigid import moments, rigid_of
 from perfplast_fenicsx.proof.shared_cells import overlap_ends, shared_cells
 from perfplast_fenicsx.proof.shared_facets import shared_facets
 
@@ -250,11 +250,12 @@ def _same_plates(lower: Body, upper: Body) -> bool:
     )
     if not (np.array_equal(*tags) and np.array_equal(*held)):
         return False
-    places = [lower.vertices[lower.facets[lower.on(tag)]].reshape(-1, lower.dim) for tag in tags[0]]
-    if not places:
+    surfaces = rigid_of(lower)
+    if not surfaces:
         return True
-    centres = np.array([x.mean(axis=0) for x in places])
-    extents = np.array([np.linalg.norm(x - x.mean(axis=0), axis=1).max() for x in places])
+    centres, extents = (
+        np.array([getattr(surfaces[k], name) for k in orders[0]]) for name in ("middle", "extent")
+    )
     for kind in _kinds(lower, upper):
         forces, turns = (
             [getattr(of, name)[order] for of, order in zip(kind, orders, strict=True)]

@@ -88,7 +88,8 @@ def most_work(
     extent = np.ptp(body.vertices, axis=0).max()
     strains = strains.clip(usual / extent, FAST * fastest / extent)
     pressures = np.abs(loads.pore_pressure).max(axis=1)
-    return total + float((body.volumes * pressures) @ strains) * float(np.sqrt(body.dim))
+    total += float((body.volumes * pressures) @ strains) * float(np.sqrt(body.dim))
+    return total + on_plates(body, loads) * min(float(np.abs(v).max(initial=0.0)), fastest)
 
 
 def check_nodes(body: Body, nodes: Longs, count: int) -> None:
@@ -306,8 +307,7 @@ def _share_of_others(body: Body, v: Floats, other_work: float, work: float) -> f
     at_facets = v[(body.outer // (d + 1))[:, None], _facet_nodes(body)]
     usual = usual_speed(body, body.sought, work)
     most = most_work(body, body.others, v, at_facets, strain_rates(body, v), usual)
-    fastest = min(float(np.abs(v).max(initial=0.0)), FAST * usual if usual > 0 else np.inf)
-    return share_of(other_work, most + on_plates(body, body.others) * fastest)
+    return share_of(other_work, most)
 
 
 def strain_rates(body: Body, v: Floats) -> Floats:

@@ -101,9 +101,10 @@ def undone(body: Body, mechanism: Mechanism, change: Balls, kinds: tuple[Flags, 
     sizes = np.where(keeps, sizes, np.sqrt(d) * gradients)
     at = np.full(count * (d + 1), -1)
     at[body.outer] = np.arange(len(body.outer))
+    moved = most[some] * ways.tilt[some]
     for sides in (side, there):  # outlets, and both sides of contacts through which volume passes
         facets = np.where(sides >= 0, at[sides], -1)
-        np.add.at(through, facets[facets >= 0], (most * ways.tilt)[some][facets >= 0])
+        np.add.at(through, facets[facets >= 0], moved[facets >= 0])
     return Undone(gradients, sizes, upwards(through), reason)
 
 
