@@ -282,6 +282,13 @@ function widthOf(body, i) {
   return body.d === 2 ? area : (2 * area) / Math.max(...x.map((p, k) => norm(minus(p, x[(k + 1) % 3]))));
 }
 
+/** The centre of a surface's vertices, and their largest distance from it. */
+function middleOf(body, tag) {
+  const x = range(body.f).filter((i) => body.surface[i] === tag).flatMap((i) => body.ofFacet(i).map(body.point));
+  const middle = range(body.d).map((k) => x.reduce((sum, p) => sum + p[k], 0) / x.length);
+  return { middle, extent: Math.max(...x.map((p) => norm(minus(p, middle)))) };
+}
+
 const boxOfPoints = (points) => [0, 1].map((end) => range(points[0].length).map(
   (i) => Math[end ? "max" : "min"](...points.map((p) => p[i]))));
 

@@ -60,12 +60,8 @@ function compare(lower, upper) {
     const h = order[1][k];
     if (lower.rigid[g] !== upper.rigid[h] ||
       row(lower.rigidHeld, d, g).some((y, i) => y !== row(upper.rigidHeld, d, h)[i])) wrong();
-    const x = range(lower.f).filter((i) => lower.surface[i] === lower.rigid[g]).flatMap((i) =>
-      lower.ofFacet(i).map(lower.point));
-    const centre = range(d).map((k) => x.reduce((sum, p) => sum + p[k], 0) / x.length);
-    const extent = Math.max(...x.map((p) => norm(minus(p, centre))));
-    const about = (turn, force) => minus(turn,
-      d === 2 ? [centre[0] * force[1] - centre[1] * force[0]] : cross(centre, force));
+    const { middle, extent } = middleOf(lower, lower.rigid[g]);
+    const about = (turn, force) => minus(turn, cross(middle, force));
     lower.loads.forEach((of, kind) => {
       const other = upper.loads[kind], [pull, there] = [row(of.rigid_force, d, g), row(other.rigid_force, d, h)];
       const [turn, turned] = [row(of.rigid_moment, turns, g), row(other.rigid_moment, turns, h)];

@@ -586,14 +586,12 @@ function workOf(body, { Q, flow, changes, eg, plateUnit }, loads, left, usual) {
       off += 8 * U * Math.abs(part);
     });
     body.rigid.forEach((tag, g) => { // largest work at speed 1; moments about the middle
-      const x = range(f).filter((i) => body.surface[i] === tag).flatMap((i) => body.ofFacet(i).map(body.point));
-      const middle = range(d).map((k) => x.reduce((sum, p) => sum + p[k], 0) / x.length);
+      const { middle, extent: reach } = middleOf(body, tag);
       const held = row(body.rigidHeld, d, g), force = row(loads.rigid_force, d, g);
       let own = norm(force.map((y, k) => (held[k] ? 0 : y)));
       if (!body.revolved && !held.some((y) => y)) {
-        const about = d === 2 ? [middle[0] * force[1] - middle[1] * force[0]] : cross(middle, force);
-        own += norm(row(loads.rigid_moment, turns, g).map((y, m) => y - about[m]))
-          / Math.max(...x.map((p) => norm(minus(p, middle))));
+        const about = minus(row(loads.rigid_moment, turns, g), cross(middle, force));
+        own += norm(about) / reach;
       }
       if (body.revolved) own /= 2 * Math.PI; // as the work
       forces += own;
