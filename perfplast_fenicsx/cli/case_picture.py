@@ -1,16 +1,20 @@
 """Draw the picture of a case: its bodies with the surfaces that carry loads and supports."""
 
+import logging
 import tempfile
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.cli.understood import Understood
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
-from perfplast_fenicsx.pictures import drawing_process
+from perfplast_fenicsx.pictures import drawing_process, result_figures
 from perfplast_fenicsx.problem.problem import Problem
 
 PICTURE = "case.png"
@@ -61,28 +65,34 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
         picture: A PNG file.
 
     Returns:
-        Whether the picture was drawn, the same on every rank. Without a graphics system, a warning
-        is logged and nothing is drawn.
+        Whether the picture was drawn, the same on every rank. Plane bodies are drawn by rank 0. 3D
+        bodies need a graphics system; without it a warning is logged and nothing is drawn.
     """
     section = _section(case, problem)
 
     def draw() -> None:
         assert meant is not None  # on rank 0
+        arrays: dict[str, Any] = arrays_of(
+            case.title, meant, section, problem.tagged_mesh.axisymmetric
+        )
+        if problem.bodies.gdim == 2:
+            logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no words about font caches
+            deque(result_figures.case(arrays, picture), maxlen=0)
+            return
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "case.npz"
-            save_arrays(file, case.title, meant, section, problem.tagged_mesh.axisymmetric)
-            drawing_process.draw_case(file, picture, plane=problem.bodies.gdim == 2)
+            np.savez(file, **arrays)
+            drawing_process.draw_case(file, picture)
 
     return drawing_process.drawn_on_rank0(problem.comm, draw)
 
 
-def save_arrays(
-    file: Path, title: str, meant: Understood, section: Section, revolved: bool
-) -> None:
-    """Write the data for the picture to an .npz file.
+def arrays_of(
+    title: str, meant: Understood, section: Section, revolved: bool
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the data for the picture.
 
     Args:
-        file: The file.
         title: Title of the case.
         meant: The description of the case.
         section: The plane bodies.
@@ -109,8 +119,7 @@ def save_arrays(
             forces += marked.force
             of_force += [number] * len(marked.force)
     gdim = facets.x.shape[2]
-    np.savez(
-        file,
+    return dict(
         title=np.array(title),
         x=facets.x,
         body=facets.body,

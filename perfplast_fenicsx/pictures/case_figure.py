@@ -1,9 +1,10 @@
 """Draw a case before the run: bodies with loads, supports, contacts and free surfaces.
 
-Only the drawing process imports this module (:mod:`drawing_process`). Pictures of plane bodies do
-not import VTK, whose import takes longer than such a picture.
+Pictures of plane bodies do not import VTK, so the run itself draws them; pictures of 3D bodies are
+left to the drawing process (:mod:`drawing_process`).
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,13 +49,11 @@ FILLED = ("#efe3c8", "#dfe8d2", "#e6d8cf", "#d9e2ea", "#f2ead9", "#dcd7e6")
 WATER = "#1874b8"
 """Colour of the water table."""
 
-Arrays = dict[str, npt.NDArray[Any]]
+Arrays = Mapping[str, npt.NDArray[Any]]
 
 
-def save_case(source: str | Path, output: Path) -> None:
-    """Draw a case from the arrays of :func:`perfplast_fenicsx.cli.case_picture.save_arrays`."""
-    with np.load(source) as file:
-        arrays = {name: file[name] for name in file.files}
+def save_case(arrays: Arrays, output: Path) -> None:
+    """Draw a case from its :func:`~perfplast_fenicsx.cli.case_picture.arrays_of`."""
     flat = arrays["x"].shape[2] == 2
     views = [REVOLVED if arrays["revolved"] else PLANE] if flat else [FRONT, BACK]
     colours = _colours(arrays)

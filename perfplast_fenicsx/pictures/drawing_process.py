@@ -112,18 +112,17 @@ def draw_parts(skin: str | Path, picture: str | Path) -> None:
     _run("parts", skin, picture, lambda line: None)
 
 
-def draw_case(arrays: str | Path, picture: str | Path, plane: bool) -> None:
-    """Draw a case before the run. Not collective.
+def draw_case(arrays: str | Path, picture: str | Path) -> None:
+    """Draw a case with 3D bodies before the run. Not collective.
 
     Args:
-        arrays: An .npz file of :func:`perfplast_fenicsx.cli.case_picture.save_arrays`.
+        arrays: An .npz file with the :func:`perfplast_fenicsx.cli.case_picture.arrays_of` a case.
         picture: A PNG file.
-        plane: Whether the bodies are plane; their picture needs no graphics system.
 
     Raises:
         InputError: If the picture cannot be drawn or written.
     """
-    _run("case", arrays, picture, lambda line: None, screen=not plane)
+    _run("case", arrays, picture, lambda line: None)
 
 
 def _run(
@@ -131,7 +130,6 @@ def _run(
     folder: str | Path,
     output: str | Path | None,
     say: Callable[[str], None],
-    screen: bool = True,
 ) -> None:
     """Run :mod:`perfplast_fenicsx.pictures.__main__` as a process, and pass on its output.
 
@@ -140,12 +138,11 @@ def _run(
         folder: The data to draw.
         output: The file or folder for the pictures; None for the default of the command.
         say: Function called with each line of the output.
-        screen: Whether the process needs an X server.
     """
     program = [sys.executable, "-P", "-m", "perfplast_fenicsx.pictures", command, str(folder)]
     program += [str(output)] if output else []
     with (
-        display(screen) as environment,
+        display() as environment,
         tempfile.TemporaryFile("w+", encoding="utf-8") as complaints,
     ):
         try:
@@ -178,8 +175,7 @@ def _run(
             timer.cancel()
         if child.returncode:
             waited = PATIENCE[command] if late.is_set() else None
-            shown = not screen or "DISPLAY" in environment
-            raise InputError(_cause(child.returncode, complaints, waited, shown))
+            raise InputError(_cause(child.returncode, complaints, waited, "DISPLAY" in environment))
 
 
 def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool) -> str:
@@ -199,16 +195,13 @@ def _cause(status: int, complaints: IO[str], waited: float | None, screen: bool)
 
 
 @contextmanager
-def display(screen: bool = True) -> Iterator[dict[str, str]]:
+def display() -> Iterator[dict[str, str]]:
     """Yield an environment for drawing, with its own X server if Xvfb is installed.
 
     The variables of MPI launchers are removed, so the child process is not a rank.
-
-    Args:
-        screen: Whether to start an X server.
     """
     environment = environment_with_package() | {"PYTHONIOENCODING": "utf-8:backslashreplace"}
-    program = shutil.which("Xvfb") if screen else None
+    program = shutil.which("Xvfb")
     if program is None:
         yield environment
         return

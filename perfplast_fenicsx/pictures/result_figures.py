@@ -11,6 +11,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.io.results.result_files import Drawing, figures
 from perfplast_fenicsx.outcome_words import MeshEstimate
@@ -233,11 +236,11 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
     yield str(path)
 
 
-def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
+def case(source: str | Path | Mapping[str, npt.NDArray[Any]], output: str | Path) -> Iterator[str]:
     """Draw a case before the run: loaded, held, touching and free surfaces.
 
     Args:
-        arrays: An .npz file of :func:`perfplast_fenicsx.cli.case_picture.save_arrays`.
+        source: The :func:`perfplast_fenicsx.cli.case_picture.arrays_of` a case, or their .npz file.
         output: A PNG file.
 
     Yields:
@@ -249,7 +252,10 @@ def case(arrays: str | Path, output: str | Path) -> Iterator[str]:
     with _drawing(Path(output)) as path:
         from perfplast_fenicsx.pictures.case_figure import save_case
 
-        save_case(arrays, path)
+        if isinstance(source, str | Path):
+            with np.load(source) as file:
+                source = {name: file[name] for name in file.files}
+        save_case(source, path)
     yield str(path)
 
 

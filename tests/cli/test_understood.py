@@ -1,6 +1,7 @@
 """Test the summary of a case before the solution: parts of sides, names, motions."""
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,7 @@ import ufl
 from dolfinx.mesh import create_mesh, locate_entities, meshtags
 
 from perfplast_fenicsx import TaggedMesh
-from perfplast_fenicsx.cli.case_picture import PICTURE, Section, draw_case, save_arrays
+from perfplast_fenicsx.cli.case_picture import PICTURE, Section, arrays_of, draw_case
 from perfplast_fenicsx.cli.understood import Understood, understood
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
@@ -24,7 +25,6 @@ from perfplast_fenicsx.io.case.case_reader import case_of
 from perfplast_fenicsx.io.case.schema import parse
 from perfplast_fenicsx.problem.judged.sides import Sides
 from perfplast_fenicsx.problem.problem import Problem
-from tests.pictures.skins import put_before
 
 Points = npt.NDArray[np.float64]
 Where = Callable[[Points], npt.NDArray[np.bool_]]
@@ -636,9 +636,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> Callable[[Told], tuple[Case, Proble
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_case_is_told(
-    name: str, read: Callable[[Told], tuple[Case, Problem]], shared_tmp_path: Path
-) -> None:
+def test_case_is_told(name: str, read: Callable[[Told], tuple[Case, Problem]]) -> None:
     told = CASES[name]
     case, problem = read(told)
     meant = understood(case, problem)
@@ -651,26 +649,25 @@ def test_case_is_told(
     for words in told.never:
         assert words not in text
     assert {name for name, mark in meant.marked.items() if mark.part} == set(told.parts)
-    _check_marks(meant, told, shared_tmp_path / "case.npz")
+    _check_marks(meant, told)
 
 
-def _check_marks(meant: Understood, told: Told, file: Path) -> None:
+def _check_marks(meant: Understood, told: Told) -> None:
     """The picture marks each named surface, and the rest of a side with a partial name."""
-    save_arrays(file, "a case", meant, Section(), False)
-    with np.load(file) as arrays:
-        shown = arrays["mark"]
-        facets = meant.sides.facets
-        outside = [name for name in meant.marked if meant.sides.area(name) > 0]
-        numbers = [list(meant.marked).index(name) for name in outside]
-        assert set(shown[shown >= 0].tolist()) == set(numbers)
-        for name, number in zip(outside, numbers, strict=True):
-            inner = [list(told.names)[tag - 1] for tag in told.within.get(name, ())]
-            seen = meant.sides.area(name) - sum(map(meant.sides.area, inner))
-            assert facets.area[shown == number].sum() == pytest.approx(seen)
-        assert bool(arrays["rest"].any() or _named(meant, told)) == bool(told.parts)
-        for name in told.parts:
-            label = str(arrays["labels"][list(meant.marked).index(name)])
-            assert "only a part" in label
+    arrays = arrays_of("a case", meant, Section(), False)
+    shown = arrays["mark"]
+    facets = meant.sides.facets
+    outside = [name for name in meant.marked if meant.sides.area(name) > 0]
+    numbers = [list(meant.marked).index(name) for name in outside]
+    assert set(shown[shown >= 0].tolist()) == set(numbers)
+    for name, number in zip(outside, numbers, strict=True):
+        inner = [list(told.names)[tag - 1] for tag in told.within.get(name, ())]
+        seen = meant.sides.area(name) - sum(map(meant.sides.area, inner))
+        assert facets.area[shown == number].sum() == pytest.approx(seen)
+    assert bool(arrays["rest"].any() or _named(meant, told)) == bool(told.parts)
+    for name in told.parts:
+        label = str(arrays["labels"][list(meant.marked).index(name)])
+        assert "only a part" in label
 
 
 def _named(meant: Understood, told: Told) -> bool:
@@ -691,7 +688,7 @@ def test_picture_is_drawn(
 ) -> None:
     case, problem = read(CASES[name])
     if problem.bodies.gdim == 2:  # such a picture needs neither VTK nor an X server
-        put_before("pyvista", "raise RuntimeError('imported')", tmp_path / "packages", monkeypatch)
+        monkeypatch.setitem(sys.modules, "pyvista", None)
         monkeypatch.setenv("PATH", str(tmp_path))
     picture = tmp_path / PICTURE
     assert draw_case(case, problem, understood(case, problem), picture)

@@ -23,7 +23,7 @@ from docs import commands, examples
 from perfplast_fenicsx.__main__ import main as command_line
 from perfplast_fenicsx.cli.case_picture import PICTURE
 from perfplast_fenicsx.cli.parser import SOLVED
-from perfplast_fenicsx.pictures import drawing_process
+from perfplast_fenicsx.pictures import drawing_process, result_figures
 from tests.parallel_plugin import EVERY_CASE
 
 FOLDER = Path(__file__).resolve().parents[2] / "demos"
@@ -169,9 +169,8 @@ def test_case(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drawn: list[Path] = []
-    monkeypatch.setattr(
-        drawing_process, "draw_case", lambda arrays, picture, plane: drawn.append(picture)
-    )
+    for module, function in ((drawing_process, "draw_case"), (result_figures, "case")):
+        monkeypatch.setattr(module, function, lambda arrays, picture: drawn.append(picture) or ())
     assert command_line(["check", str(case)]) == SOLVED
     out, err = capsys.readouterr()
     assert err == ""
