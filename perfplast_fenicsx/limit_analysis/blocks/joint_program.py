@@ -22,7 +22,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.sparse import coo_array, csr_array, hstack
 
 from perfplast_fenicsx.arrays import Floats, Longs
@@ -252,6 +251,8 @@ def inner_forces(program: JointProgram, best: JointForces) -> JointForces | None
         at = blocks[0].shape[1] + np.arange(len(of_discs))
         shape = (program.discs.count, total)
         budget = coo_array((np.ones(len(of_discs)), (of_discs, at)), shape=shape).tocsr()
+    from scipy.optimize import linprog  # slow to import, and few cases need it
+
     found = linprog(
         objective,
         A_ub=budget,
@@ -347,6 +348,8 @@ class _Solved:
             at = blocks[0].shape[1] + np.arange(len(of_discs))
             ones = np.ones(len(of_discs))
             budget = coo_array((ones, (of_discs, at)), shape=(every[1].count, total)).tocsr()
+        from scipy.optimize import linprog  # slow to import, and few cases need it
+
         found = linprog(
             objective,
             A_ub=budget,

@@ -14,7 +14,6 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import coordinate_map, entity_nodes
@@ -332,6 +331,8 @@ def _fitted(corners: Floats) -> tuple[Floats, Floats, float] | None:
     circle = np.linalg.lstsq(squares, (across**2).sum(axis=1), rcond=None)[0]
     radius = np.sqrt(max(circle[2] + circle[:2] @ circle[:2], 0.0))
     guess = np.array([0.0, 0.0, circle[0], circle[1], radius])
+    from scipy.optimize import least_squares  # slow to import, and few cases need it
+
     fit = least_squares(distances, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     if np.abs(distances(fit.x)).max() > NEAR * abs(fit.x[4]):
         return None
