@@ -65,7 +65,7 @@ from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.stage import called
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.rounding import TINY
+from perfplast_fenicsx.rounding import TINY, rounded_up
 from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
@@ -249,16 +249,18 @@ def shakedown_load(
         each, dead = elastic_stresses(problem, domain.names, points, strains)
         live = np.einsum("cn,npi->cpi", np.unique(domain.corners, axis=0), each)
         varying = Varying(domain, points, strains, live, dead)
+        if not varying.causes_stress():
+            raise InputError(
+                "no varying load causes stress in a body that can yield, so nothing limits the "
+                "loads; give a yield stress to a loaded body, or give a load that is not zero."
+            )
         found, start = _search(varying, rtol, monitor, Start.within(rtol))
         while start is not None:
             before = found
             found, start = _search(varying, rtol, monitor, start)
-            found = replace(
-                found,
-                steps=before.steps + found.steps,
-                factorisations=before.factorisations + found.factorisations,
-                linear_solves=before.linear_solves + found.linear_solves,
-            )
+            found = _with_costs_of(before, found)
+        if not found.converged:
+            found = _explained(found, varying, rtol, monitor)
     ones = len(domain.names) + 1
     return replace(
         found,
@@ -342,6 +344,13 @@ class Varying:
         on = Discretisation(problem.comm, strains, stiffness, live, dead, free, NONE)
         return strains, ConicProgram(on, reserve)
 
+    def causes_stress(self) -> bool:
+        """Return whether a varying load causes stress in a body that can yield. Collective."""
+        strains = CornerStrains(self.points.working, self.working, len(self.live))
+        loaded = self.ratio(strains, self.live) > 0
+        strains.destroy()
+        return loaded
+
     def ratio(self, strains: CornerStrains, stresses: Floats) -> float:
         """Return the largest yield ratio of stresses. Collective.
 
@@ -354,6 +363,34 @@ class Varying:
         return float(self.points.known.comm.allreduce(worst, MPI.MAX))
 
 
+def _explained(
+    found: ShakedownLoad,
+    varying: Varying,
+    rtol: float,
+    monitor: Callable[[InteriorStep], None] | None,
+) -> ShakedownLoad:
+    """Return a failed result, whose reason says if the constant loads are too large. Collective."""
+    alone = replace(varying, live=varying.dead[None], dead=np.zeros_like(varying.dead))
+    if not alone.causes_stress():
+        return found
+    multiple, _ = _search(alone, rtol, monitor, Start.within(rtol))
+    if multiple.converged and multiple.upper is not None and multiple.upper < 1:
+        most = rounded_up(multiple.upper, 4)
+        reason = f"on this mesh, the bodies carry at most {most} times the constant loads"
+        found = replace(found, reason=reason)
+    return _with_costs_of(multiple, found)
+
+
+def _with_costs_of(other: ShakedownLoad, found: ShakedownLoad) -> ShakedownLoad:
+    """Return a result whose counts include those of another search."""
+    return replace(
+        found,
+        steps=other.steps + found.steps,
+        factorisations=other.factorisations + found.factorisations,
+        linear_solves=other.linear_solves + found.linear_solves,
+    )
+
+
 def _search(
     varying: Varying,
     rtol: float,
@@ -364,11 +401,6 @@ def _search(
     with ExitStack() as made:
         strains, program = varying.program(start.reserve)
         made.callback(program.destroy)
-        if not varying.ratio(strains, varying.live) > 0:
-            raise InputError(
-                "no varying load causes stress in a body that can yield, so nothing limits the "
-                "loads; give a yield stress to a loaded body, or give a load that is not zero."
-            )
         steps: list[InteriorStep] = []
         iteration: InteriorIteration | None = None
         try:
