@@ -68,8 +68,7 @@ def elastic_weights(problem: Problem) -> Weights:
 class Anderson:
     """Extrapolate e ← g(e) from the last iterations, with residuals measured in ‖·‖_C.
 
-    D. G. Anderson, J. ACM 12 (1965); type II, undamped. If the residual exceeds 1.5 times the
-    smallest residual, the method takes the plain iterate and clears its memory.
+    D. G. Anderson, J. ACM 12 (1965); type II, undamped.
     """
 
     def __init__(self, comm: MPI.Intracomm, weights: Weights) -> None:
@@ -83,25 +82,16 @@ class Anderson:
         self._spherical, self._deviatoric = (values[:, None] for values in weights)
         self._images: list[Strains] = []
         self._residuals: list[Strains] = []
-        self._smallest = np.inf
 
     def restart(self) -> None:
         """Clear the stored images and residuals of earlier iterations."""
         self._images.clear()
         self._residuals.clear()
-        self._smallest = np.inf
 
     def extrapolate(self, current: fem.Function, image: fem.Function) -> None:
         """Replace the image g(e) of the current strain by an extrapolation. Collective."""
         before, after = self._values(current), self._values(image)
         residual = self._weigh(after - before)
-        size = self._comm.allreduce(float(np.vdot(residual, residual))) ** 0.5
-        # Factor by which a residual may exceed the smallest residual before the extrapolation
-        # counts as failed.
-        growth = 1.5
-        if size > growth * self._smallest:
-            self.restart()
-        self._smallest = min(self._smallest, size)
         self._images.append(after.copy())
         self._residuals.append(residual)
         most_kept = 8  # number of stored iterations
@@ -141,9 +131,8 @@ class AugmentedLagrangianOptions:
         penalty: r > 0, relative to the elastic moduli, or "adaptive". An adaptive penalty is
             doubled or halved to keep the primal and the dual residual comparable.
         relaxation: Over-relaxation θ in (0, 2); θ = 1 gives the method of the paper.
-        acceleration: "anderson" extrapolates e^k from the last iterations, and returns to the plain
-            iteration if the residual grows by half. "none" does not extrapolate; problems with
-            friction always use "none".
+        acceleration: "anderson" extrapolates e^k from the last iterations. "none" does not
+            extrapolate; problems with friction always use "none".
         tolerance: Tolerance, between 0 and 1, of both relative residuals: ‖ε(u) − e‖_C/‖ε(u)‖_C
             (primal) and r‖e^{k+1} − e^k‖_C/‖σ‖_E (dual).
         max_iterations: Largest number of iterations in a level, at least 1.

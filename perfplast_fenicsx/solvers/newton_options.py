@@ -37,8 +37,7 @@ class NewtonOptions:
     """Options of the Newton methods.
 
     Args:
-        regularisation: ρ in [0, 1], or "adaptive". An adaptive ρ increases after steps with β < 1/2
-            and decreases after longer steps.
+        regularisation: ρ in [0, 1], or "adaptive". An adaptive ρ decreases in each step.
         damping: Whether to use an exact line search on the energy; otherwise β = 1.
         stopping: The relative criterion of the paper that ends the iteration (Remark 1):
             "displacement" is ‖δu‖ / (‖u + δu‖ + ‖u‖), "stress" is ‖δσ‖_E / (‖σ + δσ‖_E + ‖σ‖_E),
@@ -103,11 +102,10 @@ class NewtonOptions:
 def regularisation(
     options: NewtonOptions, history: Sequence[Iteration], lifted: bool = False
 ) -> float:
-    """Return ρ of the next step: fixed, or larger after β < 1/2 and smaller after longer steps.
+    """Return ρ of the next step: fixed, or a tenth of the last ρ.
 
-    An adaptive ρ starts at its largest value and decreases to 1e-8 near the solution, where steps
-    are not damped, so convergence is almost quadratic. Values above 1e-3 only slow down convergence
-    near collapse.
+    An adaptive ρ starts at its largest value and decreases to 1e-8, so convergence near the
+    solution is almost quadratic. Values above 1e-3 only slow down convergence near collapse.
 
     Args:
         options: Options of the Newton method.
@@ -121,8 +119,6 @@ def regularisation(
     if not history:
         return 1.0 if lifted else largest_rho
     last = history[-1]
-    if last.beta < 0.5:
-        return min(10 * last.rho, largest_rho)
     return max(min(last.rho, largest_rho) / 10, smallest_rho)
 
 

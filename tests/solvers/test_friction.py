@@ -196,3 +196,21 @@ def test_friction_and_tie_on_one_surface_are_refused(comm: MPI.Intracomm) -> Non
     assert_refused(lambda: declare(**contact), words)
     roof = Plane("lower_top", (0.0, 1.0), (0.0, -1.0), tresca=1.0, name="roof")
     assert_refused(lambda: declare(obstacles=[roof]), ["friction", "tied", "remove"])
+
+
+@pytest.mark.mpi2
+def test_a_load_that_grows_beyond_the_last_friction_bounds() -> None:
+    """The bounds from the contact forces at ζ = 4 cannot hold the block at ζ = 30."""
+    problem = Problem(
+        blocks_apart(MPI.COMM_WORLD, [5, 5], [5, 5]),
+        {"lower": HARD, "upper": SOFT},
+        [Support("bottom")],
+        [Traction("top", (0.15, -1.0))],
+        [Contact("lower_top", "upper_bottom", coulomb=0.85)],
+    )
+    newton = Newton(problem)
+    first = newton.solve(4.0)
+    assert_solved(first)
+    then = newton.solve(30.0, first.state)
+    assert_solved(then)
+    assert then.report.friction_excess < 1e-9
