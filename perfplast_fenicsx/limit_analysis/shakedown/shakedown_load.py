@@ -65,7 +65,7 @@ from perfplast_fenicsx.problem.assembled.spaces import by_cell
 from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.stage import called
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.rounding import TINY, rounded_up
+from perfplast_fenicsx.rounding import TINY
 from perfplast_fenicsx.tables import COLOURS, NotebookResult, Row
 
 
@@ -375,8 +375,9 @@ def _explained(
         return found
     multiple, _ = _search(alone, rtol, monitor, Start.within(rtol))
     if multiple.converged and multiple.upper is not None and multiple.upper < 1:
-        most = rounded_up(multiple.upper, 4)
-        reason = f"on this mesh, the bodies carry at most {most} times the constant loads"
+        reason = (
+            f"on this mesh, the bodies carry about {multiple.upper:.5g} times the constant loads"
+        )
         found = replace(found, reason=reason)
     return _with_costs_of(multiple, found)
 
