@@ -2,7 +2,6 @@
 
 import logging
 import tempfile
-from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -77,7 +76,7 @@ def draw_case(case: Case, problem: Problem, meant: Understood | None, picture: P
         )
         if problem.bodies.gdim == 2:
             logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no words about font caches
-            deque(result_figures.case(arrays, picture), maxlen=0)
+            result_figures.draw_case(arrays, picture)
             return
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "case.npz"

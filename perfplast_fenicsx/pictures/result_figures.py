@@ -236,11 +236,27 @@ def parts(skin: str | Path, output: str | Path) -> Iterator[str]:
     yield str(path)
 
 
-def case(source: str | Path | Mapping[str, npt.NDArray[Any]], output: str | Path) -> Iterator[str]:
+def draw_case(arrays: Mapping[str, npt.NDArray[Any]], output: Path) -> None:
     """Draw a case before the run: loaded, held, touching and free surfaces.
 
     Args:
-        source: The :func:`perfplast_fenicsx.cli.case_picture.arrays_of` a case, or their .npz file.
+        arrays: The :func:`perfplast_fenicsx.cli.case_picture.arrays_of` a case.
+        output: A PNG file.
+
+    Raises:
+        InputError: If the picture cannot be drawn or written.
+    """
+    with _drawing(output) as path:
+        from perfplast_fenicsx.pictures.case_figure import save_case
+
+        save_case(arrays, path)
+
+
+def case(source: str | Path, output: str | Path) -> Iterator[str]:
+    """Draw a case (:func:`draw_case`) from a file.
+
+    Args:
+        source: An .npz file of the arrays.
         output: A PNG file.
 
     Yields:
@@ -249,14 +265,9 @@ def case(source: str | Path | Mapping[str, npt.NDArray[Any]], output: str | Path
     Raises:
         InputError: If the picture cannot be drawn or written.
     """
-    with _drawing(Path(output)) as path:
-        from perfplast_fenicsx.pictures.case_figure import save_case
-
-        if isinstance(source, str | Path):
-            with np.load(source) as file:
-                source = {name: file[name] for name in file.files}
-        save_case(source, path)
-    yield str(path)
+    with np.load(source) as file:
+        draw_case(dict(file), Path(output))
+    yield str(output)
 
 
 def _mechanism(reader: ResultReader, surface: Surface | None) -> tuple[Surface, float, str] | None:

@@ -169,8 +169,8 @@ def test_case(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drawn: list[Path] = []
-    for module, function in ((drawing_process, "draw_case"), (result_figures, "case")):
-        monkeypatch.setattr(module, function, lambda arrays, picture: drawn.append(picture) or ())
+    for module in (drawing_process, result_figures):
+        monkeypatch.setattr(module, "draw_case", lambda arrays, picture: drawn.append(picture))
     assert command_line(["check", str(case)]) == SOLVED
     out, err = capsys.readouterr()
     assert err == ""
