@@ -45,7 +45,7 @@ from perfplast_fenicsx.problem.declared.loads import (
     Traction,
     kind_of,
 )
-from perfplast_fenicsx.problem.declared.supports import RigidSurface, fitting
+from perfplast_fenicsx.problem.declared.supports import RigidSurface
 
 
 @dataclass(frozen=True)
@@ -372,8 +372,8 @@ def declared_loads(
                 f"the force on '{load.on}' has a moment, but held prevents this surface from "
                 "rotating; remove the moment or held."
             )
-        value = fitting(f"value of the force on '{load.on}'", load.value, V.mesh.geometry.dim)
-        if not np.delete(value, surface.axes(V.mesh.geometry.dim)).any():
+        gdim = V.mesh.geometry.dim
+        if not np.delete(load.vectors(gdim)[0], surface.axes(gdim)).any():
             raise InputError(
                 f"the force on '{load.on}' has only components in directions in which held = "
                 f"'{surface.held}' fixes the surface; give the force a component in another "
@@ -409,11 +409,8 @@ def work_vector(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, loads: Sequence[L
 def _add(V: fem.FunctionSpace, tagged_mesh: TaggedMesh, load: Force, work: PETSc.Vec) -> None:
     """Add the force on a rigid surface to ``work``, as forces on its leading nodes. Collective."""
     gdim, (first, last) = V.mesh.geometry.dim, V.dofmap.index_map.local_range
-    what = f"of the force on '{load.on}'"
-    value, point = fitting(f"value {what}", load.value, gdim), load.point
-    moment = fitting(f"moment {what}", load.moment, 2 * gdim - 3)
     leaders = find_leaders(V, tagged_mesh, load.on)
-    forces = leaders.forces(value, moment, fitting(f"point {what}", point, gdim))
+    forces = leaders.forces(*load.vectors(gdim))
     forces = forces / tagged_mesh.kinematics.carried(leaders.x)[:, None]
     at_nodes = work.array.reshape(-1, gdim)
     mine = (leaders.number >= first) & (leaders.number < last)

@@ -22,7 +22,7 @@ from perfplast_fenicsx.errors import InputError, raise_together
 from perfplast_fenicsx.mesh.kinematics import ON_AXIS
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.problem.declared.loads import Force, Load
-from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, fitting, turned
+from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, turned
 
 
 @dataclass(frozen=True)
@@ -297,12 +297,9 @@ def rigid_resultants(
     moments = np.zeros((len(surfaces), 2 * gdim - 3))
     for load in loads:
         if isinstance(load, Force) and load.on in numbers:
-            what = f"of the force on '{load.on}'"
-            force = fitting(f"value {what}", load.value, gdim)
-            point = fitting(f"point {what}", load.point, gdim)
+            force, moment, point = load.vectors(gdim)
             forces[numbers[load.on]] += force
-            moments[numbers[load.on]] += fitting(f"moment {what}", load.moment, 2 * gdim - 3)
-            moments[numbers[load.on]] += moments_of(point[None], force[None])[0]
+            moments[numbers[load.on]] += moment + moments_of(point[None], force[None])[0]
     return forces, moments
 
 

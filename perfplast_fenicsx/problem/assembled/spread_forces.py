@@ -10,8 +10,9 @@ from dolfinx import default_scalar_type, fem
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.assembled.rigid_rows import moments_of
 from perfplast_fenicsx.problem.declared.loads import Bearing, CosinePressure, Force, Load, Traction
-from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface, fitting
+from perfplast_fenicsx.problem.declared.supports import AXES, RigidSurface
 
 
 def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
@@ -31,7 +32,7 @@ def cosine_pressure(tagged_mesh: TaggedMesh, load: Bearing) -> CosinePressure:
             f"the bearing force on '{load.on}' acts on a body of revolution, where a pin would "
             "press all around the axis; give a pressure."
         )
-    force = fitting(f"value of the bearing force on '{load.on}'", load.value, gdim)
+    force = load.vector(gdim)
     force = np.asarray(force / tagged_mesh.kinematics.thickness, dtype=np.float64)
     if not force.any():
         raise InputError(f"the bearing force on '{load.on}' is zero; give a force.")
@@ -186,15 +187,12 @@ def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
             "a traction along the axis with total = true, or a pressure."
         )
     gdim = tagged_mesh.mesh.geometry.dim
-    what = f"of the force on '{load.on}'"
-    force = fitting(f"value {what}", load.value, gdim)
-    moment = fitting(f"moment {what}", load.moment, 2 * gdim - 3)
+    force, moment, point = load.vectors(gdim)
     area, centroid, second = _integrals(tagged_mesh, load.on)
     thickness = tagged_mesh.kinematics.thickness
     force, moment = (np.asarray(it / thickness, dtype=np.float64) for it in (force, moment))
     if np.size(load.point):
-        arm = fitting(f"point {what}", load.point, gdim) - centroid
-        moment = moment + np.atleast_1d(_cross(arm, force))
+        moment = moment + moments_of((point - centroid)[None], force[None])[0]
     density = force / area
     if not moment.any():
         return Traction(load.on, tuple(map(float, density)), load.name, load.constant)
@@ -205,13 +203,6 @@ def _linear(tagged_mesh: TaggedMesh, load: Force) -> Load:
     rows = np.array([[0, -spin[2], spin[1]], [spin[2], 0, -spin[0]], [-spin[1], spin[0], 0]])
     formulas = [_formula(density[i], rows[i, :gdim], centroid) for i in range(gdim)]
     return Traction(load.on, tuple(formulas), load.name, load.constant)
-
-
-def _cross(arm: Floats, force: Floats) -> Floats:
-    """Return the cross product of arm and force; in plane meshes it has one component."""
-    if len(arm) == 2:
-        return np.array([arm[0] * force[1] - arm[1] * force[0]])
-    return np.asarray(np.cross(arm, force), dtype=np.float64)
 
 
 def _formula(constant: float, slopes: Floats, centroid: Floats) -> str:

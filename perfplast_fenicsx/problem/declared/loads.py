@@ -412,6 +412,19 @@ class Force(Load):
     name: str = ""
     constant: bool = False
 
+    def vectors(self, gdim: int) -> tuple[Floats, Floats, Floats]:
+        """Return value, moment and point as arrays, shapes (gdim,), (1 or 3,) and (gdim,).
+
+        Numbers that are missing are zeros.
+
+        Raises:
+            InputError: If a vector does not fit a mesh of dimension ``gdim``.
+        """
+        what = f"of the force on '{self.on}'"
+        value = fitting(f"value {what}", self.value, gdim)
+        moment = fitting(f"moment {what}", self.moment, 2 * gdim - 3)
+        return value, moment, fitting(f"point {what}", self.point, gdim)
+
 
 @dataclass(frozen=True)
 class Bearing(Load):
@@ -435,6 +448,14 @@ class Bearing(Load):
     value: Sequence[float]
     name: str = ""
     constant: bool = False
+
+    def vector(self, gdim: int) -> Floats:
+        """Return the force as an array, shape (gdim,).
+
+        Raises:
+            InputError: If the force does not fit a mesh of dimension ``gdim``.
+        """
+        return fitting(f"value of the bearing force on '{self.on}'", self.value, gdim)
 
 
 @dataclass(frozen=True)
@@ -552,3 +573,20 @@ def _times(value: Any, factor: float) -> Any:
     if isinstance(value, Sequence):
         return [_times(one, factor) for one in value]
     return factor * value
+
+
+def fitting(what: str, value: float | Sequence[float], size: int) -> Floats:
+    """Return ``value`` as an array of ``size`` finite numbers; zeros if the value is missing.
+
+    Raises:
+        InputError: If the value does not fit; the message contains ``what``.
+    """
+    numbers: Floats = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if not numbers.size:
+        return np.zeros(size)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        raise InputError(
+            f"{what} is {numbers.tolist()}, which does not fit the mesh; give {size} finite"
+            f" number{'s' if size > 1 else ''}."
+        )
+    return numbers

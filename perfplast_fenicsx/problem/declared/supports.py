@@ -8,6 +8,7 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.formulas import evaluate
+from perfplast_fenicsx.problem.declared.loads import fitting
 
 AXES = "xyz"
 
@@ -171,23 +172,6 @@ def turned(turn: Floats, arms: Floats) -> Floats:
     if arms.shape[1] == 2:
         return turn[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
     return np.asarray(np.cross(turn, arms), dtype=np.float64)
-
-
-def fitting(what: str, value: Turn, size: int) -> Floats:
-    """Return ``value`` as an array of ``size`` finite numbers; zeros if the value is missing.
-
-    Raises:
-        InputError: If the value does not fit; the message contains ``what``.
-    """
-    numbers: Floats = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    if not numbers.size:
-        return np.zeros(size)
-    if numbers.shape != (size,) or not np.isfinite(numbers).all():
-        raise InputError(
-            f"{what} is {numbers.tolist()}, which does not fit the mesh; give {size} finite"
-            f" number{'s' if size > 1 else ''}."
-        )
-    return numbers
 
 
 def name_of(support: Support | RigidSurface) -> str:
