@@ -55,7 +55,8 @@ BELOW: dict[str, set[str]] = {
         *("limit_analysis.facets", "limit_analysis.statements"),
     },
     "limit_analysis.blocks": {
-        *("contact", "mesh", "problem", "limit_analysis.facets", "limit_analysis.statements"),
+        *("contact", "mesh", "problem", "limit_analysis.discrete", "limit_analysis.facets"),
+        "limit_analysis.statements",
     },
     "limit_analysis.shakedown": {
         *("materials", "mesh", "problem", "solvers.linear", "limit_analysis.conic"),

@@ -29,8 +29,8 @@ from perfplast_fenicsx.io.results.checkpoints import Checkpoints, Saved, check_c
 from perfplast_fenicsx.io.results.proof_file import read_proven
 from perfplast_fenicsx.io.results.result_files import INTERRUPTED, KNOWN
 from perfplast_fenicsx.io.results.result_folder import ResultFolder
+from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import are_blocks
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import AdaptiveBounds
-from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
 from perfplast_fenicsx.limit_analysis.body.safety_factor import FactorOfSafety
 from perfplast_fenicsx.limit_analysis.conic.conic_solver import (
     USUAL,

@@ -16,7 +16,7 @@ from dolfinx.mesh import (
 from perfplast_fenicsx import PorePressure, TaggedMesh
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import geometry_dofmap
-from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
+from perfplast_fenicsx.limit_analysis.body.finer_meshes import on_kinks
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.spatial_fields import Formula
 

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.contact.surfaces.node_matching import match_nodes
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import (
     REACH,
     Interface,
@@ -134,10 +136,17 @@ class RigidBlocks:
     facets: JointFacets | None
 
 
-def why_no_blocks(problem: Problem) -> str | None:
-    """Return the reason why bounds of rigid blocks do not support the bodies, or None.
+def are_blocks(problem: Problem) -> bool:
+    """Return whether no body can yield and there are contacts or obstacles. Collective."""
+    touch = problem.given.contacts or problem.given.obstacles
+    return bool(touch) and not any(it.yields for it in body_cones(problem).cones)
 
-    Collective.
+
+def check_blocks(problem: Problem) -> None:
+    """Refuse joints with which the limit load of rigid blocks cannot be bounded. Collective.
+
+    Raises:
+        InputError: If a joint is not supported; the message says why.
     """
     body = bound_body(problem)
     tdim = problem.bodies.gdim
@@ -148,21 +157,22 @@ def why_no_blocks(problem: Problem) -> str | None:
     topology.create_connectivity(tdim, tdim - 1)
     sides = topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     pieces, _ = components(problem.comm, topology.index_map(tdim - 1), sides)
+    curved = has_curved_cells(problem.tagged_mesh.mesh)
     faults = {
+        CURVED: curved,
+        str(body.prevents): body.prevents is not None,
         PLATES: bool(body.rigid.names),
         ROUND: any(it.obstacle is not None and it.into is None for it in body.interfaces),
         HELD: touched,
         HINGED: pieces != problem.bodies.count,
     }
-    if has_curved_cells(problem.tagged_mesh.mesh):
-        return CURVED
-    if body.prevents is not None:
-        return body.prevents
-    return next((words for words, so in faults.items() if problem.comm.allreduce(so)), None)
+    for why, so in faults.items():
+        if problem.comm.allreduce(so, MPI.LOR):
+            raise InputError(f"no body can yield, so only the joints limit the load, but {why}.")
 
 
 def rigid_blocks(problem: Problem) -> RigidBlocks:
-    """Return the blocks of a problem that :func:`why_no_blocks` does not refuse. Collective."""
+    """Return the blocks of a problem that :func:`check_blocks` does not refuse. Collective."""
     comm, body, d = problem.comm, bound_body(problem), problem.bodies.gdim
     mesh = problem.tagged_mesh.mesh
     topology = mesh.topology

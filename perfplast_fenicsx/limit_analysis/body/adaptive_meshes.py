@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import are_blocks
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
-from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks, block_bounds
+from perfplast_fenicsx.limit_analysis.body.block_bounds import block_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, LeastLoad
 from perfplast_fenicsx.limit_analysis.body.bound_problems import weaker_and_stronger
 from perfplast_fenicsx.limit_analysis.body.finer_meshes import finer_mesh, number_of_cells

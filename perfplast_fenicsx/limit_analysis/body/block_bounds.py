@@ -12,12 +12,11 @@ from perfplast_fenicsx.limit_analysis.blocks.block_limit import BlockLimit, bloc
 from perfplast_fenicsx.limit_analysis.blocks.joint_program import Outcome
 from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import (
     RigidBlocks,
+    check_blocks,
     rigid_blocks,
-    why_no_blocks,
 )
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, JointProof
 from perfplast_fenicsx.limit_analysis.conic.interior_steps import Verdict
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad, LimitMethod
 from perfplast_fenicsx.limit_analysis.statements.load_factor import Bound, Question, Scope, Standing
 from perfplast_fenicsx.problem.problem import Problem
@@ -42,28 +41,11 @@ WITHOUT_FRICTION = (
 )
 
 
-def are_blocks(problem: Problem) -> bool:
-    """Return whether no body can yield and there are contacts or obstacles. Collective."""
-    touch = problem.given.contacts or problem.given.obstacles
-    cones = body_cones(problem).cones
-    return bool(touch) and not any(it.yields for it in cones)
-
-
-def check_blocks(problem: Problem) -> None:
-    """Refuse joints with which the limit load of rigid blocks cannot be bounded. Collective.
-
-    Raises:
-        InputError: If a joint is not supported; the message says why.
-    """
-    if (why := why_no_blocks(problem)) is not None:
-        raise InputError(f"no body can yield, so only the joints limit the load, but {why}.")
-
-
 def block_bounds(problem: Problem, rtol: float) -> BodyBounds:
     """Return both bounds on the limit load of rigid blocks. Collective.
 
     Args:
-        problem: The bodies and their loads; :func:`are_blocks` must be true for them.
+        problem: The bodies and their loads; :func:`rigid_blocks.are_blocks` must be true for them.
         rtol: Largest relative distance of each bound from the best bound of its kind.
 
     Raises:

@@ -10,14 +10,13 @@ from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.limit_analysis.blocks.block_limit import FoundForces
-from perfplast_fenicsx.limit_analysis.body.bound_problems import VelocityOf
+from perfplast_fenicsx.limit_analysis.body.bound_problems import VelocityOf, pores_in_words
 from perfplast_fenicsx.limit_analysis.conic.conic_program import UNLIMITED
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import profiles_in_words
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import strengths_of
 from perfplast_fenicsx.limit_analysis.facets.bound_body import UNMATCHED
-from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import pores_in_words
 from perfplast_fenicsx.limit_analysis.facets.entering import CURVED, ENTERS
 from perfplast_fenicsx.limit_analysis.statements.load_factor import (
     NO_MECHANISM,

@@ -4,6 +4,16 @@ The bodies of these problems differ from the declared bodies if ground has ψ < 
 pressures have kinks inside cells. The limit loads of these problems then bound the limit loads of
 the declared bodies.
 
+Pore pressures are enclosed between functions that are linear in each cell. Suppose that a stress is
+in equilibrium, and that its effective stress σ + uδ satisfies the yield condition. Then the bodies
+also carry the loads with any smaller pressure, because compression never brings ground closer to
+yielding. In a mechanism, the pressure does the work ∫ u tr ε with tr ε ≥ 0, and a smaller pressure
+does at most this work. Therefore a lower bound uses linear pressures above the given pressures, and
+an upper bound uses linear pressures below them. Both bounds are strict.
+
+In axisymmetry, bodies with pore pressures must preserve their volume. The pressures then do no
+work, and :func:`without_pores` removes them.
+
 The module also makes the facets of contacts and ties of plane meshes match, and glues ties. If the
 two surfaces of a pair coincide, the bodies do not change. Two polygons that approximate one curve
 overlap and leave gaps. For such surfaces the bounds hold for a projected model, in which each body
@@ -11,32 +21,44 @@ ends at the polygon through the nodes of both surfaces.
 """
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from perfplast_fenicsx.arrays import Floats, Longs
+from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.contact.declared.contact import Contact, Tie
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
+from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.formulas import ROUNDING
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.limit_load import LimitLoad
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import has_coefficients
-from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import with_enclosed_pores
 from perfplast_fenicsx.limit_analysis.facets.ring_flux import by_flux, nodal_velocity
 from perfplast_fenicsx.limit_analysis.facets.stress_cells import with_points_at_vertices
+from perfplast_fenicsx.materials.coulomb_ground import MohrCoulomb, Tresca
+from perfplast_fenicsx.materials.drucker_prager import DruckerPrager
+from perfplast_fenicsx.materials.elastic import Elastic
 from perfplast_fenicsx.materials.nonassociated_flow import pair_of
+from perfplast_fenicsx.materials.von_mises import VonMises
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit, alfeld_split
 from perfplast_fenicsx.mesh.divided_surfaces import divided, farthest, surface_ends
 from perfplast_fenicsx.mesh.glued_bodies import glue
 from perfplast_fenicsx.mesh.ring_polynomials import coefficients_of_radius, polynomials
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
+from perfplast_fenicsx.problem.declared.loads import EnclosedPores, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem, variant
 
 log = logging.getLogger(__name__)
+
+PRESSED = (Elastic, VonMises, Tresca, DruckerPrager, MohrCoulomb)
+"""Laws for which an admissible stress stays admissible if a compressive pressure is added."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +185,98 @@ def weaker_and_stronger(problem: Problem) -> tuple[Problem, Problem]:
     if pair is not None:
         below, above = (variant(problem, materials=materials) for materials in pair)
     return with_enclosed_pores(below, "above"), with_enclosed_pores(above, "below")
+
+
+def with_enclosed_pores(problem: Problem, side: str) -> Problem:
+    """Return the problem with linear pore pressures above or below the given pressures. Collective.
+
+    The function returns the problem itself if all pressures are linear in each cell, if a load
+    grows, in axisymmetry, and on curved cells. With growing loads, one proof contains both bounds,
+    which therefore need the same loads. Pressures in bodies of laws other than :data:`PRESSED` do
+    not change.
+
+    Args:
+        problem: The bodies and their loads.
+        side: "above" or "below": the side of the given pressures on which the linear functions lie.
+    """
+    bent = _bent(problem)
+    if not bent:
+        return problem
+    loads = [enclosed_pores(load, side) if load in bent else load for load in problem.given.loads]
+    return variant(problem, loads=loads)
+
+
+def without_pores(problem: Problem, dilates: bool) -> Problem:
+    """Return the axisymmetric problem without pore pressures. Collective.
+
+    If bodies preserve their volume, a pore pressure does no work. Effective and total stresses then
+    differ by a mean stress, which does not affect yielding.
+
+    Args:
+        problem: The bodies.
+        dilates: Whether any body dilates.
+
+    Raises:
+        InputError: If a body dilates and there are pore pressures.
+    """
+    loads = [load for load in problem.given.loads if not isinstance(load, PorePressure)]
+    if len(loads) == len(problem.given.loads):
+        return problem
+    if dilates:
+        raise InputError(
+            "in axisymmetry strict bounds do not support pore pressure in ground that dilates; "
+            "remove the pressure, or give control = 'work' and until = 'limit', for the limit "
+            "load of the mesh."
+        )
+    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
+
+
+def pores_in_words(problem: Problem) -> tuple[str, ...]:
+    """Return clauses on how bounds approximate nonlinear pressures. Collective."""
+    return tuple(
+        f"the pore pressure in '{load.on}', which is not linear in each cell, is bounded from "
+        "above for the lower bound and from below for the upper bound, so both bounds are strict"
+        for load in _bent(problem)
+    )
+
+
+def _bent(problem: Problem) -> list[Load]:
+    """Return the pore pressures that are not linear in each cell and can be enclosed.
+
+    Collective.
+    """
+    given, tagged_mesh = problem.given, problem.tagged_mesh
+    pores = [it for it in given.loads if type(it) is PorePressure and isinstance(it.value, str)]
+    if not pores or not all(load.constant for load in given.loads):
+        return []
+    if tagged_mesh.axisymmetric or has_curved_cells(tagged_mesh.mesh):
+        return []
+    found: list[Load] = []
+    for load in pores:
+        _, _, places = cells_with_corners(tagged_mesh, load.on)
+        low, high = (enclosed_pores(load, side).at_corners(places) for side in ("below", "above"))
+        known = isinstance(given.materials[load.on], PRESSED) and low is not None
+        apart = np.zeros(2)
+        if low is not None and high is not None:
+            apart[:] = (high - low).max(initial=0.0), np.abs(high).max(initial=0.0)
+        problem.comm.Allreduce(MPI.IN_PLACE, apart, MPI.MAX)
+        if problem.comm.allreduce(known, MPI.LAND) and apart[0] > ROUNDING * apart[1]:
+            found.append(load)
+    return found
+
+
+def cells_with_corners(tagged_mesh: TaggedMesh, name: str) -> tuple[Ints, Ints, Floats]:
+    """Return a volume's owned cells, the local vertices of these cells, and their coordinates."""
+    vertices, points = corners(tagged_mesh.mesh)
+    cells = tagged_mesh.cells(name)
+    cells = cells[cells < len(vertices)]
+    return cells, vertices[cells], points[vertices[cells]]
+
+
+def enclosed_pores(load: Load, side: str) -> EnclosedPores:
+    """Return linear pressures on one side of a pressure (:func:`with_enclosed_pores`)."""
+    told: dict[str, Any] = {it.name: getattr(load, it.name) for it in fields(PorePressure)}
+    return EnclosedPores(**told, side=side)
 
 
 def on_parts(stress: Floats, split: AlfeldSplit) -> Floats:

@@ -11,6 +11,9 @@ the solution does not change. Of two edges of equal length, the edge with the la
 longer in this metric.
 """
 
+from collections.abc import Callable, Sequence
+from functools import partial
+
 from mpi4py import MPI
 
 import numpy as np
@@ -19,9 +22,14 @@ from dolfinx import la
 
 from perfplast_fenicsx.arrays import Floats, Ints
 from perfplast_fenicsx.contact.surfaces.node_matching import opposite_vertices
+from perfplast_fenicsx.errors import on_all_ranks
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds
-from perfplast_fenicsx.limit_analysis.body.bound_problems import of_parents
+from perfplast_fenicsx.limit_analysis.body.bound_problems import (
+    cells_with_corners,
+    enclosed_pores,
+    of_parents,
+)
 from perfplast_fenicsx.limit_analysis.body.singular_points import (
     singular_edges,
     singular_points,
@@ -30,15 +38,15 @@ from perfplast_fenicsx.limit_analysis.body.singular_points import (
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import body_cones
 from perfplast_fenicsx.limit_analysis.discrete.discrete_limit import Verdict
 from perfplast_fenicsx.limit_analysis.discrete.strength_fields import varying_of
-from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import on_kinks
 from perfplast_fenicsx.mesh.alfeld_split import AlfeldSplit
 from perfplast_fenicsx.mesh.crossing_edges import bend_crossings
 from perfplast_fenicsx.mesh.refinement import fan, fan_around, refine, spread
-from perfplast_fenicsx.mesh.straight_geometry import corners
+from perfplast_fenicsx.mesh.straight_geometry import corners, gradients
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import fetch_rows
+from perfplast_fenicsx.problem.declared.loads import FieldPores, Load, PorePressure
 from perfplast_fenicsx.problem.problem import Problem
-from perfplast_fenicsx.spatial_fields import PointValues
+from perfplast_fenicsx.spatial_fields import PointValues, SpatialField
 
 
 def largest_shares(comm: MPI.Intracomm, shares: Floats, part: float) -> npt.NDArray[np.bool_]:
@@ -458,3 +466,53 @@ def number_of_cells(tagged_mesh: TaggedMesh) -> int:
     topology = tagged_mesh.mesh.topology
     count: int = topology.index_map(topology.dim).size_global
     return count
+
+
+def on_kinks(
+    tagged_mesh: TaggedMesh,
+    loads: Sequence[Load],
+    strengths: Sequence[tuple[str, SpatialField]] = (),
+) -> npt.NDArray[np.bool_]:
+    """Return a flag for each local vertex: whether a pressure's or strength's gradient jumps.
+
+    Collective.
+
+    Args:
+        tagged_mesh: Mesh of straight cells.
+        loads: Loads of any kind; the function uses only the pore pressures among them.
+        strengths: Names of volumes, each with a strength field.
+    """
+    mesh = tagged_mesh.mesh
+    index_map = mesh.topology.index_map(0)
+    count = index_map.size_local + index_map.num_ghosts
+    found = np.zeros(count, dtype=bool)
+    known: list[tuple[str, Callable[[Floats], Floats | None]]] = []
+    for load in loads:
+        if isinstance(load, PorePressure) and isinstance(load.value, str):
+            linear = load if isinstance(load, FieldPores) else enclosed_pores(load, "below")
+            known.append((load.on, linear.at_corners))
+    for name, field in strengths:
+        known.append((name, partial(_low, field)))
+    for name, at_corners in known:
+        cells, vertices, places = cells_with_corners(tagged_mesh, name)
+        values = on_all_ranks(mesh.comm, partial(at_corners, places))
+        if values is None:
+            continue
+        d = places.shape[2]
+        slopes = np.einsum("cv,cvi->ci", values, gradients(places)[0])
+        sums = la.vector(index_map, 1 + 2 * d, dtype=np.float64)
+        table = sums.array.reshape(count, 1 + 2 * d)
+        rows = np.hstack([np.ones((len(cells), 1)), slopes, slopes**2])
+        np.add.at(table, vertices.ravel(), np.repeat(rows, d + 1, axis=0))
+        sums.scatter_reverse(la.InsertMode.add)
+        sums.scatter_forward()
+        spread = table[:, :1] * table[:, 1 + d :] - table[:, 1 : 1 + d] ** 2
+        largest = tagged_mesh.mesh.comm.allreduce(np.abs(slopes).max(initial=0.0), MPI.MAX)
+        noticed = 1e-6  # share of the largest gradient, far above rounding in small cells
+        found |= (spread > (noticed * largest) ** 2 * table[:, :1] ** 2).any(axis=1)
+    return found
+
+
+def _low(field: SpatialField, corners: Floats) -> Floats:
+    """Return the vertex values of linear functions that are below a strength in each cell."""
+    return field.between(corners, "a strength")[0]

@@ -7,11 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from perfplast_fenicsx.limit_analysis.body.block_bounds import (
-    are_blocks,
-    block_bounds,
-    check_blocks,
-)
+from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import are_blocks, check_blocks
+from perfplast_fenicsx.limit_analysis.body.block_bounds import block_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import NOT_SOUGHT, BodyBounds, taken_as
 from perfplast_fenicsx.limit_analysis.body.bound_problems import (
     FlowProblem,
@@ -22,6 +19,7 @@ from perfplast_fenicsx.limit_analysis.body.bound_problems import (
     on_parts,
     split_of,
     weaker_and_stronger,
+    without_pores,
 )
 from perfplast_fenicsx.limit_analysis.body.halves import halves_at_once, pays
 from perfplast_fenicsx.limit_analysis.body.proof_arrays import proven
@@ -44,7 +42,6 @@ from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
     held_bodies,
     strong_bodies,
 )
-from perfplast_fenicsx.limit_analysis.facets.enclosed_pores import without_pores
 from perfplast_fenicsx.limit_analysis.facets.entering import with_strict_contact
 from perfplast_fenicsx.limit_analysis.statements.limit_checks import (
     check_bodies_have_limits,

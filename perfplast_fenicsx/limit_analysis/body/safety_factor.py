@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.limit_analysis.blocks.rigid_blocks import are_blocks
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
 from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import nearness
-from perfplast_fenicsx.limit_analysis.body.block_bounds import are_blocks
 from perfplast_fenicsx.limit_analysis.body.body_bounds import (
     NOT_SOUGHT,
     BodyBounds,
