@@ -299,7 +299,7 @@ class Recorder:
         if body is not None:
             body, adaptive = self._writer.judged(body, adaptive)
         known = body.limits if body else (NOT_SOUGHT, NOT_SOUGHT)
-        lower, upper = (bound.value if bound.strict else None for bound in known)
+        lower, upper = (bound.strict_value for bound in known)
         case = self._run.case
         design = designed(case.loading.design, case.combination, limit, body)
         if design is not None:
@@ -337,9 +337,9 @@ class Recorder:
         """
         davis = by_davis(self._run.case.materials)
         stands, falls = self._factors
-        if lower.strict and lower.value is not None and lower.value >= 1:
+        if lower.strict_value is not None and lower.strict_value >= 1:
             stands = max(stands or factor, factor)
-        if upper.strict and upper.value is not None and upper.value <= 1:
+        if upper.strict_value is not None and upper.strict_value <= 1:
             falls = min(falls or factor, factor)
         self._factors = (stands, falls)
         known = factor_so_far(stands, falls, davis)

@@ -12,6 +12,7 @@ import pytest
 
 from perfplast_fenicsx import (
     Adaptation,
+    AdaptiveBounds,
     AugmentedLagrangian,
     BorderedNewton,
     Contact,
@@ -232,6 +233,17 @@ def test_what_is_optional(monkeypatch: pytest.MonkeyPatch, module: str, method: 
         getattr(LoadingPath([]), method)()
     assert refused.value.code != UNLISTED
     assert LoadingPath([]).rows() == []
+
+
+@pytest.mark.usefixtures("plots")
+def test_titles_of_plots_mark_values_that_are_not_proven(comm: MPI.Intracomm) -> None:
+    found = of_meshes(comm)
+    assert isinstance(found, AdaptiveBounds)
+    assert "not strict" not in found.plot().get_title()
+    doubtful = dataclasses.replace(found.high.upper, doubts=("a test doubts it",))
+    high = dataclasses.replace(found.high, upper=doubtful)
+    for result in (high, dataclasses.replace(found, high=high)):
+        assert result.plot().get_title().endswith(f"… {doubtful.shown} (not strict)")
 
 
 def test_domains_of_three_loads_have_no_plot(comm: MPI.Intracomm) -> None:

@@ -352,11 +352,10 @@ def _table(body: BodyBounds, adaptive: AdaptiveBounds | None) -> dict[str, Any]:
     lower, upper = body.limits
     standing = None
     if body.question is Question.STANDS:
-        both = (body.lower, body.upper)
-        standing = [bound.value if bound.strict else None for bound in both]
+        standing = [body.lower.strict_value, body.upper.strict_value]
     return {
-        "lower": lower.value if lower.strict else None,
-        "upper": upper.value if upper.strict else None,
+        "lower": lower.strict_value,
+        "upper": upper.strict_value,
         "strict": body.strict,
         "standing": standing,
         "least": body.least and {**body.least.table(), "in_words": body.least_in_words},

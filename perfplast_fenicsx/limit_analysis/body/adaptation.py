@@ -64,7 +64,7 @@ class Adaptation:
             design: See :meth:`check_design`.
         """
         if design is not None and self.until == DECIDED:
-            low, high = (bound.value if bound.strict else None for bound in (lower, upper))
+            low, high = (lower.strict_value, upper.strict_value)
             found = DesignFactor.of(design, low, high, None)
             return (
                 "it is proven whether the bodies carry the design load" if found.decided else None

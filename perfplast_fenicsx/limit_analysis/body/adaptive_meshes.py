@@ -138,7 +138,7 @@ class AdaptiveBounds(NotebookResult):
             numbers = [np.nan if value is None else value for value in values]
             axes.plot(cells, numbers, "o-", color=COLOURS[side], label=f"{side} bound")
         axes.set(xscale="log", xlabel="cells", ylabel="load factor")
-        axes.set_title(f"{self.lower.shown} … {self.upper.shown}")
+        axes.set_title(f"{self.lower.marked} … {self.upper.marked}")
         axes.grid(alpha=0.3)
         axes.legend()
 
@@ -243,21 +243,17 @@ def _round(
         best: The best lower and the best upper bound over all meshes so far.
         seconds: Wall time so far (s).
     """
-    both = (found.lower, found.upper)
-    values = [None if bound.value is None else float(bound.value) for bound in both]
-    lower, upper = (
-        value if bound.strict else None for value, bound in zip(values, both, strict=True)
-    )
+    lower, upper = found.lower, found.upper
     return Round(
         number=number,
         cells=number_of_cells(problem.tagged_mesh),
-        lower=lower,
-        upper=upper,
+        lower=lower.strict_value,
+        upper=upper.strict_value,
         gap=best[0].apart(best[1]) if best[0].strict and best[1].strict else None,
         seconds=seconds,
         not_proven=(
-            None if found.lower.strict else values[0],
-            None if found.upper.strict else values[1],
+            None if lower.strict else lower.value,
+            None if upper.strict else upper.value,
         ),
     )
 
@@ -327,15 +323,15 @@ def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = No
         return False
     if any(map(_pushes, problem.given.loads)):
         return False
-    if body.upper.strict and body.upper.value is not None and body.upper.value < 0:
+    if body.upper.strict_value is not None and body.upper.strict_value < 0:
         return True
     turned = admitted(_turned(problem), roughly)
     if are_blocks(turned):
         value = block_bounds(turned, roughly).lower.value
         return value is None or value < 0
     below, _ = weaker_and_stronger(turned)
-    found = strict_lower_bound(below, roughly, steps).bound
-    return not found.strict or found.value is None or found.value < 0
+    value = strict_lower_bound(below, roughly, steps).bound.strict_value
+    return value is None or value < 0
 
 
 def check_turns(loads: Sequence[Load]) -> None:

@@ -56,12 +56,11 @@ def proven_words(lower: Bound, upper: Bound, question: Question, why_not: Sequen
     reasons = f" ({'; '.join(why_not)})" if why_not else ""
     body = "The body that the mesh fills"
     if question is Question.STANDS:
-        known = [bound.value if bound.strict else None for bound in (lower, upper)]
-        stands = Standing(*known)
+        stands = Standing(lower.strict_value, upper.strict_value)
         return f"{body} {stands.verdict}: {stands.in_words()}; this result is strict{reasons}."
     if UNLIMITED in lower.why_not and UNLIMITED in upper.why_not:
         return f"{sentence(UNLIMITED)}."
-    if upper.strict and upper.value is not None and upper.value < 0:
+    if upper.strict_value is not None and upper.strict_value < 0:
         body = f"The bodies do not carry the constant loads alone. {body}"
     if lower.strict and upper.strict:
         return f"{body} collapses between {lower.shown} and {upper.shown}; both bounds are strict."
@@ -141,14 +140,14 @@ class LeastLoad:
     @property
     def carried(self) -> float | None:
         """Return a load factor that the bodies provably carry; None if there is no such proof."""
-        bound = self.low.limits[0]
-        return -bound.value if bound.strict and bound.value is not None else None
+        value = self.low.limits[0].strict_value
+        return None if value is None else -value
 
     @property
     def none_below(self) -> float | None:
         """Return a proven lower bound on the least load factor; None if there is no such bound."""
-        bound = self.high.limits[1]
-        return -bound.value if bound.strict and bound.value is not None else None
+        value = self.high.limits[1].strict_value
+        return None if value is None else -value
 
     def table(self) -> dict[str, float | None]:
         """Return the bounds as a table for ``summary.json``."""
@@ -311,8 +310,7 @@ class BodyBounds(NotebookResult):
             Question.LIMIT: "load factor",
             Question.STANDS: "multiple of the constant loads",
         }[self.question]
-        shown = (f"{it.shown}{'' if it.strict else ' (not strict)'}" for it in self._both)
-        axes.set_title(f"Bounds of the {factor}: {' … '.join(shown)}")
+        axes.set_title(f"Bounds of the {factor}: {self.lower.marked} … {self.upper.marked}")
 
     @property
     def _both(self) -> tuple[Bound, Bound]:
@@ -340,8 +338,7 @@ class BodyBounds(NotebookResult):
         """Return sentences on the least load factor; empty if its bounds were not computed."""
         if self.least is None:
             return ""
-        lower = self.lower.value if self.lower.strict else None
-        return least_words(self.least.carried, self.least.none_below, lower)
+        return least_words(self.least.carried, self.least.none_below, self.lower.strict_value)
 
     @property
     def friction(self) -> str | None:
@@ -422,7 +419,7 @@ def designed(
         return None
     if body is None:
         return DesignFactor.of(zeta, None, None, limit.estimate, name)
-    lower, upper = (bound.value if bound.strict else None for bound in body.limits)
+    lower, upper = (bound.strict_value for bound in body.limits)
     least = body.least
     if least is not None:
         if least.none_below is not None and least.none_below > zeta:
@@ -510,7 +507,7 @@ def _steps(body: BodyBounds, effort: Effort) -> Iterator[str]:
             "matching surfaces have bounds: mesh their bodies as one and split "
             f"them{where}; a gap does not change the limit load"
         )
-    if CURVED in upper.why_not and lower.strict and lower.value:
+    if CURVED in upper.why_not and lower.strict_value:
         yield (
             "rely on the lower bound; there is no strict upper bound for contact on "
             "curved obstacles, or with friction on curved faces, however fine the mesh"

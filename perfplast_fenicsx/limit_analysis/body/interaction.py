@@ -266,8 +266,8 @@ def _proven(
 ) -> Proven:
     """Return the proven bounds along a ray. Collective."""
     carried = side = None
-    if low.lower.strict and low.question is Question.LIMIT and low.lower.value is not None:
-        carried = tuple(map(float, low.lower.value * ray))
+    if low.question is Question.LIMIT and low.lower.strict_value is not None:
+        carried = tuple(map(float, low.lower.strict_value * ray))
     if high.upper.strict and high.question is Question.LIMIT:
         side = tuple(map(float, _side(high, loads, ray)))
     return Proven(angles, carried, side)

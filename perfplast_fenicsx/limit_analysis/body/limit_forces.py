@@ -76,8 +76,8 @@ def limit_forces(
 
 def _of_bound(body: BodyBounds) -> LimitForces | None:
     """Return the forces of a strict lower bound, if nodal forces balance its stress. Collective."""
-    problem, value = body.problem, body.lower.value
-    if body.stress is None or not body.lower.strict or not value:
+    problem, value = body.problem, body.lower.strict_value
+    if body.stress is None or not value:
         return None
     if body.question is not Question.LIMIT:
         return None

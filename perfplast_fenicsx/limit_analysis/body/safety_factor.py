@@ -374,11 +374,11 @@ def times_in_words(
         estimate: Whether both bounds are for Davis' associated ground.
     """
     sides = []
-    if lower.strict and lower.value is not None:
+    if lower.strict_value is not None:
         least = "at least" if estimate else "for certain"
-        sides.append(f"{rounded_down(lower.value)} times {least}")
-    if upper.strict and upper.value is not None:
-        sides.append(f"{rounded_up(upper.value)} times at most")
+        sides.append(f"{rounded_down(lower.strict_value)} times {least}")
+    if upper.strict_value is not None:
+        sides.append(f"{rounded_up(upper.strict_value)} times at most")
     davis = ", by Davis' estimate," if estimate else ""
     divided = f"{cells} cells: with strengths divided by F = {factor:.6g}"
     if sides:
@@ -413,8 +413,7 @@ def estimate_in_words(factor: float, times: float | None, cells: int) -> str:
 
 def _strict(bounds: BodyBounds) -> tuple[float | None, float | None]:
     """Return the values of both bounds; None for a bound that does not hold for the body."""
-    lower, upper = (it.value if it.strict else None for it in (bounds.lower, bounds.upper))
-    return lower, upper
+    return bounds.lower.strict_value, bounds.upper.strict_value
 
 
 def _root_of_finest(curves: Sequence[FactorRoots], kind: str, other: str) -> None:
@@ -503,11 +502,11 @@ def _check_that_f_matters(
     """
     given = problem.given
     kept = kept_strengths(given.materials, [*given.contacts, *given.obstacles])
-    most = upper_bound(weakened(problem, 1 / FAR), rtol, steps).upper
-    if most.strict and most.value is not None and most.value < 1:
+    most = upper_bound(weakened(problem, 1 / FAR), rtol, steps).upper.strict_value
+    if most is not None and most < 1:
         raise _falls_anyway(kept)
-    least = limit_bounds(weakened(problem, FAR), rtol, steps).lower
-    if least.strict and least.value is not None and least.value >= 1:
+    least = limit_bounds(weakened(problem, FAR), rtol, steps).lower.strict_value
+    if least is not None and least >= 1:
         raise _stands_anyway(kept)
 
 

@@ -367,6 +367,11 @@ class Bound:
         return self.can_be_strict and not self.doubts
 
     @property
+    def strict_value(self) -> float | None:
+        """Return the value if the bound is strict; None otherwise."""
+        return self.value if self.strict else None
+
+    @property
     def can_be_strict(self) -> bool:
         """Return whether the bound may hold for the body, so that the checker has to judge it."""
         return self.value is not None and self.of is Scope.BODY
@@ -402,6 +407,11 @@ class Bound:
         if self.value is None:
             return "none"
         return rounded_down(self.value) if self.kind == "lower" else rounded_up(self.value)
+
+    @property
+    def marked(self) -> str:
+        """Return :attr:`shown`, with a remark if the bound is not strict."""
+        return f"{self.shown}{'' if self.strict else ' (not strict)'}"
 
     def apart(self, upper: "Bound") -> float | None:
         """Return the difference from an upper bound, divided by the smaller of both magnitudes.
