@@ -43,31 +43,39 @@ def tractions_on(
     return tractions
 
 
-def outer_tractions(
-    body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid], strengths: Floats
-) -> Outer:
-    """Return the residuals on outer facets, and the reason if contact cannot be checked.
+@dataclass(frozen=True)
+class _Met:
+    """The bodies, obstacles and guides that outer facets touch.
+
+    Attributes:
+        into: Direction of contact pressure of each facet, σn = λt − p into; 0 without contact.
+        touches: Whether each facet touches a body, an obstacle or a guide.
+        adhesion: Adhesion of each facet.
+        friction: Coefficient of friction of each facet.
+        radii: Strength of the weaker of the cells on both sides of each facet.
+        pairs: Facets of each contact with their opposite facets.
+        reason: Reason why the contact conditions cannot be checked, or None.
+    """
+
+    into: Floats
+    touches: Flags
+    adhesion: Floats
+    friction: Floats
+    radii: Floats
+    pairs: list[Touching]
+    reason: str | None
+
+
+def _met(body: Body, radii: Floats) -> _Met:
+    """Return the contact conditions of outer facets.
 
     Args:
         body: The bodies.
-        stress: Total stress whose equilibrium with the loads is measured.
-        loads: All loads together.
-        rigid: Rigid surfaces.
-        strengths: Strengths of the cells (:func:`least_radii`).
+        radii: Strength of each facet's cell, which the function overwrites.
     """
-    d = body.dim
-    cells, places = body.outer // (d + 1), body.places
-    rho = np.ones(places.shape)
-    if body.is_revolved:
-        places = np.column_stack([places, PAIRS[places[:, 0], places[:, 1]]])
-        rho = coefficients_of_radius(body.vertices[body.facets][..., 0])
-    traction = tractions_on(body, stress, body.outer, places, body.normals)
-    rest = traction - applied(body, loads)
-    free = ~body.held
     into = np.zeros_like(body.normals)  # direction of contact pressure: σn = λt − p into
     times = np.zeros(len(into), dtype=int)
     adhesion, friction = np.zeros(len(into)), np.zeros(len(into))
-    radii = strengths[cells]
     pairs: list[Touching] = [touching(body, one, other) for one, other in body.contacts]
     reason = None
     for pair, c, mu in zip(pairs, body.contact_adhesion, body.contact_friction, strict=True):
@@ -92,9 +100,35 @@ def outer_tractions(
     times[guided] += 1
     if (times > 1).any():
         reason = "a facet touches two others"
-    radii = finite(radii, least_of(strengths))[:, None]
+    return _Met(into, times > 0, adhesion, friction, radii, pairs, reason)
+
+
+def outer_tractions(
+    body: Body, stress: Floats, loads: Loads, rigid: Sequence[Rigid], strengths: Floats
+) -> Outer:
+    """Return the residuals on outer facets, and the reason if contact cannot be checked.
+
+    Args:
+        body: The bodies.
+        stress: Total stress whose equilibrium with the loads is measured.
+        loads: All loads together.
+        rigid: Rigid surfaces.
+        strengths: Strengths of the cells (:func:`least_radii`).
+    """
+    d = body.dim
+    cells, places = body.outer // (d + 1), body.places
+    rho = np.ones(places.shape)
+    if body.is_revolved:
+        places = np.column_stack([places, PAIRS[places[:, 0], places[:, 1]]])
+        rho = coefficients_of_radius(body.vertices[body.facets][..., 0])
+    traction = tractions_on(body, stress, body.outer, places, body.normals)
+    rest = traction - applied(body, loads)
+    free = ~body.held
+    met = _met(body, strengths[cells])
+    into, guided, reason = met.into, body.guided.any(axis=1), met.reason
+    radii = finite(met.radii, least_of(strengths))[:, None]
     glued = np.isin(body.surface, body.rigid)
-    if (times[glued] > 0).any() or body.held[glued].any():
+    if met.touches[glued].any() or body.held[glued].any():
         reason = "a rigid surface is in contact, or held by supports"
     off = [surface.resultant(body, rest) - surface.wanted(loads) for surface in rigid]
     rest = rest * ~glued[:, None, None]
@@ -111,15 +145,16 @@ def outer_tractions(
     pressure[guided] = 0.0  # forces of supports may also pull
     tension = np.maximum(-pressure, 0.0)
     unequal = np.zeros_like(pressure)
-    for pair in pairs:
+    for pair in met.pairs:
         both = told[pair.first] & told[pair.second]
         opposite = np.take_along_axis(pressure[pair.second], _order(body, pair), axis=1)
         unequal[pair.first] = np.abs(pressure[pair.first] - opposite) * both[:, None]
     left = {"outer_tractions": wrong, "tension": tension, "unequal_pressures": unequal}
     ratios = {}
+    adhesion, friction = met.adhesion, met.friction
     rubs = (adhesion > 0) | (friction > 0)
     if rubs.any():
-        apart = _unequal_shears(body, pairs, shears, rubs)
+        apart = _unequal_shears(body, met.pairs, shears, rubs)
         rubs &= told  # where the normal is not free, the shear is unknown
         ringed = np.where(rho > 0, rho, 1.0)[rubs]
         told_of = (wrong[rubs] / ringed, pressure[rubs] / ringed, adhesion[rubs], friction[rubs])
