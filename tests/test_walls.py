@@ -162,6 +162,17 @@ def test_no_circle_of_rooms() -> None:
         left -= set(free)
 
 
+@cache
+def depth(home: str) -> int:
+    """Return the number of rooms in the longest chain of imports from a room downwards."""
+    return 1 + max((depth(name) for name in below(home)), default=0)
+
+
+def test_chains_of_rooms_have_at_most_22_rooms() -> None:
+    deepest = max(BELOW, key=depth)
+    assert depth(deepest) <= 22, f"{deepest} is {depth(deepest)} deep"
+
+
 def test_every_folder_is_a_room() -> None:
     folders = {path.parent.relative_to(ROOT / PACKAGE).parts for _, path in modules()}
     assert {".".join(parts) for parts in folders if parts} == set(BELOW) | {"io"}
