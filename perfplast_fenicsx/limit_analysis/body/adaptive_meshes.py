@@ -272,6 +272,24 @@ def nearness(rtol: float, gap: float | None) -> float:
 Steps = Callable[[InteriorStep], None]
 
 
+def best_bounds(
+    problem: Problem, adaptation: Adaptation | None, rtol: float, steps: Steps | None
+) -> tuple[BodyBounds, BodyBounds]:
+    """Return the results with the best lower and with the best upper bound. Collective.
+
+    Args:
+        problem: The bodies and their loads.
+        adaptation: Adaptation of the mesh; None to use the mesh of the problem.
+        rtol: Largest relative distance of each bound from the best bound of its kind on its mesh.
+        steps: Called on every rank after each step of the interior point method.
+    """
+    if adaptation is None:
+        found = limit_bounds(problem, rtol, steps)
+        return found, found
+    adapted = adaptive_bounds(problem, adaptation, rtol, steps=steps)
+    return adapted.low, adapted.high
+
+
 def least_load(
     problem: Problem,
     rtol: float = 1e-4,
@@ -292,12 +310,7 @@ def least_load(
             :func:`limit_bounds.limit_bounds` refuses the problem.
     """
     check_turns(problem.given.loads)
-    turned = _turned(problem)
-    if adaptation is None:
-        found = limit_bounds(turned, rtol, steps)
-        return LeastLoad(found, found)
-    adapted = adaptive_bounds(turned, adaptation, rtol, steps=steps)
-    return LeastLoad(adapted.low, adapted.high)
+    return LeastLoad(*best_bounds(_turned(problem), adaptation, rtol, steps))
 
 
 def zero_is_outside(problem: Problem, body: BodyBounds, steps: Steps | None = None) -> bool:

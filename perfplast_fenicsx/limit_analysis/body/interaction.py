@@ -23,9 +23,8 @@ import numpy as np
 from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.body.adaptation import Adaptation
-from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import adaptive_bounds
+from perfplast_fenicsx.limit_analysis.body.adaptive_meshes import best_bounds
 from perfplast_fenicsx.limit_analysis.body.body_bounds import BodyBounds, sentences
-from perfplast_fenicsx.limit_analysis.body.limit_bounds import limit_bounds
 from perfplast_fenicsx.limit_analysis.body.proven_polytopes import (
     farthest_apart,
     inner_along,
@@ -243,7 +242,7 @@ def envelope(
             parts = zip(loads, ray, strict=True)
             mixed = [scaled(load, f) for some, f in parts for load in some if abs(f) > 1e-12]
             mixture = variant(problem, loads=[*stay, *mixed])
-            low, last = _bounds(mixture, adaptation, rtol, watched.steps)
+            low, last = best_bounds(mixture, adaptation, rtol, watched.steps)
             prove = partial(_proven, asked[-1], ray, loads)
             if watched.monitor is None:
                 proven = prove(low, last)
@@ -304,20 +303,6 @@ def _worst(
 ) -> tuple[float, Angles | None]:
     gap, worst = farthest_apart(*_arrays(carried, sides, len(signed)), signed, np.array(asked))
     return gap, None if worst is None else tuple(map(float, worst))
-
-
-def _bounds(
-    problem: Problem,
-    adaptation: Adaptation | None,
-    rtol: float,
-    steps: Callable[[InteriorStep], None] | None,
-) -> tuple[BodyBounds, BodyBounds]:
-    """Return the results with the best lower and the best upper bound. Collective."""
-    if adaptation is None:
-        found = limit_bounds(problem, rtol, steps)
-        return found, found
-    adapted = adaptive_bounds(problem, adaptation, rtol, steps=steps)
-    return adapted.low, adapted.high
 
 
 def _side(bounds: BodyBounds, loads: Sequence[Sequence[Load]], ray: Floats) -> Floats:
