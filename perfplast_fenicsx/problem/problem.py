@@ -69,7 +69,8 @@ class Problem:
 
     Attributes:
         tagged_mesh: The mesh with named bodies and surfaces.
-        given: The declared data.
+        given: The declared data, with total forces as tractions on this mesh.
+        stated_loads: The loads as declared, for results.
         degree: Degree of the displacements, 1 or 2.
         V: Continuous displacements, one vector per node.
         S: Mandel vectors at the quadrature points (:class:`spaces.Spaces`); ``Q`` has scalars at
@@ -150,8 +151,8 @@ class Problem:
         tagged_mesh.check_tagged()
         given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid)
         given.check(tagged_mesh)
-        loads = on_this_mesh(tagged_mesh, loads, rigid)
-        self.given = replace(given, loads=loads)
+        self.stated_loads = loads
+        self.given = replace(given, loads=on_this_mesh(tagged_mesh, loads, rigid))
         spaces = make_spaces(tagged_mesh.mesh, degree, self.kinematics)
         self.degree, self.dx = degree, spaces.dx
         self.V, self.S, self.Q = spaces.V, spaces.S, spaces.Q
@@ -230,7 +231,7 @@ class Problem:
         given = self.given
         declared = {
             "support": given.supports,
-            "load": given.loads,
+            "load": self.stated_loads,
             "contact": given.contacts,
             "obstacle": given.obstacles,
             "tie": given.ties,
@@ -257,6 +258,7 @@ class Problem:
                 "BodyForce or PorePressure."
             )
         found = Problem(tagged_mesh, **vars(self.given))
+        found.stated_loads = self.stated_loads
         return found if self.rigid_bodies is None else found.with_rigid_motions()
 
     @property
@@ -459,6 +461,7 @@ def _load(problem: Problem, loads: Sequence[Load]) -> None:
     """Replace the loads of a problem. Collective."""
     tagged_mesh, rigid = problem.tagged_mesh, problem.given.rigid
     found = on_this_mesh(tagged_mesh, loads, rigid)
+    problem.stated_loads = loads
     problem.given = replace(problem.given, loads=found)
     moved = problem.interferes or problem.motion.moves_supports
     stays = problem.initial_strain is not None or moved

@@ -235,11 +235,23 @@ class CaseWords:
         if load["kind"] == FieldPores.__name__:
             return f"pore pressure of {load['value']}"
         known = ForceBelow if load["kind"] == ForceBelow.__name__ else LOADS.get(load["kind"])
-        words, unit = (known.words, known.quantities["value"]) if known else (load["kind"], "")
-        acts = [f"{words} {self.number(load['value'], unit)}"] if load["value"] != [] else []
-        if load.get("moment", []) != []:
-            acts.append(f"moment {self.number(load['moment'], 'work')}")
-        return " and ".join(acts)
+        acts = []
+        for field, unit in (known.quantities if known else {"value": ""}).items():
+            words = field.replace("_", " ")
+            if field == "value":
+                words = known.words if known else load["kind"]
+                if load.get("total"):  # of a traction
+                    words, unit = "total force, spread evenly,", "force"
+            if said := load.get(f"{field}_in_words"):
+                acts.append(f"{words}, {said}")
+            elif load.get(field, []) != []:
+                acts.append(f"{words} {self.number(load[field], unit)}")
+        text = " and ".join(acts)
+        if load.get("point"):
+            text += f" at the point {self.number(load['point'], 'length')}"
+        if load.get("depth"):
+            text += f", where {load.get('depth_in_words', load['depth'] + ' > 0')}"
+        return text
 
     def _letters(self, components: str) -> str:
         """Return components as letters of the model's axes."""

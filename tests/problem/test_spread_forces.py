@@ -19,6 +19,7 @@ from perfplast_fenicsx import (
     RigidSurface,
     Support,
     TaggedMesh,
+    Traction,
     VonMises,
     stacked_blocks,
 )
@@ -28,6 +29,7 @@ from perfplast_fenicsx.limit_analysis.body.proof_arrays import proofs
 from perfplast_fenicsx.problem.assembled.declared_loads import linear_tractions
 from perfplast_fenicsx.problem.declared.loads import CosinePressure, Load
 from perfplast_fenicsx.problem.judged.resultants import load_resultants
+from perfplast_fenicsx.problem.problem import variant
 from perfplast_fenicsx.proof import check
 from tests.limit_analysis.test_static_bound import rectangle
 
@@ -86,6 +88,23 @@ def test_a_force_and_a_moment_in_the_plane() -> None:
     (found,) = load_resultants(bar(SOFT, Force("right", (3.0, -1.0), 2.0, (4.0, 7.0))))
     assert found.force == pytest.approx([3.0, -1.0], rel=1e-12)
     assert found.moment == pytest.approx([2.0 + 4.0 * -1.0 - 7.0 * 3.0], rel=1e-12)
+
+
+def test_results_tell_the_loads_as_declared() -> None:
+    """Reports show total forces, although the problem applies tractions."""
+    loads = (
+        Force("right", (3.0, -1.0), point=(3.0, 0.0)),
+        Traction("left", (1.0, 2.0), total=True),
+    )
+    problem = bar(SOFT, *loads)
+    assert problem.stated_loads == loads
+    assert not any(one in problem.given.loads for one in loads)
+    assert problem.on(problem.tagged_mesh).stated_loads == loads
+    assert "Force(" in problem._repr_html_()
+    other = (Bearing("bore", (0.0, 1.0)),)
+    changed = variant(problem, loads=other)
+    assert changed.stated_loads == other
+    assert changed.on(problem.tagged_mesh).stated_loads == other
 
 
 def test_a_pulled_bar_is_bounded() -> None:

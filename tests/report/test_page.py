@@ -5,15 +5,29 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from perfplast_fenicsx.formulas import WordedFormula
+from perfplast_fenicsx.io.results.result_folder import given_table
 from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.outcome_words import force_rows
 from perfplast_fenicsx.pictures.result_reader import StoredLimit
+from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.declared.loads import (
+    Bearing,
+    BodyForce,
+    FieldPores,
+    Force,
+    ForceBelow,
+    PorePressure,
+    Pressure,
+    Traction,
+)
 from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
@@ -89,7 +103,7 @@ def test_the_case_in_words() -> None:
     ]
     wet = {"kind": "ForceBelow", "on": "c", "value": [0, -1.5], "constant": True, "depth": "-y"}
     assert CaseWords({"loads": [wet]}, Units("m", "kPa").table(False), "xy").loads() == [
-        ("c", "force per volume below a line (0, -1.5) kN/m^3, in full at any ζ")
+        ("c", "force per volume below a line (0, -1.5) kN/m^3, where -y > 0, in full at any ζ")
     ]
     assert CaseWords(GIVEN, {}, "xy").number(2.0, "force") == "2"
     staged = CaseWords(GIVEN, {}, "rz", staged=True)
@@ -99,6 +113,33 @@ def test_the_case_in_words() -> None:
     stones = CaseWords({"materials": {"a": {"kind": "rigid"}, "b": {"kind": "rigid"}}}, {}, "xy")
     assert stones.bodies() == [("a", "rigid"), ("b", "rigid")]
     assert "Taken as rigid: a, b." in stones.assumptions("plane-strain", (), True)
+
+
+def test_loads_are_told_as_declared() -> None:
+    """No point of application, total or line below which a load acts is left out."""
+    depth = WordedFormula("8 - y", "the ground is below the water table")
+    under_water = WordedFormula("10*maximum(8 - y, 0)", "10 kN/m^3 times the depth")
+    told = {
+        "force (0, -5) kN/m and moment 2 kN m/m at the point (1, 3) m": Force(
+            "top", (0.0, -5.0), 2.0, (1.0, 3.0)
+        ),
+        "total force, spread evenly, (0, -5) kN/m": Traction("top", (0.0, -5.0), total=True),
+        "traction (0, -5*x) kPa": Traction("top", (0.0, "-5*x")),
+        "bearing force (0, -5) kN/m": Bearing("top", (0.0, -5.0)),
+        "pressure 10*maximum(8 - y, 0) kPa": Pressure("top", str(under_water)),
+        "pressure, 10 kN/m^3 times the depth": Pressure("top", under_water),
+        "water pressure in the pores, 10 kN/m^3 times the depth": PorePressure("a", under_water),
+        "pore pressure of steady seepage": FieldPores("a", "steady seepage"),
+        "force per volume (0, -20) kN/m^3": BodyForce("a", (0.0, -20.0)),
+        "force per volume below a line (0, -2) kN/m^3, where the ground is below the water table": (
+            ForceBelow("a", (0.0, -2.0), depth=depth)
+        ),
+    }
+    loads = [replace(load, name="p", constant=False) for load in told.values()]
+    given = given_table(Given({}, [], loads, [], [], 2, [], [], []))
+    assert given["loads"][5]["value"] == str(under_water)
+    words = CaseWords(given, Units("m", "kPa").table(whole=False), "xy")
+    assert [text for _, text in words.loads()] == [f"p: {text}, times ζ" for text in told]
 
 
 def test_the_load_factor_in_words() -> None:

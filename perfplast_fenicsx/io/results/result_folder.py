@@ -23,6 +23,7 @@ import numpy as np
 from perfplast_fenicsx.atomic_files import replace
 from perfplast_fenicsx.contact.declared.obstacles import OBSTACLES
 from perfplast_fenicsx.errors import on_all_ranks, raise_together
+from perfplast_fenicsx.formulas import WordedFormula
 from perfplast_fenicsx.io.results.result_files import (
     BEFORE,
     DIRECTIONS,
@@ -76,7 +77,9 @@ def given_table(given: Given) -> dict[str, Any]:
     Returns:
         A table whose keys are the fields of
         :class:`~perfplast_fenicsx.problem.declared.given.Given`. A dataclass becomes a table of its
-        fields, with an additional key ``kind``: its name in case files, or the name of its class.
+        fields, with an additional key ``kind``: its name in case files, or the name of its class. A
+        field with a formula that the program has written has a second key, such as
+        ``value_in_words``.
     """
     return {field.name: _told(getattr(given, field.name)) for field in dataclasses.fields(given)}
 
@@ -87,6 +90,9 @@ def _told(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = [field.name for field in dataclasses.fields(value)]
         fields = {name: _told(getattr(value, name)) for name in names}
+        for name in names:
+            if isinstance(formula := getattr(value, name), WordedFormula):
+                fields[f"{name}_in_words"] = formula.words
         known = (name for kinds in KINDS for name, kind in kinds.items() if kind is type(value))
         return {"kind": next(known, type(value).__name__)} | fields
     if isinstance(value, Mapping):
@@ -288,7 +294,7 @@ class Results:
                 "dofs": problem.num_dofs,
             },
             model={"kind": kinematics.name, "axes": kinematics.axes, "forces": kinematics.forces},
-            given=given_table(problem.given),
+            given=given_table(dataclasses.replace(problem.given, loads=problem.stated_loads)),
             element_size=element_size(problem.tagged_mesh),
         )
         self.reports: list[LevelReport] = []
