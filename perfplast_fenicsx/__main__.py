@@ -1,7 +1,7 @@
 """Run the command line: ``perfplast run CASE.toml -o DIR``, and the other commands.
 
 Commands import MPI, PETSc and DOLFINx when they begin. Help, the version and shell completion do
-not import them.
+not import them. A case file that is not TOML is refused before PETSc and DOLFINx are imported.
 """
 
 import io
@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from perfplast_fenicsx.cli.json_answer import (
@@ -22,7 +23,7 @@ from perfplast_fenicsx.cli.json_answer import (
 from perfplast_fenicsx.cli.launch import launched_first, prepare
 from perfplast_fenicsx.cli.parser import BAD_INPUT, FAULT, read_arguments
 from perfplast_fenicsx.environment import forms_fault
-from perfplast_fenicsx.errors import InputError
+from perfplast_fenicsx.errors import InputError, on_rank0
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -75,9 +76,12 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
                 print(f"perfplast: {fault}", file=sys.stderr, flush=True)
             return BAD_INPUT
 
-        from perfplast_fenicsx.cli.commands import execute
-
         with libraries_on_stderr() if answer else nullcontext():
+            if getattr(chosen, "case", None) is not None:
+                _check_readable(chosen.case)
+
+            from perfplast_fenicsx.cli.commands import execute
+
             status = execute(_world(), chosen, kept)
     except InputError as error:
         kept.refuse(error)
@@ -101,6 +105,21 @@ def _run(arguments: Sequence[str], answer: Answer | None) -> int:
         return _at_once(traceback.format_exc().rstrip(), FAULT)
     _world().barrier()  # a launcher may end all ranks as soon as one ends
     return status
+
+
+def _check_readable(path: str) -> None:
+    """Refuse a case file that cannot be read or is not TOML, before the slow imports. Collective.
+
+    Args:
+        path: The case file.
+
+    Raises:
+        InputError: If the file is refused, on every rank.
+    """
+    from perfplast_fenicsx.io.case.schema import parse, read_text
+
+    file = Path(path)
+    on_rank0(_world(), lambda: parse(read_text(file), file.name))
 
 
 def _world() -> "MPI.Intracomm":

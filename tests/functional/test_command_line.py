@@ -37,6 +37,8 @@ CASE = punch_case(
     title="A punch on a block",
 )
 
+DEMO = Path(__file__).parents[2] / "demos" / "two_blocks.toml"
+
 
 @pytest.fixture
 def case(shared_tmp_path: Path, comm: MPI.Intracomm) -> Path:
@@ -358,7 +360,7 @@ def test_bad_input_leaves_older_results(
         (["ran"], "ran"),
         (["run", "case.toml"], "-o/--output"),
         (["check", "no-such-case.toml"], "'no-such-case.toml' cannot be read"),
-        (["check", "case.toml", "--", "ksp_type", "cg"], "'ksp_type'"),
+        (["check", str(DEMO), "--", "ksp_type", "cg"], "'ksp_type'"),
         (["run", "case.toml", "-o", "r", "--log-level", "loud"], "'loud' (choose from"),
         (["run", "case.toml", "-o", "r", "--frce"], "did you mean '--force'?"),
         (["plot", "a", "b"], "perfplast plot has no argument 'b';"),
@@ -463,6 +465,34 @@ def test_help_is_there_at_once(option: str, comm: MPI.Intracomm) -> None:
     assert done.returncode == 0
     assert done.stdout.startswith(("perfplast ", "usage: perfplast "))
     assert done.stdout.endswith("set()\n")
+
+
+@pytest.mark.mpi2
+@pytest.mark.parametrize("command", [["check"], ["info"], ["run", "-o", "r"]])
+def test_what_is_not_toml_is_refused_before_commands_begin(
+    command: list[str],
+    comm: MPI.Intracomm,
+    capsys: pytest.CaptureFixture[str],
+    shared_tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(commands, "execute", None)
+    case = write(comm, shared_tmp_path, "[mesh")
+    assert main([*command, str(case)]) == BAD_INPUT
+    assert "case.toml is not valid TOML" in one_line(comm, capsys)
+    assert main([*command, str(shared_tmp_path / "no.toml")]) == BAD_INPUT
+    assert "no.toml' cannot be read" in one_line(comm, capsys)
+
+
+def test_what_is_not_toml_is_refused_without_slow_imports(comm: MPI.Intracomm) -> None:
+    if comm.size > 1:
+        pytest.skip("a program that uses MPI cannot start another")
+    program = (
+        "import sys; from perfplast_fenicsx.__main__ import main; main(['check', 'no.toml']);"
+        "print({'petsc4py.PETSc', 'dolfinx', 'ufl', 'scipy'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "set()\n")
 
 
 def test_it_starts_without_what_few_commands_need(comm: MPI.Intracomm) -> None:
