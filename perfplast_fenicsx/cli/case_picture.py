@@ -14,6 +14,7 @@ from perfplast_fenicsx.cli.understood import Understood
 from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.pictures import drawing_process, result_figures
+from perfplast_fenicsx.problem.judged.sides import OuterFacets
 from perfplast_fenicsx.problem.problem import Problem
 
 PICTURE = "case.png"
@@ -120,7 +121,7 @@ def arrays_of(
     gdim = facets.x.shape[2]
     return dict(
         title=np.array(title),
-        x=facets.x,
+        x=_turned_outward(facets),
         body=facets.body,
         mark=mark,
         rest=rest & (mark < 0),
@@ -135,3 +136,16 @@ def arrays_of(
         water=section.water,
         revolved=np.array(revolved),
     )
+
+
+def _turned_outward(facets: OuterFacets) -> Floats:
+    """Return the vertices of facets, ordered such that normals of triangles point outwards.
+
+    The picture draws an edge as sharp if the normals on its two sides differ.
+    """
+    x = facets.x
+    if x.shape[2] == 2:
+        return x
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    inward = np.einsum("ni,ni->n", normal, facets.normal) < 0
+    return np.where(inward[:, None, None], x[:, ::-1], x)

@@ -25,6 +25,7 @@ from perfplast_fenicsx.pictures.picture_file import (
     REVOLVED,
     View,
     draw_axes,
+    edges_of_cells,
     heading,
     in_legend,
     replace_picture,
@@ -185,7 +186,8 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
         own = arrays["body"] == body
         for colour in np.unique(shown[own]):
             mesh = _mesh(x[own & (shown == colour)])
-            plotter.add_mesh(mesh, color=str(colour), ambient=0.5, diffuse=0.5)
+            style = {"ambient": 0.5, "diffuse": 0.5, **edges_of_cells(len(x))}
+            plotter.add_mesh(mesh, color=str(colour), **style)
             border = mesh.clean().extract_feature_edges(
                 feature_edges=False, manifold_edges=False, non_manifold_edges=False
             )

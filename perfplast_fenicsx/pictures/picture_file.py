@@ -25,6 +25,17 @@ def replace_picture(path: Path, figure: Any) -> None:
     replace(path, image.getvalue())
 
 
+def edges_of_cells(number: int) -> dict[str, Any]:
+    """Return arguments of PyVista's ``add_mesh`` that draw thin edges around facets.
+
+    Args:
+        number: Number of facets of the bodies; if there are very many, their edges are not drawn.
+    """
+    most = 40_000  # largest number of facets for which edges are drawn
+    style = {"edge_color": "#404040", "edge_opacity": 0.4, "line_width": 0.5}
+    return {"show_edges": number <= most, **style}
+
+
 LONGEST = 90
 """Largest number of characters of a heading that fits on a picture."""
 

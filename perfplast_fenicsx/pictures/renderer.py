@@ -24,7 +24,13 @@ from perfplast_fenicsx.contact.declared.obstacles import Obstacle
 from perfplast_fenicsx.io.case.scene import Scene
 from perfplast_fenicsx.pictures.annotations import load_arrows, sample_obstacles
 from perfplast_fenicsx.pictures.boundary_surface import Surface
-from perfplast_fenicsx.pictures.picture_file import View, draw_axes, drawable, view_of
+from perfplast_fenicsx.pictures.picture_file import (
+    View,
+    draw_axes,
+    drawable,
+    edges_of_cells,
+    view_of,
+)
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.judged.report import LevelReport
 from perfplast_fenicsx.rounding import ROUNDING
@@ -411,7 +417,6 @@ class Renderer:
         plotter.add_arrows(arrows.starts, arrows.vectors, color=(DARK,) * 3, lighting=False)
 
     def _add_bodies(self, plotter: pv.Plotter, points: Floats, colours: Floats) -> None:
-        most_edges = 40_000  # largest number of triangles for which edges are drawn
         plotter.add_mesh(
             _mesh(points, self._skin.triangles),
             scalars=colours,
@@ -419,10 +424,7 @@ class Renderer:
             lighting=not self._flat,
             ambient=0.6,
             diffuse=0.45,
-            show_edges=len(self._skin.triangles) <= most_edges,
-            edge_color="#404040",
-            edge_opacity=0.4,
-            line_width=0.5,
+            **edges_of_cells(len(self._skin.triangles)),
         )
 
     def _add_contact(

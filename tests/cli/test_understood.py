@@ -23,8 +23,9 @@ from perfplast_fenicsx.compat import geometry_dofmap
 from perfplast_fenicsx.io.case.case import Case
 from perfplast_fenicsx.io.case.case_reader import case_of
 from perfplast_fenicsx.io.case.schema import parse
-from perfplast_fenicsx.problem.judged.sides import Sides
+from perfplast_fenicsx.problem.judged.sides import Sides, find_sides
 from perfplast_fenicsx.problem.problem import Problem
+from tests.models import punch_problem
 
 Points = npt.NDArray[np.float64]
 Where = Callable[[Points], npt.NDArray[np.bool_]]
@@ -675,6 +676,18 @@ def _named(meant: Understood, told: Told) -> bool:
     return any(
         meant.sides.facets.tag[meant.sides.rest(name)].min(initial=0) >= 0 for name in told.parts
     )
+
+
+@pytest.mark.serial
+def test_only_edges_of_bodies_are_sharp() -> None:
+    """Facets whose order of vertices is random looked folded at the edges of cells."""
+    problem = punch_problem(2)
+    sides = find_sides(problem)
+    assert sides is not None
+    x = arrays_of("a case", Understood([], sides, {}), Section(), False)["x"]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    assert normal == pytest.approx(sides.facets.normal, abs=1e-12)
 
 
 @pytest.mark.serial
