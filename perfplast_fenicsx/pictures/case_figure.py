@@ -178,7 +178,8 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
     import pyvista as pv
 
     x = np.asarray(arrays["x"], dtype=np.float64)
-    plotter = pv.Plotter(off_screen=True, window_size=[1000, 780])
+    pixels = (1000, 780)
+    plotter = pv.Plotter(off_screen=True, window_size=list(pixels))
     plotter.set_background("white")
     shown = _of_facets(arrays, colours)
     sharp = 30.0  # angle (degrees) between facets above which an edge is drawn
@@ -204,15 +205,20 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
             plotter.add_mesh(edges, color="#303030", line_width=1.5, lighting=False)
     corners = x.reshape(-1, 3)
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    ends = [corners]
     for place, force, number in _arrows(arrays):
         along = force / (np.linalg.norm(force) or 1.0)
         length = 0.15 * size
-        arrow = pv.Arrow(start=place - length * along, direction=along, scale=length)
+        ends.append((place - length * along)[None])
+        arrow = pv.Arrow(start=ends[-1][0], direction=along, scale=length)
         plotter.add_mesh(arrow, color=colours[number])
     plotter.view_vector(view.towards, viewup=view.up)
     plotter.enable_parallel_projection()
-    plotter.reset_camera()
-    plotter.camera.zoom(1.15)
+    centre, half_height = view.fitted(np.concatenate(ends), pixels)
+    plotter.camera.focal_point = centre
+    plotter.camera.position = centre + 2 * size * view.frame[2]
+    plotter.camera.parallel_scale = half_height
+    plotter.reset_camera_clipping_range()
     plotter.enable_anti_aliasing("ssaa")
     image = np.asarray(plotter.screenshot(return_img=True), dtype=np.uint8)[..., :3]
     plotter.close()

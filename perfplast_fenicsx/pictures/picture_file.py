@@ -105,6 +105,20 @@ class View:
         right /= np.linalg.norm(right)
         return np.array([right, np.cross(out, right), out])
 
+    def fitted(self, points: Floats, pixels: tuple[int, int]) -> tuple[Floats, float]:
+        """Return the centre of a picture of points, shape (3,), and half its height (length).
+
+        Args:
+            points: Points that the picture shows, shape (n, 3).
+            pixels: Width and height of the picture.
+        """
+        seen = points @ self.frame.T
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        half, (width, height) = (high - low) / 2, pixels
+        margin = 1.04
+        centre: Floats = (low + high) / 2 @ self.frame
+        return centre, float(margin * max(half[1], half[0] * height / width))
+
 
 FRONT = View("from the front", (1.1, -1.9, 1.0))
 BACK = View("from behind and below", (-1.1, 1.9, -1.0))

@@ -494,17 +494,13 @@ class Renderer:
 
     def _aim(self, plotter: pv.Plotter) -> None:
         """Fit all visible objects with their loads into the image, equally in all panels."""
-        axes, towards = self.view.frame[:2], self.view.frame[2]
         around = [mesh.points for parts in self._obstacles for mesh, _ in parts]
         arrows = [end for a in self._arrows for end in (a.starts, a.starts + a.vectors)]
         seen = np.concatenate([*self._frames, self._skin.points, *arrows, *around])
-        low, high = (seen @ axes.T).min(axis=0), (seen @ axes.T).max(axis=0)
-        half = (high - low) / 2
-        centre = (low + high) / 2 @ axes + (seen.mean(axis=0) @ towards) * towards
+        centre, half_height = self.view.fitted(seen, self._pixels)
         plotter.camera.focal_point = centre
-        plotter.camera.position = centre + 3 * self._size * towards
-        width, height = self._pixels
-        plotter.camera.parallel_scale = 1.04 * max(half[1], half[0] * height / width)
+        plotter.camera.position = centre + 3 * self._size * self.view.frame[2]
+        plotter.camera.parallel_scale = half_height
         plotter.reset_camera_clipping_range()
 
     def _outlines(self, points: Floats) -> list[tuple[pv.PolyData, pv.PolyData]]:

@@ -1,6 +1,7 @@
 """Test view directions: pictures of meshes and results show the same side."""
 
 import dataclasses
+from itertools import product
 
 from mpi4py import MPI
 
@@ -37,3 +38,15 @@ def test_each_face_is_seen_from_one_of_each_pair() -> None:
     assert np.linalg.det(FRONT.frame) == pytest.approx(1.0)
     assert up @ [0.0, 0.0, 1.0] > 0
     assert right @ out == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("size", [(1.0, 1.0, 9.0), (9.0, 1.0, 1.0), (1.0, 9.0, 1.0)])
+def test_a_picture_shows_whole_bodies(size: tuple[float, float, float]) -> None:
+    """The picture of a case cut off tall bodies."""
+    corners = np.array(list(product((2.0, 3.0), repeat=3))) * size
+    for view in (FRONT, BACK, LEFT, RIGHT):
+        centre, half_height = view.fitted(corners, (1000, 500))
+        across, up = ((corners - centre) @ view.frame.T)[:, :2].T
+        assert np.max(np.abs(across)) < 2 * half_height
+        assert np.max(np.abs(up)) < half_height
+        assert max(np.max(np.abs(across)) / 2, np.max(np.abs(up))) > 0.95 * half_height
