@@ -40,11 +40,17 @@ def proof_section(folder: Path, proofs: Proofs) -> str:
     """
     if not proofs:
         return ""
+    halves = {
+        "lower": "a stress that proves the lower bound",
+        "upper": "a mechanism that proves the upper bound",
+    }
     holds = {  # contents of each file
-        PROOF: "a stress that proves the lower bound, and a mechanism that proves the upper bound",
+        PROOF: ", and ".join(halves[kind] for kind in halves if kind in proofs.get(PROOF, {})),
         LEAST: "the same for the smallest factor of the load that is carried",
-        STANDS: "a stress within the strengths for the smaller factor of safety",
-        FALLS: "a mechanism with the strengths for the larger factor of safety",
+        STANDS: "a stress within the strengths for the smaller factor of safety; multiple of the "
+        "loads",
+        FALLS: "a mechanism with the strengths for the larger factor of safety; multiple of the "
+        "loads",
     }
     rows = []
     for name, what in holds.items():

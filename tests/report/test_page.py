@@ -278,7 +278,7 @@ def test_where_the_proof_is(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(name.encode())
         proofs[name] = {"lower": Checked("lower", 1.25, 1.25, {}, ())}
     page = proof_section(tmp_path, dict(sorted(proofs.items())))
-    assert "lower bound 1.25 proven" in page
+    assert "<dd>a stress that proves the lower bound: lower bound 1.25 proven" in page
     assert f"python3 -m perfplast_fenicsx.proof {tmp_path / 'bounds.h5'}" in page
     assert hashlib.sha256(b"bounds.h5").hexdigest() in page
     assert "2 directions: all are proven" in page
