@@ -201,10 +201,7 @@ def _cases(readers: Sequence[ResultReader]) -> str:
 
 
 def _meaning(reader: ResultReader) -> str:
-    summary = reader.summary
-    staged = any(step.get("stage") for step in summary.steps)
-    words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
-    return words.meaning(reader.scene.driven)
+    return CaseWords.of(reader.summary).meaning(reader.scene.driven)
 
 
 def _units(reader: ResultReader) -> str:

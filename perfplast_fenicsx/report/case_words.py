@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from perfplast_fenicsx.io.results.summary import Summary
 from perfplast_fenicsx.problem.declared.loads import LOADS, FieldPores, ForceBelow
 
 Table = Mapping[str, Any]
@@ -64,8 +65,21 @@ HARDENING = "von-mises-hardening"
 class CaseWords:
     """A description of the case in words."""
 
+    @classmethod
+    def of(cls, summary: Summary) -> "CaseWords":
+        """Return the description of the case of a run."""
+        found = summary.limit or {}
+        several = bool(found.get("envelope") or found.get("shakedown"))
+        staged = any(step.get("stage") for step in summary.steps)
+        return cls(summary.given, summary.units, summary.model["axes"], staged, several)
+
     def __init__(
-        self, given: Table, units: Mapping[str, str], axes: str, staged: bool = False
+        self,
+        given: Table,
+        units: Mapping[str, str],
+        axes: str,
+        staged: bool = False,
+        several: bool = False,
     ) -> None:
         """Store the data of ``summary.json``.
 
@@ -74,10 +88,11 @@ class CaseWords:
             units: Units of numbers by kind.
             axes: Letters of the model's axes.
             staged: Whether the case has stages, with a factor for each named load.
+            several: Whether each load has its own factor without stages, as in an envelope.
         """
         self._given, self._units, self._axes = given, units, axes
-        self._staged = staged
-        self._times = "times its factor" if staged else "times ζ"
+        self._staged, self._several = staged, several
+        self._times = "times its factor" if staged or several else "times ζ"
         self._full = "in full at any time" if staged else "in full at any ζ"
 
     def bodies(self) -> list[Row]:
@@ -105,12 +120,26 @@ class CaseWords:
                 text += "" if support["constant"] else f", {self._times}"
             rows.append((support["on"], text))
         for rigid in self._given.get("rigid", []):
-            moved = rigid["displacement"] or rigid["rotation"]
-            how = "moves as prescribed" if moved else "is free to move"
-            if rigid.get("held"):
-                how = f"moves without turning, held in {self._letters(rigid['held'])}"
-            rows.append((rigid["on"], f"rigid, {how}"))
+            rows.append((rigid["on"], f"rigid, {self._rigid_motion(rigid)}"))
         return rows
+
+    def _rigid_motion(self, rigid: Table) -> str:
+        """Return how a rigid surface moves."""
+        if rigid.get("held"):
+            return f"moves without turning, held in {self._letters(rigid['held'])}"
+        about = f" about {self.number(rigid['point'], 'length')}" if rigid.get("point") else ""
+        how = []
+        if rigid["displacement"] not in ([], None):
+            how.append(f"moved by {self.number(rigid['displacement'], 'length')}")
+        if rigid["rotation"] not in ([], None):
+            how.append(f"turned by {self.number(rigid['rotation'], '')} rad{about}")
+        if not how:
+            return "is free to move"
+        along = self._letters(rigid.get("components", "xyz"))
+        every = len(along.split(", ")) == len(self._axes)
+        only = "" if every else f" in {along}"
+        times = "" if rigid.get("constant", True) else f", {self._times}"
+        return f"{' and '.join(how)}{only}{times}"
 
     def loads(self) -> list[Row]:
         """Return a row for each load: where and how it acts."""
@@ -129,13 +158,12 @@ class CaseWords:
             rows.append((first["on"], text))
         return rows
 
-    def meaning(self, driven: bool, several: bool = False) -> str:
+    def meaning(self, driven: bool) -> str:
         """Return a sentence that explains ζ; empty if ζ multiplies nothing.
 
         Args:
             driven: Whether ζ multiplies motions of supports or obstacles, or overlaps, while no
                 load does work.
-            several: Whether each load has its own factor instead of ζ.
         """
         if self._staged:
             return "ζ is the time: it grows by 1 in each stage."
@@ -154,7 +182,7 @@ class CaseWords:
             4  # largest number of loads that the explanation of ζ names; the case lists all
         )
         more = f" and {len(live) - most_named} more loads" if len(live) > most_named else ""
-        one = "A factor of 1" if several else "ζ is the load factor: ζ = 1"
+        one = "A factor of 1" if self._several else "ζ is the load factor: ζ = 1"
         return f"{one} is {', '.join(live[:most_named])}{more}."
 
     def contacts(self) -> list[Row]:
@@ -170,13 +198,28 @@ class CaseWords:
             where = f"{contact['primary']} – {contact['secondary']}"
             rows.append((where, f"contact, {self._friction(contact)}, {text}"))
         for obstacle in self._given.get("obstacles", []):
-            text = f"rigid {obstacle['kind']}, {self._friction(obstacle)}"
+            text = f"rigid {self._shape(obstacle)}, {self._friction(obstacle)}"
             if any(obstacle.get("move") or ()):
                 text += f", moves by {self.number(obstacle['move'], 'length')} {self._times}"
             rows.append((obstacle.get("name") or obstacle["on"], text))
         for tie in self._given.get("ties", []):
             rows.append((f"{tie['primary']} – {tie['secondary']}", "glued together"))
         return folded(rows, "places")
+
+    def _shape(self, obstacle: Table) -> str:
+        """Return the kind of an obstacle with its place and size."""
+        found = "hollow " if obstacle.get("hollow") else ""
+        found += str(obstacle["kind"])
+        if "radius" in obstacle:
+            found += f" of radius {self.number(obstacle['radius'], 'length')}"
+        places = {"point": "through", "centre": "around"}
+        for key, words in places.items():
+            if key in obstacle:
+                found += f" {words} {self.number(obstacle[key], 'length')}"
+        for key in ("normal", "axis"):
+            if key in obstacle:
+                found += f" with the {key} {self.number(obstacle[key], '')}"
+        return found
 
     def assumptions(self, kind: str, taken: Sequence[str], of_bodies: bool) -> list[str]:
         """Return the assumptions of the results in sentences.

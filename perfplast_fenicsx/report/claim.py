@@ -94,7 +94,7 @@ def claim_of(folder: str | Path) -> Claim:
             ' control = "bounds" or "strength".'
         )
     standing = bool(body.get("standing"))
-    words = CaseWords(summary.given, summary.units, summary.model["axes"])
+    words = CaseWords.of(summary)
     meaning = words.meaning(reader.scene.driven)
     if strength:
         meaning = (

@@ -70,13 +70,10 @@ def page_of(reader: ResultReader, view: View, running: str = "") -> str:
     """
     summary, scene = reader.summary, reader.scene
     proofs = proofs_of(reader)
-    found = summary.limit or {}
-    several = bool(found.get("envelope") or found.get("shakedown"))
-    staged = any(step.get("stage") for step in summary.steps)
-    words = CaseWords(summary.given, summary.units, summary.model["axes"], staged)
+    words = CaseWords.of(summary)
     title = scene.title or "A run"
     sections = {
-        "verdict": _verdict(verdict_on(reader), words.meaning(scene.driven, several)),
+        "verdict": _verdict(verdict_on(reader), words.meaning(scene.driven)),
         "combinations": _combinations(reader),
         "warnings": _warnings(summary),
         "bodies": _section("bodies", "The bodies", _view(reader, view)),
@@ -335,7 +332,7 @@ def _combinations(reader: ResultReader) -> str:
 def _warnings(summary: Summary) -> str:
     """Return the section with the program's warnings and remarks."""
     told = [*summary.warnings, *summary.remarks]
-    items = "".join(f"<li>{escape(text[:1].upper() + text[1:])}</li>" for text in told)
+    items = "".join(f"<li>{escape(text[:1].upper() + text[1:].rstrip('.'))}.</li>" for text in told)
     return _section("warnings", "Notes on this run", f"<ul>{items}</ul>" if items else "")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from perfplast_fenicsx.contact.declared.obstacles import Cylinder, Plane, Sphere
 from perfplast_fenicsx.formulas import WordedFormula
 from perfplast_fenicsx.io.results.result_folder import given_table
 from perfplast_fenicsx.io.results.summary import Summary
@@ -28,6 +29,7 @@ from perfplast_fenicsx.problem.declared.loads import (
     Pressure,
     Traction,
 )
+from perfplast_fenicsx.problem.declared.supports import RigidSurface
 from perfplast_fenicsx.proof.verdict import Checked
 from perfplast_fenicsx.report.case_words import CaseWords, folded
 from perfplast_fenicsx.report.curve import NARROW, curve_of, far_ticks, ticks, to_svg
@@ -140,6 +142,43 @@ def test_loads_are_told_as_declared() -> None:
     assert given["loads"][5]["value"] == str(under_water)
     words = CaseWords(given, Units("m", "kPa").table(whole=False), "xy")
     assert [text for _, text in words.loads()] == [f"p: {text}, times ζ" for text in told]
+
+
+def test_obstacles_and_rigid_surfaces_are_told_as_declared() -> None:
+    """No place, size or motion is left out."""
+    obstacles = {
+        "rigid plane through (0, 0) mm with the normal (0, 1)": Plane("a", (0, 0), (0, 1)),
+        "rigid hollow sphere of radius 5 mm around (1, 2, 3) mm": Sphere("a", (1, 2, 3), 5, True),
+        "rigid cylinder of radius 5 mm through (0, 0, 1) mm with the axis (1, 0, 0)": Cylinder(
+            "a", (0, 0, 1), (1, 0, 0), 5
+        ),
+    }
+    surfaces = {
+        "is free to move": RigidSurface("b"),
+        "moves without turning, held in x": RigidSurface("b", held="x"),
+        "moved by (0, 0, -1) mm, times ζ": RigidSurface(
+            "b", displacement=(0, 0, -1), constant=False
+        ),
+        "moved by (0, 0, 0) mm and turned by (0, 0, 0.1) rad about (1, 2, 3) mm in x, y": (
+            RigidSurface("b", (1, 2, 3), (0, 0, 0), (0, 0, 0.1), "xy")
+        ),
+    }
+    given = given_table(
+        Given({}, [], [], [], [*obstacles.values()], 2, [], [], [*surfaces.values()])
+    )
+    words = CaseWords(given, Units("mm", "MPa").table(), "xyz")
+    assert [text for _, text in words.contacts()] == [
+        f"{one}, without friction" for one in obstacles
+    ]
+    assert words.supports() == [("b", f"rigid, {one}") for one in surfaces]
+
+
+def test_each_load_of_an_envelope_has_its_own_factor() -> None:
+    summary = Summary("", "1", "bounds", "alpha", 1, {}, {"axes": "xy"}, given=GIVEN)
+    summary.limit = {"envelope": {"names": ["top"]}}
+    words = CaseWords.of(summary)
+    assert words.loads()[0][1].endswith(", times its factor")
+    assert words.meaning(driven=False).startswith("A factor of 1 is pressure 3*x")
 
 
 def test_the_load_factor_in_words() -> None:
@@ -309,7 +348,7 @@ def test_what_was_warned_of_is_on_the_page() -> None:
     assert _warnings(summary) == ""
     summary.warnings, summary.remarks = ["loosely held: 'a<b'"], ["friction is steep"]
     text = _warnings(summary)
-    assert "<li>Loosely held: &#x27;a&lt;b&#x27;</li><li>Friction is steep</li>" in text
+    assert "<li>Loosely held: &#x27;a&lt;b&#x27;.</li><li>Friction is steep.</li>" in text
 
 
 def test_the_head_says_whose_computation_it_is() -> None:
