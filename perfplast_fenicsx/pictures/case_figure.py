@@ -205,7 +205,7 @@ def _image(arrays: Arrays, colours: list[str], view: View) -> npt.NDArray[np.uin
             plotter.add_mesh(edges, color="#303030", line_width=1.5, lighting=False)
     corners = x.reshape(-1, 3)
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    ends = [corners]
+    ends: list[Floats] = [corners]
     for place, force, number in _arrows(arrays):
         along = force / (np.linalg.norm(force) or 1.0)
         length = 0.15 * size
