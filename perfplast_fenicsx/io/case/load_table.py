@@ -12,6 +12,7 @@ from perfplast_fenicsx.io.case.schema import Table, convert, shown
 from perfplast_fenicsx.problem.declared.loads import (
     LOADS,
     FieldPores,
+    Force,
     ForceBelow,
     Load,
     Traction,
@@ -143,7 +144,9 @@ def load_in_words(load: Load, units: Units, whole: bool = True) -> str:
             unit = "" if isinstance(value, WordedFormula) else table[quantity]
             words.append(f"{what.replace('_', ' ')} {_value(value)} {unit}".rstrip())
     below = f" where {_value(load.depth)}" if isinstance(load, ForceBelow) else ""
-    return f"{' and '.join(words)} on '{load.on}'{below}"
+    point = load.point if isinstance(load, Force) else ()
+    at = f" at the point {_value(point)} {table['length']}".rstrip() if len(point) else ""
+    return f"{' and '.join(words)} on '{load.on}'{at}{below}"
 
 
 def meaning(case: "Case", whole: bool = True) -> list[str]:

@@ -68,6 +68,8 @@ def test_loads_in_words() -> None:
     assert load_in_words(force, mm, whole=False) == (
         "force (0, -2.5) N/mm and moment 3 N mm/mm on 'lid'"
     )
+    force = Force("lid", [0.0, -2.5], point=[1.0, 0.5])
+    assert load_in_words(force, mm) == "force (0, -2.5) N on 'lid' at the point (1, 0.5) mm"
     assert load_in_words(Force("lid", [], moment=[0.0, 0.0, 1.0]), Units()) == (
         "moment (0, 0, 1) on 'lid'"
     )
