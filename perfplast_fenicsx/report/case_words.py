@@ -71,7 +71,10 @@ class CaseWords:
         found = summary.limit or {}
         several = bool(found.get("envelope") or found.get("shakedown"))
         staged = any(step.get("stage") for step in summary.steps)
-        return cls(summary.given, summary.units, summary.model["axes"], staged, several)
+        words = cls(summary.given, summary.units, summary.model["axes"], staged, several)
+        if found.get("strength"):  # a factor of safety, without ζ
+            words._full = "constant"
+        return words
 
     def __init__(
         self,

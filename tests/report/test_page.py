@@ -206,6 +206,16 @@ def test_the_mesh_is_that_of_the_results() -> None:
     assert mesh_in_words(summary).startswith(one)
 
 
+def test_loads_of_a_factor_of_safety_are_constant() -> None:
+    model = {"axes": "xy"}
+    summary = Summary("", "1", "strength", "strength", 1, {}, model, given=GIVEN)
+    rows = CaseWords.of(summary).loads()
+    assert any(text.endswith("in full at any ζ") for _, text in rows)
+    summary.limit = {"strength": {"lower": 1.5}}
+    told = [text for _, text in CaseWords.of(summary).loads()]
+    assert any(text.endswith(", constant") for text in told) and "any ζ" not in " ".join(told)
+
+
 def test_fields_that_nobody_knows_keep_their_names() -> None:
     assert words_of("my_own_field", {}).label == "my own field"
 
