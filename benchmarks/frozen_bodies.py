@@ -75,7 +75,7 @@ CUT = MohrCoulomb(1e4, 0.3, 10.0, 25.0, tensile_strength=3.0)
 SHEET = Hill(2e5, 0.3, 300.0, 1.0, 0.953, 1.195, 0.8, 1.3, 1.1, 25.0)
 ROCK = ground(25.0, "compression")
 SEAM = ("lower_top", "upper_bottom")
-JOINED: dict[str, Any] = {"ties": [Tie(*SEAM)]}
+JOINED: dict[str, Any] = {"contacts": [Tie(*SEAM)]}
 DOWN, PRESSED = BodyForce("ground", (0.0, -1.0)), Pressure("footing", 1.0)
 HEAVY = BodyForce("ground", (0.0, -20.0), constant=True)
 PULL = Traction("top", (0.0, 0.0, 1.0), name="pull")
@@ -93,7 +93,7 @@ def strip(law: Any, *loads: Any, rigid: Any = (), degree: int = 2, **more: Any) 
     mesh = rectangle((6, 3), (3.0, 1.5), {"ground": lambda x: x[1] < 2}, surfaces, shake=0.1)
     held = [Support("left", "x"), Support("right", "x"), Support("bottom")]
     loads = loads or (PRESSED,)
-    return Problem(mesh, {"ground": law}, held, loads, degree=degree, rigid=rigid, **more)
+    return Problem(mesh, {"ground": law}, [*held, *rigid], loads, degree=degree, **more)
 
 
 def bank(law: Any, *loads: Any) -> Problem:

@@ -122,7 +122,7 @@ CASES: dict[str, tuple[Callable[[], Problem], bool]] = {
     "axisymmetric: sphere, ground": (lambda: sphere(ground(30.0, "compression")), False),
     "space: blocks, contact": (lambda: blocks(STEEL, STRONG), True),
     "space: blocks, elastic part": (lambda: blocks(STEEL, Elastic(2e5, 0.3)), True),
-    "space: blocks, tie": (lambda: blocks(STEEL, STRONG, contacts=[], ties=TIED), True),
+    "space: blocks, tie": (lambda: blocks(STEEL, STRONG, contacts=TIED), True),
     "space: blocks, ground and steel": (lambda: blocks(ground(25.0, "compression"), STEEL), True),
     "space: blocks, dead load": (
         lambda: blocks(STEEL, STRONG, loads=[Pressure("top", 1.0), HEAVY]),

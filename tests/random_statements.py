@@ -105,7 +105,7 @@ def random_case(seed: int) -> Case:
     plate = it.say("a rigid surface", 0.25)
     stiff = ""
     if plate and it.known:  # the other block can then widen freely
-        stiff, seam = "upper", {"contacts": [Contact(*SEAM)]}
+        stiff, seam = "upper", Contact(*SEAM)
         it.words.append("frictionless, and elastic above")
     elif it.say("an elastic body", 0.2) and not (it.known and _rubs(seam)):
         stiff = it.random.choice(BLOCKS)
@@ -113,15 +113,16 @@ def random_case(seed: int) -> Case:
         name: Elastic(1e3, 0.3, expansion=1e-5) if name == stiff else _metal(strength)
         for name, strength in strengths.items()
     }
-    given: dict[str, Any] = {"materials": materials, "degree": 2, **seam}
+    given: dict[str, Any] = {"materials": materials, "degree": 2, "contacts": [seam]}
     given["initial"] = _initial(it)
-    given["supports"], given["obstacles"], given["rigid"] = _held(it)
+    supports, given["obstacles"], rigid = _held(it)
     straight = it.known or it.kind == "axis" or it.random.random() < 0.5
     held = "xyz"[: it.gdim - 1] if straight else ""
     if plate:
-        given["rigid"].append(RigidSurface("top", held=held))
+        rigid.append(RigidSurface("top", held=held))
         # supports must not hold any of its nodes
-        given["supports"] = [one for one in given["supports"] if not one.on.startswith("upper")]
+        supports = [one for one in supports if not one.on.startswith("upper")]
+    given["supports"] = [*supports, *rigid]
     weakest = min(strength for name, strength in strengths.items() if name != stiff)
     given["loads"], exact = _loads(it, weakest, plate, held)
     mesh = _mesh(it, seam)
@@ -132,26 +133,24 @@ def _metal(strength: float) -> VonMises:
     return VonMises(1e3, 0.3, strength, expansion=1e-5)
 
 
-def _rubs(seam: dict[str, Any]) -> bool:
-    """Return whether friction resists slip at a seam."""
-    contacts = seam.get("contacts", [])
-    return not contacts or contacts[0].tresca is not None or contacts[0].coulomb is not None
+def _rubs(seam: Contact | Tie) -> bool:
+    """Return whether friction or a tie resists slip at a seam."""
+    return isinstance(seam, Tie) or seam.tresca is not None or seam.coulomb is not None
 
 
-def _mesh(it: _Draw, seam: dict[str, Any]) -> Any:
+def _mesh(it: _Draw, seam: Contact | Tie) -> Any:
     """Return blocks whose facets match or do not match."""
     apart = it.kind != "space" and it.say("meshed apart", 0.35)
     most = 2 if it.kind == "space" else 3
     count = it.random.randint(1 if it.kind == "space" else 2, most)
     lower, upper = [count] * it.gdim, [count + apart] * it.gdim
-    contacts = seam.get("contacts", [])
-    flat = it.known or (contacts and contacts[0].gap is not None)
+    flat = it.known or (isinstance(seam, Contact) and seam.gap is not None)
     slope = 0.0 if flat or not it.say("inclined", 0.4) else it.number(-0.3, 0.3)
     mesh = blocks_apart(MPI.COMM_WORLD, lower, upper, slope=slope, moved_by=0.5 * apart)
     return mesh.turned() if it.kind == "axis" else mesh
 
 
-def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
+def _seam(it: _Draw, alike: bool) -> Contact | Tie:
     """Return a random connection between the blocks."""
     smooth = it.known and not alike
     what = it.pick(
@@ -169,7 +168,7 @@ def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
         )
     )
     if what == "a tie":
-        return {"ties": [Tie(*SEAM)]}
+        return Tie(*SEAM)
     more: dict[str, Any] = {
         "contact": {},
         "a gap": {"gap": 1e-3},
@@ -179,7 +178,7 @@ def _seam(it: _Draw, alike: bool) -> dict[str, Any]:
         "with adhesion": {"coulomb": it.number(0.05, 0.4), "tresca": it.number(0.01, 0.4)},
         "associated": {"coulomb": it.number(0.05, 0.4), "associated": True},
     }[what]
-    return {"contacts": [Contact(*SEAM, **more)]}
+    return Contact(*SEAM, **more)
 
 
 def _initial(it: _Draw) -> list[Any]:

@@ -65,9 +65,8 @@ def bounds(section: TaggedMesh, tied: bool, cells: int) -> AdaptiveBounds:
         dict.fromkeys(section.volumes, of_shear(1.0)),
         supports,
         [Pressure("inner", 1.0)],
-        [] if tied else [Contact(*PAIR)],
+        [Tie(*PAIR) if tied else Contact(*PAIR)],
         degree=2,
-        ties=[Tie(*PAIR)] if tied else [],
     )
     return adaptive_bounds(problem, Adaptation(1e-5, cells))
 

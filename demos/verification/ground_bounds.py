@@ -91,8 +91,7 @@ def on_sand(ground: TaggedMesh, rough: bool, cells: int, until: float) -> Adapti
         {"ground": MohrCoulomb(1e4, 0.3, 0.0, 30.0), "punch": Elastic(1e6, 0.3)},
         SUPPORTS,
         [Pressure("top", 1.0), BodyForce("ground", (0.0, -1.0), constant=True)],
-        [] if rough else [Contact(*touches)],
-        ties=[Tie(*touches)] if rough else [],
+        [Tie(*touches) if rough else Contact(*touches)],
         degree=2,
     )
     return adaptive_bounds(problem, Adaptation(until, cells))

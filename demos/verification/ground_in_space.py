@@ -91,10 +91,9 @@ def cube(folder: ResultFolder, coarse: bool) -> list[Row]:
     problem = Problem(
         octant,
         {"cube": MohrCoulomb(1e3, 0.3, 1.0, 20.0)},
-        [*SYMMETRY, Support("z0", "z")],
+        [*SYMMETRY, Support("z0", "z"), RigidSurface("top", held="xy")],
         [Force("top", (0.0, 0.0, -(HALF**2)))],
         degree=2,
-        rigid=[RigidSurface("top", held="xy")],
     )
     cells = ONE_MESH if coarse else 2000
     found = adaptive_bounds(problem, Adaptation(percent / 100, cells), RTOL)
@@ -115,10 +114,9 @@ def footing(folder: ResultFolder, coarse: bool) -> list[Row]:
     problem = Problem(
         ground,
         {"ground": Tresca(1e3, 0.3, 1.0)},
-        [*SYMMETRY, Support("bottom"), Support("sides")],
+        [*SYMMETRY, Support("bottom"), Support("sides"), RigidSurface("footing", held="xy")],
         [Force("footing", (0.0, 0.0, -1.0))],
         degree=2,
-        rigid=[RigidSurface("footing", held="xy")],
     )
     asked = Adaptation(0.5, ONE_MESH) if coarse else Adaptation(0.12, 6000)
     found = adaptive_bounds(problem, asked, RTOL)

@@ -94,10 +94,14 @@ def half(folder: ResultFolder, size: float) -> Row:
     problem = Problem(
         mesh(folder, write_strip_footing, size=size, punch=False),
         {"ground": SOIL},
-        [Support("x0", "x"), Support("side", "x"), Support("bottom")],
+        [
+            Support("x0", "x"),
+            Support("side", "x"),
+            Support("bottom"),
+            RigidSurface("footing", held="x"),
+        ],
         [Force("footing", (0.0, -1.0))],
         degree=2,
-        rigid=[RigidSurface("footing", held="x")],
     )
     limit = limit_load(problem, TOLERANCE)
     finest, allowed = ALLOWED["half"]
@@ -130,10 +134,9 @@ def bracket(folder: ResultFolder, case: str, coarse: bool) -> list[Row]:
     problem = Problem(
         ground,
         {"ground": SOIL},
-        supports,
+        [*supports, RigidSurface("footing", held=held)],
         [Force("footing", (across, -1.0), moment)],
         degree=2,
-        rigid=[RigidSurface("footing", held=held)],
     )
     gap = QUICK if coarse else WIDTHS[case]
     found = adaptive_bounds(problem, Adaptation(gap, CELLS))
@@ -174,10 +177,9 @@ def interaction(folder: ResultFolder, coarse: bool) -> list[Row]:
     problem = Problem(
         mesh(folder, write_footing, size=0.8),
         {"ground": SOIL},
-        SUPPORTS,
+        [*SUPPORTS, RigidSurface("footing")],
         [push],
         degree=2,
-        rigid=[RigidSurface("footing")],
     )
     adaptation = Adaptation(QUICK, CELLS) if coarse else FOR_POLYGONS
     most = 3 if coarse else 12
@@ -245,10 +247,9 @@ def study(comm: MPI.Intracomm, folder: ResultFolder, coarse: bool) -> list[Row]:
                 problem = Problem(
                     ground,
                     {"ground": SOIL},
-                    SUPPORTS,
+                    [*SUPPORTS, RigidSurface("footing")],
                     [load],
                     degree=2,
-                    rigid=[RigidSurface("footing")],
                 )
                 limit = limit_load(problem, TOLERANCE)
                 seconds = time.perf_counter() - began

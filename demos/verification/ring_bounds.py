@@ -80,7 +80,7 @@ def problems(folder: ResultFolder, coarse: bool) -> dict[str, tuple[Problem, flo
         ),
         "smooth footing": (Problem(ground, of_ground, side, press, degree=2), None),
         "rough footing": (
-            Problem(ground, of_ground, side, [force], degree=2, rigid=[plate]),
+            Problem(ground, of_ground, [*side, plate], [force], degree=2),
             None,
         ),
     }

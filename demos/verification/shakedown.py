@@ -146,7 +146,7 @@ def wall(comm: MPI.Intracomm) -> tuple[Problem, LoadDomain]:
         [Support("x0", "x"), Support("y0", "y"), Support("z0", "z")],
         [Traction("x1", (1.0, 0.0, 0.0), name="pull")],
         degree=2,
-        ties=[Tie("bar_end", "end_bar")],
+        contacts=[Tie("bar_end", "end_bar")],
         initial=[Temperature(body, "2*y - 1", name="heat") for body in bodies],
     )
     return problem, LoadDomain.of_corners([{"pull": 1.0}, {"pull": 1.0, "heat": 1.0}])

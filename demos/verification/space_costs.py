@@ -86,12 +86,11 @@ class Case:
         name: Name in the table.
         write: Function that makes the first mesh.
         materials: Materials of the volumes.
-        supports: Supports, including planes of symmetry.
+        supports: Supports, including planes of symmetry, and rigid surfaces.
         loads: Loads.
         asked: Required gap (percent), and largest number of cells.
         coarse: Gap on the first mesh for a quick run; None if a quick run omits the case.
         contacts: Contacts between the bodies.
-        rigid: Rigid surfaces.
         above: Function that makes the first mesh for the upper bound; ``write`` then makes the mesh
             for the lower bound.
     """
@@ -99,12 +98,11 @@ class Case:
     name: str
     write: Callable[..., None]
     materials: dict[str, Material]
-    supports: Sequence[Support]
+    supports: Sequence[Support | RigidSurface]
     loads: Sequence[Pressure | Traction | Force]
     asked: tuple[float, int]
     coarse: float | None = None
     contacts: Sequence[Contact] = field(default_factory=list)
-    rigid: Sequence[RigidSurface] = field(default_factory=list)
     above: Callable[..., None] | None = None
 
 
@@ -156,11 +154,10 @@ CASES = (
         "cube, rough platens",
         sectors.write_cube_sector,
         {"cube": GROUND},
-        [Support("x0", "x"), OBLIQUE, Support("z0", "z")],
+        [Support("x0", "x"), OBLIQUE, Support("z0", "z"), RigidSurface("top", held="xy")],
         [Force("top", (0.0, 0.0, -1 / 8))],
         (0.65, 2400),
         coarse=2.0,
-        rigid=[RigidSurface("top", held="xy")],
     ),
     Case(
         "cantilever",
@@ -255,7 +252,7 @@ def bounds_of(folder: ResultFolder, case: Case, coarse: bool) -> tuple[AdaptiveB
 
     def on(write: Callable[..., None]) -> Problem:
         given = (case.materials, case.supports, case.loads, case.contacts)
-        return Problem(mesh(folder, write), *given, degree=2, rigid=case.rigid)
+        return Problem(mesh(folder, write), *given, degree=2)
 
     clock, most = Clock(folder.comm), ONE_MESH if coarse else case.asked[1]
     if case.above is not None:

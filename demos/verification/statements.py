@@ -63,6 +63,7 @@ class Statement:
             has its own name here.
         known: Both bounds, computed on one rank.
         given: Arguments of :class:`Problem` that differ from those of the plain footing or punch.
+        plates: Rigid surfaces.
         punch: Whether a strong punch rests on the ground.
         turned: Whether the bodies are axisymmetric.
     """
@@ -71,6 +72,7 @@ class Statement:
     beside: str
     known: tuple[float, float]
     given: dict[str, Any]
+    plates: Sequence[RigidSurface] = ()
     punch: bool = False
     turned: bool = False
 
@@ -86,7 +88,7 @@ class Statement:
         return Problem(
             section.turned() if self.turned else section,
             {"ground": GROUND} | ({"punch": PUNCH} if self.punch else {}),
-            supports,
+            [*supports, *self.plates],
             degree=2,
             **(given | self.given),
         )
@@ -95,7 +97,7 @@ class Statement:
 # %%
 DOWN, ASIDE = Pressure("footing", 1.0), Traction("footing", (0.3, 0.0))
 AROUND = Pressure("free", 1.0, constant=True)
-PLATE = {"rigid": [RigidSurface("footing", held="x")], "loads": [Force("footing", [0.0, -1.0])]}
+PLATE, PUSHED = [RigidSurface("footing", held="x")], {"loads": [Force("footing", [0.0, -1.0])]}
 
 
 def rubbing(**friction: float | bool) -> dict[str, Any]:
@@ -110,18 +112,16 @@ STATEMENTS = (
         "dead H", "V and H", (2.733033, 4.856214), {"loads": [DOWN, replace(ASIDE, constant=True)]}
     ),
     Statement("dead pressure beside", "V", (4.245429, 6.172423), {"loads": [DOWN, AROUND]}),
-    Statement("rigid surface", "V", (4.96447, 5.260535), PLATE),
+    Statement("rigid surface", "V", (4.96447, 5.260535), PUSHED, PLATE),
     Statement("V, around", "V, around", (3.245458, 5.230256), {}, turned=True),
-    Statement("rigid surface, around", "V, around", (16.969, 17.88393), PLATE, turned=True),
+    Statement("rigid surface, around", "V, around", (16.969, 17.88393), PUSHED, PLATE, turned=True),
     Statement("contact", "contact", (4.902652, 5.207787), {}, punch=True),
     Statement("Tresca", "contact", (4.963977, 5.24753), rubbing(tresca=0.5), punch=True),
     Statement("Drucker's pair", "contact", (4.902652, 5.25575), rubbing(coulomb=0.2), punch=True),
     Statement(
         "joint", "contact", (4.964481, 5.25575), rubbing(coulomb=0.2, associated=True), punch=True
     ),
-    Statement(
-        "tie", "contact", (4.964483, 5.260535), {"contacts": [], "ties": [Tie(*SEAM)]}, punch=True
-    ),
+    Statement("tie", "contact", (4.964483, 5.260535), {"contacts": [Tie(*SEAM)]}, punch=True),
     Statement(
         "contact, around", "contact, around", (5.100111, 5.346279), {}, punch=True, turned=True
     ),

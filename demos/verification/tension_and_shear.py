@@ -106,7 +106,7 @@ def strains(
         {"cube": Flow(material), "pad": PAD},
         supports,
         LOADS,
-        ties=[Tie("right", "glued")],
+        contacts=[Tie("right", "glued")],
     )
     levels = list(stage_path(Newton(problem), LoadingHistory(problem, stages)))
     assert all(level.report.converged for level in levels)

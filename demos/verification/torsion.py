@@ -83,7 +83,7 @@ def twisted(
     """
     (body,) = bar.volumes
     turned = RigidSurface("z1", rotation=(0.0, 0.0, 1.0), components="xy", constant=False)
-    problem = Problem(bar, {body: STEEL}, SUPPORTS, degree=2, rigid=[turned])
+    problem = Problem(bar, {body: STEEL}, [*SUPPORTS, turned], degree=2)
     rows = []
     angles = [twist * ELASTIC * size for twist in TWISTS]
     began = time.perf_counter()
@@ -152,7 +152,7 @@ def untwisted_by_motion(bar: TaggedMesh, size: float) -> list[Row]:
     turned = RigidSurface(
         "z1", rotation=(0.0, 0.0, 1.0), components="xy", constant=False, name="twist"
     )
-    problem = Problem(bar, {"shaft": Flow(STEEL)}, SUPPORTS, degree=2, rigid=[turned])
+    problem = Problem(bar, {"shaft": Flow(STEEL)}, [*SUPPORTS, turned], degree=2)
     began = time.perf_counter()
     there, back = (angle * ELASTIC * size for angle in (TWISTS[1], RESIDUAL))
     history = LoadingHistory(problem, [Stage({"twist": there}, 4), Stage({"twist": back})])

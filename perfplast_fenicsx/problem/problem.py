@@ -56,7 +56,7 @@ from perfplast_fenicsx.problem.assembled.rigid_bodies import (
 )
 from perfplast_fenicsx.problem.assembled.spaces import Spaces, make_spaces, space_at_points
 from perfplast_fenicsx.problem.assembled.spread_forces import on_this_mesh
-from perfplast_fenicsx.problem.declared.given import Given
+from perfplast_fenicsx.problem.declared.given import Given, by_kind
 from perfplast_fenicsx.problem.declared.initial import Initial
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support, name_of
@@ -118,29 +118,26 @@ class Problem:
         self,
         tagged_mesh: TaggedMesh,
         materials: Mapping[str, Material],
-        supports: Sequence[Support] = (),
+        supports: Sequence[Support | RigidSurface] = (),
         loads: Sequence[Load] = (),
-        contacts: Sequence[Contact] = (),
+        contacts: Sequence[Contact | Tie] = (),
         obstacles: Sequence[Obstacle] = (),
         degree: int = 1,
         initial: Sequence[Initial] = (),
-        ties: Sequence[Tie] = (),
-        rigid: Sequence[RigidSurface] = (),
     ) -> None:
         """Create the problem. Collective.
 
         Args:
             tagged_mesh: Mesh with named volumes and surfaces.
             materials: Material of each volume; any objects with the protocol :class:`Material`.
-            supports: Supports with prescribed displacements.
+            supports: Supports with prescribed displacements, and surfaces that move as rigid
+                bodies.
             loads: Loads; constant loads contribute to L₀(v), the others to L₁(v).
-            contacts: Pairs of surfaces that cannot penetrate each other.
+            contacts: Pairs of surfaces that cannot penetrate each other or that are tied together.
             obstacles: Rigid bodies that surfaces cannot penetrate.
             degree: 1 for linear displacements as in the paper, or 2 for quadratic displacements,
                 which do not lock in plastic flow.
             initial: Changes of temperature, stresses in undeformed bodies, and bolts.
-            ties: Pairs of surfaces that are tied together.
-            rigid: Surfaces that move as rigid bodies.
 
         Raises:
             InputError: If names, materials, loads, contact surfaces or supports do not fit the mesh
@@ -149,7 +146,9 @@ class Problem:
         self.tagged_mesh = tagged_mesh
         drop_garbage(self.comm)
         tagged_mesh.check_tagged()
-        given = Given(materials, supports, loads, contacts, obstacles, degree, initial, ties, rigid)
+        held, rigid = by_kind("supports", supports, Support, RigidSurface)
+        touching, ties = by_kind("contacts", contacts, Contact, Tie)
+        given = Given(materials, held, loads, touching, obstacles, degree, initial, ties, rigid)
         given.check(tagged_mesh)
         self.stated_loads = loads
         self.given = replace(given, loads=on_this_mesh(tagged_mesh, loads, rigid))
@@ -162,6 +161,31 @@ class Problem:
         self.bodies: Bodies = find_bodies(self.V, self.kinematics)
         self._lay_out(spaces, materials)
         self._hold(None)
+
+    @classmethod
+    def from_given(cls, tagged_mesh: TaggedMesh, given: Given) -> "Problem":
+        """Return the problem of declared data, for example of another problem. Collective.
+
+        ``Problem.from_given(problem.tagged_mesh, dataclasses.replace(problem.given, loads=loads))``
+        is the problem with other loads.
+
+        Args:
+            tagged_mesh: Mesh with named volumes and surfaces.
+            given: The declared data.
+
+        Raises:
+            InputError: As for a new problem.
+        """
+        return cls(
+            tagged_mesh,
+            given.materials,
+            [*given.supports, *given.rigid],
+            given.loads,
+            [*given.contacts, *given.ties],
+            given.obstacles,
+            given.degree,
+            given.initial,
+        )
 
     def _lay_out(self, spaces: Spaces, materials: Mapping[str, Material]) -> None:
         """Create laws, initial strain and shanks at the points of the spaces. Collective."""
@@ -257,7 +281,7 @@ class Problem:
                 "cannot be transferred to another mesh; give loads as Pressure, Traction, "
                 "BodyForce or PorePressure."
             )
-        found = Problem(tagged_mesh, **vars(self.given))
+        found = Problem.from_given(tagged_mesh, self.given)
         found.stated_loads = self.stated_loads
         return found if self.rigid_bodies is None else found.with_rigid_motions()
 

@@ -30,11 +30,9 @@ Declared = Support | Load | Contact | Obstacle | Tie | RigidSurface | Initial
 """Everything that a problem may contain besides its mesh and its materials."""
 
 ARGUMENTS: tuple[tuple[str, tuple[type, ...]], ...] = (
-    ("supports", (Support,)),
-    ("contacts", (Contact,)),
-    ("ties", (Tie,)),
+    ("supports", (Support, RigidSurface)),
+    ("contacts", (Contact, Tie)),
     ("obstacles", (Plane, Sphere, Cylinder)),
-    ("rigid", (RigidSurface,)),
     ("initial", (Temperature, InitialStress, Bolt)),
     ("loads", (Load,)),
 )

@@ -1,5 +1,6 @@
 """Test tied surfaces: two bodies act as one for any nodes, and refusals."""
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -36,7 +37,7 @@ def sheared(gdim: int, degree: int, **tie: Any) -> Problem:
         [Support("bottom")],
         [Traction("top", (1.0, *[0.0] * (gdim - 2), 1.0))],
         degree=degree,
-        ties=[Tie("lower_top", "upper_bottom", **tie)],
+        contacts=[Tie("lower_top", "upper_bottom", **tie)],
     )
 
 
@@ -59,7 +60,7 @@ def test_uniform_tension_is_transmitted(
         [Support("bottom", vertical), *(Support(side, side[-2]) for side in sides)],
         [Pressure("top", -1.0)],
         degree=degree,
-        ties=[Tie("lower_top", "upper_bottom", hosts)],
+        contacts=[Tie("lower_top", "upper_bottom", hosts)],
     )
     level = Newton(problem).solve(100.0)
     assert_solved(level)
@@ -94,7 +95,7 @@ def test_matching_halves_are_one_mesh(degree: int, comm: MPI.Intracomm) -> None:
             [Support("bottom"), Support("y0", "y")],
             [Traction("top", (1.0, 0.0, 0.5))],
             degree=degree,
-            ties=[Tie("lower_top", "upper_bottom")] if split else [],
+            contacts=[Tie("lower_top", "upper_bottom")] if split else [],
         )
 
     for load in (10.0, 35.0):
@@ -121,7 +122,7 @@ def test_limit_load_of_glued_blocks_in_tension(degree: int) -> None:
         [Support("bottom", "y"), Support("x0", "x"), Support("upper_x0", "x")],
         [Pressure("top", -1.0)],
         degree=degree,
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
     )
     found = limit_load(problem)
     assert found.estimate == pytest.approx(2 / np.sqrt(3) * 300.0, rel=1e-4)
@@ -130,10 +131,9 @@ def test_limit_load_of_glued_blocks_in_tension(degree: int) -> None:
 def test_bad_ties_are_refused() -> None:
     mesh = blocks_apart(MPI.COMM_WORLD, *COUNTS[2])
 
-    def make(*ties: Tie, **more: Any) -> Problem:
-        supports = more.pop("supports", [Support("bottom")])
+    def make(*pairs: Contact | Tie, supports: Sequence[Support] = (Support("bottom"),)) -> Problem:
         materials, loads = {"lower": STEEL, "upper": STEEL}, [Pressure("top", 1.0)]
-        return Problem(mesh, materials, supports, loads, ties=ties, **more)
+        return Problem(mesh, materials, supports, loads, pairs)
 
     tie = Tie("lower_top", "upper_bottom")
     assert_refused(lambda: make(Tie("top", "top")), ["tie 1", "itself"])
@@ -141,8 +141,8 @@ def test_bad_ties_are_refused() -> None:
     assert_refused(lambda: make(tie, tie), ["tie 2", "has the same surfaces as tie 1"])
     moved = [Support("bottom"), Support("upper_x0", "x", 1e-3)]
     assert_refused(lambda: make(tie, supports=moved), ["support moves nodes of a tied surface"])
-    both = {"contacts": [Contact("lower_top", "upper_bottom")]}
-    assert_refused(lambda: make(tie, **both), ["tie 1", "has the same surfaces as contact 1"])
+    contact = Contact("lower_top", "upper_bottom")
+    assert_refused(lambda: make(tie, contact), ["tie 1", "has the same surfaces as contact 1"])
 
 
 def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
@@ -160,7 +160,7 @@ def test_a_ring_of_ties_is_refused(comm: MPI.Intracomm) -> None:
             dict.fromkeys(at, STEEL),
             [Support("floor")],
             [BodyForce("c", (0.0, 0.0, -1.0))],
-            ties=[Tie(pair, pair[::-1]) for pair in pairs],
+            contacts=[Tie(pair, pair[::-1]) for pair in pairs],
         )
 
     assert_solved(Newton(glued("ab", "bc", "cd")).solve(1.0))
@@ -178,7 +178,7 @@ def test_supports_at_a_seam_are_told_their_own_forces(
         {"lower": STEEL, "upper": STEEL},
         [Support("bottom", vertical), *(Support(f"{axis}0", axis) for axis in "xyz"[: gdim - 1])],
         [Pressure("top", 1.0)],
-        ties=[Tie("lower_top", "upper_bottom", hosts)],
+        contacts=[Tie("lower_top", "upper_bottom", hosts)],
     )
     report = Newton(problem).solve(10.0).report
     assert report.balance < 1e-12
@@ -200,7 +200,7 @@ def test_glued_blocks_between_plates(degree: int, comm: MPI.Intracomm) -> None:
         ],
         [Pressure("upper_bottom", 1.0)],
         degree=degree,
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
     )
     level = Newton(problem).solve(0.0)
     assert level.report.converged
@@ -217,7 +217,7 @@ def test_surfaces_that_are_apart_are_not_glued(height: float, comm: MPI.Intracom
             {"lower": STEEL, "upper": STEEL},
             [Support("bottom")],
             [Pressure("top", 1.0)],
-            ties=[Tie("lower_top", "upper_bottom")],
+            contacts=[Tie("lower_top", "upper_bottom")],
         )
 
     if height > 1.0:

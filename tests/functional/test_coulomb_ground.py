@@ -1,6 +1,7 @@
 """Test Mohr–Coulomb and Tresca materials in all four algorithms with contact, along a path."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,14 +83,14 @@ def test_interior_point_and_bounds_know_them_in_plane_strain(read: Read) -> None
     problem = tube(read, 30.0)
     found = limit_load(problem, 1e-4, method="interior-point")
     assert found.estimate == pytest.approx(exact(30.0, 0.0), rel=2e-4)
-    given = vars(problem.given) | {"contacts": []}
+    given = replace(problem.given, contacts=[])
     straight = read(write_thick_tube, outer=2.0, size=0.3)
     matched = DruckerPrager(1e5, 0.3, COHESION, 30.0, "plane-strain")
     steel = VonMises(1e5, 0.3, COHESION * math.sqrt(3))
     ground = MohrCoulomb(1e5, 0.3, COHESION, 30.0)
     for one, same in ((ground, matched), (TRESCA, steel)):
         bounds, known = (
-            limit_bounds(Problem(straight, **(given | {"materials": {"tube": it}})), 1e-6)
+            limit_bounds(Problem.from_given(straight, replace(given, materials={"tube": it})), 1e-6)
             for it in (one, same)
         )
         assert bounds.strict

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -189,7 +190,7 @@ def test_beside_von_mises(read: Read, outer: bool) -> None:
     ground = problem.given.materials["inner_tube"]
     laws = {"inner_tube": ground, "outer_tube": ground}
     laws["outer_tube" if outer else "inner_tube"] = VonMises(1e5, 0.3, 30.0)
-    problem = Problem(problem.tagged_mesh, **vars(problem.given) | {"materials": laws})
+    problem = Problem.from_given(problem.tagged_mesh, replace(problem.given, materials=laws))
     found = limit_load(problem, 1e-4)
     assert found.upper is not None
     assert found.upper - found.lower <= 1e-4 * found.lower

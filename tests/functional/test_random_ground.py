@@ -131,7 +131,7 @@ def test_random_ground(read: Read, shared_tmp_path: Path, seed: int) -> None:
         load = Pressure("top", random.choice([1.0, -1.0]))
         bodies = {"lower": it.material, "upper": it.material}
         ties, blocks = [Tie("lower_top", "upper_bottom")], stacked_blocks(COMM, 1)
-        problem = Problem(blocks, bodies, rough, [load], ties=ties, degree=2)
+        problem = Problem(blocks, bodies, rough, [load], contacts=ties, degree=2)
         bounds = limit_bounds(problem, 1e-3)
         ordered(bounds)
         assert_proven(shared_tmp_path, bounds, bounds)

@@ -239,8 +239,8 @@ def test_few_directions_at_the_end_of_a_load_limit_the_bound() -> None:
 def adapted_blocks(comm: MPI.Intracomm, cells: int) -> AdaptiveBounds:
     """Return two blocks in contact, with quadratic elements."""
     linear = two_blocks_problem(1, comm=comm)
-    problem = Problem(
-        linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
+    problem = Problem.from_given(
+        linear.tagged_mesh, replace(linear.given, degree=2, contacts=[CONTACT])
     )
     return adaptive_bounds(problem, Adaptation(until=0.1, cells=cells), rtol=1e-3)
 
@@ -271,8 +271,8 @@ def test_contact_in_space() -> None:
 def test_steps_to_the_next_mesh_in_space() -> None:
     """The step doubles the cells for wide brackets, and is smaller for narrow brackets."""
     linear = two_blocks_problem(2, comm=COMM)
-    problem = Problem(
-        linear.tagged_mesh, **{**vars(linear.given), "degree": 2, "contacts": [CONTACT]}
+    problem = Problem.from_given(
+        linear.tagged_mesh, replace(linear.given, degree=2, contacts=[CONTACT])
     )
     found, now = limit_bounds(problem, rtol=2e-2), count(problem.tagged_mesh)
     for gap, least, most in ((0.8, 1.7, 2.3), (0.11, 1.3, 1.75)):

@@ -1,6 +1,7 @@
 """Test bounds on the limit load of a body, and the message without bounds."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -73,7 +74,7 @@ def test_contact_is_not_entered_between_nodes(shared_tmp_path: Path) -> None:
 def quadratic_blocks() -> Problem:
     """Return two cantilevers in contact, with few cells."""
     problem = two_blocks_problem(1)
-    return Problem(problem.tagged_mesh, **vars(problem.given) | {"degree": 2})
+    return Problem.from_given(problem.tagged_mesh, replace(problem.given, degree=2))
 
 
 @pytest.mark.mpi2
@@ -169,7 +170,7 @@ def test_loads_that_are_formulas() -> None:
 
     def under(pressure: str) -> Problem:
         loads = [Pressure("top", pressure)]
-        return Problem(blocks(BLOCK, BLOCK).tagged_mesh, **vars(given) | {"loads": loads})
+        return Problem.from_given(blocks(BLOCK, BLOCK).tagged_mesh, replace(given, loads=loads))
 
     problem = under("1 + x*(1 - x)")
     bounds = bounds_of_mesh(problem, limit_load(problem))

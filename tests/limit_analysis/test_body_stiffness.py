@@ -39,7 +39,7 @@ def foam(read: Read) -> Problem:
         {"lower": Foam(1e4, 0.3, 10.0, 3.0), "upper": VonMises(2e5, 0.3, 100.0)},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
         [Pressure("top", 1.0)],
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
         degree=2,
     )
 

@@ -145,7 +145,7 @@ def test_bodies_that_collapse_first_do_so_as_if_they_were_tied() -> None:
         )
 
     exact = 2 * STEEL.yield_stress / math.sqrt(3)
-    tied = limit_load(pressed(ties=[Tie("lower_top", "upper_bottom")]), 1e-5)
+    tied = limit_load(pressed(contacts=[Tie("lower_top", "upper_bottom")]), 1e-5)
     assert tied.estimate == pytest.approx(exact, rel=1e-4)
     found = limit_load(pressed(contacts=[Contact("lower_top", "upper_bottom", coulomb=0.5)]), 1e-3)
     assert_lost_at(found, exact, 1e-3)

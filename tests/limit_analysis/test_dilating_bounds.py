@@ -2,6 +2,7 @@
 
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -185,7 +186,7 @@ def test_without_friction_it_is_von_mises(read: Read) -> None:
     weak = footing(read, 0.05)
     slope, strength = ground(0.05).cone
     equal = VonMises(1e4, 0.3, math.sqrt(3) * strength)
-    same = Problem(weak.tagged_mesh, **vars(weak.given) | {"materials": {"ground": equal}})
+    same = Problem.from_given(weak.tagged_mesh, replace(weak.given, materials={"ground": equal}))
     found, known = (limit_bounds(problem) for problem in (weak, same))
     assert found.strict
     assert known.strict
@@ -223,7 +224,7 @@ def test_random_stacks(shared_tmp_path: Path, seed: int, dim: int) -> None:
             angle = random.uniform(2, 45)
             match = random.choice(["plane-strain", "compression", "extension"])
             materials[name] = DruckerPrager(1e3, 0.3, random.uniform(0.3, 1.5), angle, match)  # type: ignore[arg-type]
-    problem = Problem(problem.tagged_mesh, **vars(problem.given) | {"materials": materials})
+    problem = Problem.from_given(problem.tagged_mesh, replace(problem.given, materials=materials))
     bounds = limit_bounds(problem)
     lower, upper = bounds.lower.value, bounds.upper.value
     print(seed, dim, problem, lower, upper, bounds.why_not)

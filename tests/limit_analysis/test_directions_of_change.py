@@ -16,7 +16,7 @@ from tests.models import two_blocks_problem
 def test_linear_fields_change_along_their_gradients() -> None:
     """This holds in each cell before the split, for any sizes; a pressure does not count."""
     linear = two_blocks_problem(1)
-    problem = Problem(linear.tagged_mesh, **{**vars(linear.given), "degree": 2})
+    problem = Problem.from_given(linear.tagged_mesh, replace(linear.given, degree=2))
     found = limit_bounds(problem, rtol=0.1)
     shear = fem.Function(found.mechanism.function_space)
     shear.interpolate(lambda x: np.stack([300.0 * x[2], 0.0 * x[2], 0.0 * x[2]]))

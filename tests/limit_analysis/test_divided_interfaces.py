@@ -1,5 +1,6 @@
 """Test bounds for separately meshed plane bodies: cells are divided until facets match."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from tests.contact.blocks_apart import blocks_apart
 COMM = MPI.COMM_WORLD
 STEEL = VonMises(2e5, 0.3, 200.0)
 PAIR = ("lower_top", "upper_bottom")
-MEETING: dict[str, Any] = {"ties": [Tie(*PAIR)], "contacts": [Contact(*PAIR)]}
+MEETING: dict[str, type[Contact | Tie]] = {"ties": Tie, "contacts": Contact}
 EXACT = 2 / 3**0.5 * STEEL.yield_stress
 """Limit load of a block in plane strain with free sides."""
 
@@ -43,9 +44,9 @@ def blocks(lower: int, upper: int, kind: str, loads: Any = None, **shape: Any) -
     mesh = blocks_apart(COMM, [lower] * 2, [upper] * 2, **shape)
     supports = [Support("bottom", "y"), Support("x0", "x"), Support("upper_x0", "x")]
     loads = loads or [Pressure("top", 1.0)]
-    met = {kind: MEETING[kind]}
+    met = [MEETING[kind](*PAIR)]
     materials = {"lower": STEEL, "upper": STEEL}
-    return Problem(mesh, materials, supports, loads, degree=2, **met)
+    return Problem(mesh, materials, supports, loads, met, degree=2)
 
 
 @pytest.mark.mpi2("2-3-ties")
@@ -82,8 +83,8 @@ def test_both_sides_have_one_set_of_numbers(seed: int) -> None:
 
 def test_mortar_contact_that_was_asked_for_is_at_each_point_in_bounds() -> None:
     found = blocks(2, 3, "contacts")
-    given = vars(found.given) | {"contacts": [Contact(*PAIR, formulation="mortar")]}
-    bounds = limit_bounds(Problem(found.tagged_mesh, **given), 1e-4)
+    given = replace(found.given, contacts=[Contact(*PAIR, formulation="mortar")])
+    bounds = limit_bounds(Problem.from_given(found.tagged_mesh, given), 1e-4)
     assert bounds.strict
     assert bounds.upper.value == pytest.approx(EXACT, rel=1e-5)
 
@@ -140,15 +141,15 @@ def tubes(
         write_thick_tube(path, outer=2.0, interface=radius, size=0.3, finer=finer)
     COMM.barrier()
     mesh = read_gmsh(COMM, path)
-    met = {kind: [type(MEETING[kind][0])("inner_tube_seam", "outer_tube_seam")]}
+    met = [MEETING[kind]("inner_tube_seam", "outer_tube_seam")]
     supports = [Support("x0", "x"), Support("y0", "y")]
     return Problem(
         mesh,
         dict.fromkeys(mesh.volumes, STEEL),
         supports,
         [Pressure("inner", 1.0)],
+        met,
         degree=2,
-        **met,
     )
 
 

@@ -1,6 +1,7 @@
 """Test upper bounds for contact on curved faces: mechanisms penetrate no facet."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -196,7 +197,6 @@ def test_friction_on_curved_faces_has_no_strict_mechanism(
     mesh_of: Callable[[Callable[[Path], None]], Path],
 ) -> None:
     path = mesh_of(lambda path: write_pin_in_lug(path, 1.0))
-    given = vars(pin_in_lug(path).given) | {
-        "contacts": [Contact("pin_bore", "lug_bore", tresca=10.0)]
-    }
-    assert without_entering(Problem(read_gmsh(COMM, path), **given)) is None
+    rough = [Contact("pin_bore", "lug_bore", tresca=10.0)]
+    given = replace(pin_in_lug(path).given, contacts=rough)
+    assert without_entering(Problem.from_given(read_gmsh(COMM, path), given)) is None

@@ -118,7 +118,7 @@ def test_elastic_bodies_that_cannot_slip_carry_without_end() -> None:
     problem = aside(2, 0.3, coulomb=0.2)
     elastic = Elastic(STEEL.young, STEEL.poisson)
     given = replace(problem.given, materials={"lower": elastic, "upper": elastic})
-    assert drucker_bounds(Problem(problem.tagged_mesh, **vars(given))).upper == math.inf
+    assert drucker_bounds(Problem.from_given(problem.tagged_mesh, given)).upper == math.inf
 
 
 def test_a_block_slides_up_a_slope(comm: MPI.Intracomm) -> None:

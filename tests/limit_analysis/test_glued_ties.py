@@ -23,8 +23,7 @@ def tied(sign: float) -> Problem:
     return touching_blocks(
         materials={"lower": WEAK, "upper": WEAK},
         loads=[Pressure("top", sign)],
-        contacts=[],
-        ties=TIE,
+        contacts=TIE,
         degree=2,
     )
 
@@ -79,6 +78,6 @@ def test_facets_that_do_not_match_are_left(gdim: int) -> None:
     ties = [Tie("lower_top", "upper_bottom")]
     materials = {"lower": WEAK, "upper": STRONG}
     problem = Problem(
-        mesh, materials, [Support("bottom")], [Pressure("top", 1.0)], ties=ties, degree=2
+        mesh, materials, [Support("bottom")], [Pressure("top", 1.0)], contacts=ties, degree=2
     )
     assert with_glued_ties(problem) is problem

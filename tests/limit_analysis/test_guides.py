@@ -56,9 +56,8 @@ def pressed_cube(octant: bool, turned: float = 0.0) -> Problem:
     return Problem(
         cube(COMM, 1, octant, turned),
         {"body": WEAK},
-        [*supports, Support("bottom", "z")],
+        [*supports, Support("bottom", "z"), RigidSurface("top", held="xy")],
         [Force("top", (0.0, 0.0, -1.0 if octant else -0.5))],
-        rigid=[RigidSurface("top", held="xy")],
         degree=2,
     )
 
@@ -131,7 +130,7 @@ def test_what_is_no_plane_of_symmetry_is_refused() -> None:
     refused(Support("y0", "normal"), "within 0.011° of", "where its surface meets", other=nearly)
     mesh, loads = square_tube(COMM, 2, quarter=True), [Pressure("inner", 1.0)]
     plate = [RigidSurface("inner", held="normal")]
-    assert_refused(lambda: Problem(mesh, {"body": WEAK}, [], loads, rigid=plate), ["'normal'"])
+    assert_refused(lambda: Problem(mesh, {"body": WEAK}, plate, loads), ["'normal'"])
 
 
 def test_planes_may_have_coordinates_of_few_digits_and_several_names() -> None:

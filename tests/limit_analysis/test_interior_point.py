@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -271,7 +272,7 @@ def test_what_enters_once_it_keeps_the_volume_is_held(
     """If steps end early, the projected velocity penetrates at some pairs without force."""
     monkeypatch.setattr("perfplast_fenicsx.limit_analysis.conic.interior_steps.MOST_STEPS", most)
     given = two_blocks_problem(2).given
-    limit = interior_point(Problem(two_blocks(COMM, 2), **vars(given) | {"degree": 2}))
+    limit = interior_point(Problem.from_given(two_blocks(COMM, 2), replace(given, degree=2)))
     assert limit.upper == pytest.approx(96.0, rel=3e-3)
     met = limit.upper - limit.lower <= 1e-4 * limit.lower
     assert limit.verdict is (Verdict.FOUND if met else Verdict.STALLED)

@@ -6,6 +6,7 @@ the same pressure as in air.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -172,6 +173,6 @@ def test_what_is_linear_on_facets(value: str, linear: bool) -> None:
 def test_a_force_per_volume_is_a_number() -> None:
     given = in_water([]).given
     loads = [*given.loads, BodyForce("block", ("x", 0.0))]
-    problem = Problem(in_water([]).tagged_mesh, **vars(given) | {"loads": loads})
+    problem = Problem.from_given(in_water([]).tagged_mesh, replace(given, loads=loads))
     with pytest.raises(InputError, match="'block' is a force per volume"):
         limit_bounds(problem)

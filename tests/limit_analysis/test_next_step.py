@@ -1,5 +1,6 @@
 """Test the advice for a limit load with too wide bounds."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -104,8 +105,8 @@ def test_the_body_that_flows_is_the_one_that_locks(monkeypatch: pytest.MonkeyPat
     """The upper block is pulled off the lower block; the projection hardly changes its velocity."""
     module = "perfplast_fenicsx.limit_analysis.discrete.discrete_bounds"
     monkeypatch.setattr(f"{module}.MOST_ITERATIONS", 1)
-    given = vars(two_blocks_problem(2).given)
     up = [Traction("top", (0.0, 0.0, 1.0))]
-    found = interior_point(Problem(two_blocks(COMM, 2), **given | {"loads": up, "degree": 2}), 1e-2)
+    given = replace(two_blocks_problem(2).given, loads=up, degree=2)
+    found = interior_point(Problem.from_given(two_blocks(COMM, 2), given), 1e-2)
     assert found.upper is None
     assert found.locked == ("upper",)

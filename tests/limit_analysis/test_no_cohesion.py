@@ -74,8 +74,11 @@ def on_heavy_sand(read: Read, base: str, size: float = 0.5) -> Problem:
         {"ground": MohrCoulomb(1e4, 0.3, 0.0, 30.0), "punch": Elastic(1e4, 0.3)},
         [Support("x0", "x"), Support("side"), Support("bottom")],
         [Pressure("top", 1.0), BodyForce("ground", [0.0, -1.0], constant=True)],
-        [] if rough else [Contact("punch_footing", "ground_footing")],
-        ties=[Tie("punch_footing", "ground_footing")] if rough else [],
+        [
+            Tie("punch_footing", "ground_footing")
+            if rough
+            else Contact("punch_footing", "ground_footing")
+        ],
         degree=2,
     )
 
@@ -271,7 +274,7 @@ def test_sand_in_space_is_refused_with_a_remedy() -> None:
     loads = [Pressure("top", 1.0), BodyForce("lower", (0.0, 0.0, -1.0), constant=True)]
     bodies, ties = {"lower": sand, "upper": sand}, [Tie("lower_top", "upper_bottom")]
     blocks, supports = stacked_blocks(COMM, 1), [Support("bottom")]
-    problem = Problem(blocks, bodies, supports, loads, ties=ties, degree=2)
+    problem = Problem(blocks, bodies, supports, loads, contacts=ties, degree=2)
     with pytest.raises(InputError, match="give a small one, such as a thousandth"):
         limit_bounds(problem)
 

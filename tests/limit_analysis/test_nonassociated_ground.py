@@ -56,7 +56,7 @@ def column(
         {"lower": of, "upper": upper or of},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
         [pressure],
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
         degree=2,
     )
 

@@ -46,7 +46,7 @@ def column(
     lower: Any, upper: Any, *loads: Any, supports: Any = SMOOTH, n: int = 1, **more: Any
 ) -> Problem:
     """Return two stacked blocks, in one piece or in contact."""
-    more = more or {"ties": TIED}
+    more = more or {"contacts": TIED}
     given = {"lower": lower, "upper": upper}
     return Problem(
         stacked_blocks(COMM, n),

@@ -59,9 +59,8 @@ def footing(*loads: Force | Traction, held: str = "", half: bool = False) -> Pro
         "right": lambda x: x[0] > width - 1e-9,
     }
     mesh = rectangle((round(4 * width), 4), (width, 1.0), {"ground": lambda x: x[1] < 2}, surfaces)
-    supports = [Support("bottom"), Support("left", "x"), Support("right", "x")]
-    rigid = [RigidSurface("strip", held=held)]
-    return Problem(mesh, {"ground": SOIL}, supports, loads, degree=2, rigid=rigid)
+    sides, rigid = [Support("left", "x"), Support("right", "x")], RigidSurface("strip", held=held)
+    return Problem(mesh, {"ground": SOIL}, [Support("bottom"), *sides, rigid], loads, degree=2)
 
 
 def at(value: tuple[float, float], moment: float = 0.0, constant: bool = False) -> Force:
@@ -115,10 +114,9 @@ def test_a_bar_that_a_plate_bends(shared_tmp_path: Path) -> None:
     problem = Problem(
         mesh,
         {"block": SOIL},
-        [Support("left")],
+        [Support("left"), RigidSurface("right")],
         [Force("right", (), 1.0)],
         degree=2,
-        rigid=[RigidSurface("right")],
     )
     bounds = proven(problem, shared_tmp_path)
     assert 2 * K / 4 * (1 - 2e-4) <= bounds.lower.value
@@ -130,7 +128,7 @@ def test_a_plate_in_space(shared_tmp_path: Path, moment: tuple[float, ...]) -> N
     """The plate lies on a held cube, and may rotate about any axis."""
     load = Force("z1", (0.2, 0.0, -1.0), moment, point=(0.5, 0.5, 1.0))
     problem = Problem(
-        cube(1), {"block": SOIL}, [Support("z0")], [load], degree=2, rigid=[RigidSurface("z1")]
+        cube(1), {"block": SOIL}, [Support("z0"), RigidSurface("z1")], [load], degree=2
     )
     bounds = proven(problem, shared_tmp_path)
     assert bounds.upper.value < 4 * bounds.lower.value
@@ -143,11 +141,10 @@ def test_a_plate_beside_contact(shared_tmp_path: Path, friction: dict[str, float
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, [2, 2], [2, 2], moved_by=0.0),
         {"lower": SOIL, "upper": SOIL},
-        [Support("bottom")],
+        [Support("bottom"), RigidSurface("top")],
         [Force("top", (0.0, -1.0), 0.1, point=(0.5, 2.0)), Pressure("x1", 0.3)],
         [Contact(*pair, **friction)],  # type: ignore[arg-type]
         degree=2,
-        rigid=[RigidSurface("top")],
     )
     proven(problem, shared_tmp_path)
 
@@ -156,11 +153,10 @@ def test_a_plate_that_touches_is_told() -> None:
     problem = Problem(
         stacked_blocks(MPI.COMM_WORLD, 1),
         {"lower": SOIL, "upper": SOIL},
-        [Support("bottom")],
+        [Support("bottom"), RigidSurface("upper_bottom")],
         [Force("upper_bottom", (0.0, 0.0, -1.0))],
         [Contact("lower_top", "upper_bottom")],
         degree=2,
-        rigid=[RigidSurface("upper_bottom")],
     )
     bounds = limit_bounds(problem)
     assert not bounds.strict

@@ -42,10 +42,9 @@ def pressed_disc(n: int, rigid: bool = True, hole: float = 0.0) -> Problem:
     return Problem(
         mesh.turned(),
         given,
-        [Support("bottom")],
+        [Support("bottom"), *([RigidSurface("top", held="x")] if rigid else [])],
         [Force("top", [0.0, -area])] if rigid else [Traction("top", [0.0, -1.0])],
         degree=2,
-        rigid=[RigidSurface("top", held="x")] if rigid else [],
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -349,9 +350,8 @@ def test_blocks_that_meet_on_the_axis(lower: int, upper: int, tied: bool) -> Non
         dict.fromkeys(mesh.volumes, STEEL),
         [Support("bottom", "y")],
         [Pressure("top", 1.0)],
-        [] if tied else [Contact(*pair)],
+        [Tie(*pair) if tied else Contact(*pair)],
         degree=2,
-        ties=[Tie(*pair)] if tied else [],
     )
     check(limit_bounds(problem), math.sqrt(3.0), 4e-3)
 
@@ -360,7 +360,7 @@ def wet(problem: Problem) -> Problem:
     """Return a disc with pore pressures."""
     pores = [PorePressure("disc", "0.3 + x*y"), PorePressure("disc", 0.2, constant=False)]
     loads = [*problem.given.loads, *pores]
-    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
+    return Problem.from_given(problem.tagged_mesh, replace(problem.given, loads=loads))
 
 
 def test_pores_do_no_work() -> None:

@@ -142,7 +142,7 @@ def glued_wall(read: Read) -> Problem:
     loads = [BodyForce(name, (0.0, -1.2), constant=True) for name in bodies]
     ties = [Tie("ground_face", "wall_face")]
     mesh = read(write_retaining_wall, width=3.0)
-    return Problem(mesh, bodies, supports, loads, ties=ties, degree=2)
+    return Problem(mesh, bodies, supports, loads, contacts=ties, degree=2)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.3, 1.6])

@@ -92,7 +92,7 @@ def block(comm: MPI.Intracomm, law: object, loads: list[object], ties: bool = Tr
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")],
         loads,  # type: ignore[arg-type]
         degree=2,
-        ties=[Tie("lower_top", "upper_bottom")] if ties else [],
+        contacts=[Tie("lower_top", "upper_bottom")] if ties else [],
     )
 
 
@@ -137,7 +137,7 @@ def test_corners_and_heat(comm: MPI.Intracomm) -> None:
         {"lower": steel, "upper": steel},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z"), Support("top", "z")],
         degree=2,
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
         initial=[Temperature("lower", 1.0, name="heat"), Temperature("upper", 1.0, name="heat")],
     )
     found = shakedown_load(problem, LoadDomain.of_ranges({"heat": (0.0, 1.0)}))
@@ -164,7 +164,7 @@ def test_heat_in_ground(angle: float, comm: MPI.Intracomm) -> None:
         {"lower": law, "upper": law},
         [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z"), Support("top", "z")],
         degree=2,
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
         initial=[Temperature("lower", 1.0, name="heat"), Temperature("upper", 1.0, name="heat")],
     )
     found = shakedown_load(problem, LoadDomain.of_ranges({"heat": (0.0, 1.0)}))

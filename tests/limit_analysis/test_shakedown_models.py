@@ -59,10 +59,9 @@ def test_a_strip_that_a_plate_bends(comm: MPI.Intracomm) -> None:
     problem = Problem(
         mesh,
         {"strip": STEEL},
-        [Support("left")],
+        [Support("left"), RigidSurface("right")],
         [Force("right", (), 1.0, point=(4.0, 0.5), name="M")],
         degree=2,
-        rigid=[RigidSurface("right")],
     )
     found = shakedown_load(problem, LoadDomain.of_ranges({"M": (0.0, 1.0)}))
     assert found.load == pytest.approx(0.5 / 3**0.5, rel=2e-4)

@@ -18,7 +18,7 @@ def glued(comm: MPI.Intracomm, hosts: str, on: str, normal: tuple[float, float])
         {"lower": STEEL, "upper": STEEL},
         [Support("x0", "x")],
         [Traction("top", (0.0, -1.0))],
-        ties=[Tie("lower_top", "upper_bottom", hosts=hosts)],
+        contacts=[Tie("lower_top", "upper_bottom", hosts=hosts)],
         obstacles=[Plane(on, (0.0, 0.0), normal, tresca=1.0, name="rough")],
     )
 

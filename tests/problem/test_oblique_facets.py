@@ -156,8 +156,7 @@ def pulled(
         {"pin": STEEL, "plate": STEEL},
         [Support("left"), *([Support("end")] if more == "support" else [])],
         [BodyForce("pin", direction)],
-        [] if more == "tie" else [contact],
-        ties=[Tie("pin_seam", "plate_seam")] if more == "tie" else [],
+        [Tie("pin_seam", "plate_seam") if more == "tie" else contact],
     )
 
 

@@ -183,13 +183,17 @@ ABOVE = Plane("top", (0.0, 0.0, 3.0), (0.0, 0.0, -1.0))
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
-        ({"contacts": [Tie("lower_top", "upper_bottom")]}, "give it as ties = [...]"),
+        (
+            {"contacts": [PAIR, Support("top")]},
+            "contacts = [...] contains an object",
+        ),
+        ({"supports": [ABOVE]}, "objects of type Support or RigidSurface"),
         (
             {"contacts": 2 * [PAIR]},
             "contact 1 ('lower_top', 'upper_bottom');",
         ),
         (
-            {"ties": [Tie("upper_bottom", "lower_top")]},
+            {"contacts": [Tie("upper_bottom", "lower_top"), PAIR]},
             "tie 1 ('upper_bottom', 'lower_top') has th",
         ),
         ({"obstacles": 2 * [ABOVE]}, "and their surfaces share facets"),
@@ -224,17 +228,15 @@ def with_parts() -> TaggedMesh:
 
 
 @pytest.mark.parametrize(
-    ("contacts", "ties", "part"),
+    ("contacts", "part"),
     [
-        ([PAIR, Contact("lower_top_part", "upper_bottom_part")], [], "contact 2 ('lower_top_part'"),
-        ([Contact("upper_bottom", "lower_top_part"), PAIR], [], "on both surfaces with contact 1"),
-        ([PAIR], [Tie("lower_top_part", "upper_bottom_part")], "tie 1 ('lower_top_part', "),
-        ([], [Tie("lower_top", "lower_top_part")], "the two surfaces share facets"),
+        ([PAIR, Contact("lower_top_part", "upper_bottom_part")], "contact 2 ('lower_top_part'"),
+        ([Contact("upper_bottom", "lower_top_part"), PAIR], "on both surfaces with contact 1"),
+        ([PAIR, Tie("lower_top_part", "upper_bottom_part")], "tie 1 ('lower_top_part', "),
+        ([Tie("lower_top", "lower_top_part")], "the two surfaces share facets"),
     ],
 )
-def test_facets_in_two_contacts_or_ties(
-    contacts: list[Contact], ties: list[Tie], part: str
-) -> None:
+def test_facets_in_two_contacts_or_ties(contacts: list[Contact | Tie], part: str) -> None:
     with pytest.raises(InputError) as refusal:
-        touching_blocks(with_parts(), contacts=contacts, ties=ties)
+        touching_blocks(with_parts(), contacts=contacts)
     assert part in str(refusal.value)

@@ -1,12 +1,22 @@
-"""Test input that a problem refuses."""
+"""Test the declared data of a problem, and input that it refuses."""
 
 import math
 
 import pytest
 
-from perfplast_fenicsx import BodyForce, Pressure, Support, Traction
+from perfplast_fenicsx import (
+    BodyForce,
+    Contact,
+    Pressure,
+    Problem,
+    RigidSurface,
+    Support,
+    Tie,
+    Traction,
+)
 from tests.checks import assert_refused
 from tests.models import STEEL, touching_blocks
+from tests.solvers.test_bolts import bolted
 
 
 @pytest.mark.parametrize(
@@ -27,3 +37,17 @@ def test_what_does_not_fit_is_refused_in_a_sentence(
     changes: dict[str, object], words: list[str]
 ) -> None:
     assert_refused(lambda: touching_blocks(**changes), words)
+
+
+def test_rigid_surfaces_and_ties_may_stand_anywhere_in_their_lists() -> None:
+    """Supports come before rigid surfaces in results, in any order of the list."""
+    held = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z")]
+    plate = RigidSurface("top", held="xy")
+    contact, tie = Contact("seat", "sleeve_top"), Tie("under_head", "bolt_top")
+    first = bolted(supports=[plate, *held], contacts=[tie, contact])
+    assert first.given == bolted(supports=[*held, plate], contacts=[contact, tie]).given
+    assert first.given.holding == [*held, plate]
+    assert first.support_names[-1] == "rigid surface top"
+    assert first.given.contacts == [contact]
+    assert first.given.ties == [tie]
+    assert Problem.from_given(first.tagged_mesh, first.given).given == first.given

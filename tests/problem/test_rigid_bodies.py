@@ -103,7 +103,7 @@ def test_limit_of_stiff_bodies(degree: int) -> None:
         found = limit_load(problem, 1e-3, method="interior-point")
         assert found.upper is not None
         assert 2000.0 < found.lower <= found.upper
-        assert limit_bounds(Problem(mesh, **vars(problem.given)), 1e-2).strict
+        assert limit_bounds(Problem.from_given(mesh, problem.given), 1e-2).strict
 
 
 @pytest.mark.long(
@@ -131,7 +131,7 @@ def test_force_and_moment(gdim: int, joint: str) -> None:
     if joint == "friction":
         given = {"contacts": [Contact(*pair, tresca=40.0)]}
     elif joint.startswith("tie"):
-        given = {"ties": [Tie(*(pair if joint == "tie" else pair[::-1]))]}
+        given = {"contacts": [Tie(*(pair if joint == "tie" else pair[::-1]))]}
     glued = joint.startswith("tie")
     force = Force("top", SHEAR[gdim] if glued else FORCE[gdim], MOMENT[gdim], POINT[gdim])
     if joint in ("contact", "nodes") and gdim == 3:
@@ -189,7 +189,7 @@ def test_supports(gdim: int, how: str) -> None:
     else:
         turn: Any = 2e-4 if gdim == 2 else (1e-4, -2e-4, 1e-4)
         down = [0.0] * (gdim - 1) + [-1e-3]
-        given["rigid"] = [RigidSurface("top", POINT[gdim], down, turn, constant=False)]
+        given["supports"] = [RigidSurface("top", POINT[gdim], down, turn, constant=False)]
     reports = []
     for law in (Rigid(), STIFF):
         problem = problem_of(mesh, law, **given)

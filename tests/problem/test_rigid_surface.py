@@ -43,11 +43,10 @@ def stacked(mesh: TaggedMesh, degree: int, *loads: Force, **motion: Any) -> Prob
     return Problem(
         mesh,
         {"lower": STEEL, "upper": STEEL},
-        [Support("bottom"), *sides],
+        [Support("bottom"), *sides, RigidSurface("lower_top", POINT[gdim], **motion)],
         [Pressure("top", 30.0, constant=True), *loads],
         [Contact("lower_top", "upper_bottom")],
         degree=degree,
-        rigid=[RigidSurface("lower_top", POINT[gdim], **motion)],
     )
 
 
@@ -92,10 +91,9 @@ def test_nodes_follow_nodes_that_follow(rigid: str) -> None:
     problem = Problem(
         blocks_apart(MPI.COMM_WORLD, (1, 2), (1, 2)),
         {"lower": STEEL, "upper": STEEL},
-        [Support("bottom"), Support("top", "x")],
+        [Support("bottom"), Support("top", "x"), RigidSurface(rigid)],
         [Pressure("top", 30.0)],
         [Contact("lower_top", "upper_bottom", formulation="nodes")],
-        rigid=[RigidSurface(rigid)],
     )
     check(Newton(problem, TIGHT).solve(1.0))
 
@@ -141,10 +139,9 @@ def test_held_across_planes_of_symmetry(gdim: int) -> None:
         return Problem(
             mesh,
             {"lower": STEEL, "upper": STEEL},
-            [Support("bottom"), *sides],
+            [Support("bottom"), *sides, RigidSurface("top", **motion)],
             loads,
             [Contact("lower_top", "upper_bottom")],
-            rigid=[RigidSurface("top", **motion)],
         )
 
     force = Force("top", FORCE[gdim])
@@ -169,7 +166,7 @@ def test_a_disc_is_pressed_along_the_axis(read: Read) -> None:
 
     def problem(supports: list[Support], loads: list[Force], *rigid: RigidSurface) -> Problem:
         materials = {"ring": STEEL}
-        return Problem(disc, materials, [*held, *supports], loads, degree=2, rigid=rigid)
+        return Problem(disc, materials, [*held, *supports, *rigid], loads, degree=2)
 
     loaded = Newton(problem([], force, RigidSurface("top", held="x")), TIGHT).solve(1.0)
     check(loaded)
@@ -191,10 +188,9 @@ def footing(ground: TaggedMesh, across: float, moment: float, held: str = "") ->
     return Problem(
         ground,
         {"ground": STEEL},
-        [Support("bottom"), Support("sides", "x")],
+        [Support("bottom"), Support("sides", "x"), RigidSurface("footing", held=held)],
         [Force("footing", (across, -1.0), moment)],
         degree=2,
-        rigid=[RigidSurface("footing", held=held)],
     )
 
 
@@ -236,7 +232,6 @@ def test_what_is_refused(rigid: list[RigidSurface], loads: list[Force], words: s
         Problem(
             blocks_apart(MPI.COMM_WORLD, *COUNTS[2]),
             {"lower": STEEL, "upper": STEEL},
-            [Support("bottom"), Support("upper_bottom")],
+            [Support("bottom"), Support("upper_bottom"), *rigid],
             loads or [Force("top", (0.0, -1.0))],
-            rigid=rigid,
         )

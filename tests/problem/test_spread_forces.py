@@ -191,7 +191,7 @@ def test_refusals(load: Load, message: str) -> None:
 
 
 def test_a_force_on_a_rigid_surface_that_is_moved_is_refused() -> None:
-    rigid = [RigidSurface("top", displacement=(0.0, 0.0, 1.0))]
+    rigid = RigidSurface("top", displacement=(0.0, 0.0, 1.0))
     materials = {"lower": SOFT, "upper": SOFT}
     with pytest.raises(InputError, match="whose motion is prescribed"):
-        Problem(blocks(), materials, [Support("bottom")], [Force("top", (1, 0, 0))], rigid=rigid)
+        Problem(blocks(), materials, [Support("bottom"), rigid], [Force("top", (1, 0, 0))])

@@ -1,5 +1,7 @@
 """Test variants of a problem: other data on the same bodies, without another contact search."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import pytest
@@ -20,10 +22,11 @@ def loaded(problem: Problem, zeta: float) -> float:
 def test_other_materials_are_those_of_a_new_problem(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = punch_problem(4)
     initial = [InitialStress("base", (0.0, 0.0, -5.0, 0.0, 0.0, 0.0))]
-    given = vars(problem.given) | {"initial": initial}
+    given = replace(problem.given, initial=initial)
     materials = {"base": STRONG, "punch": STRONG}
-    known = loaded(Problem(problem.tagged_mesh, **(given | {"materials": materials})), 150.0)
-    problem = Problem(problem.tagged_mesh, **given)
+    new = Problem.from_given(problem.tagged_mesh, replace(given, materials=materials))
+    known = loaded(new, 150.0)
+    problem = Problem.from_given(problem.tagged_mesh, given)
     before = loaded(problem, 150.0)
     monkeypatch.delattr(problem_module, "find_constraints")
     other = variant(problem, materials=materials)
@@ -36,8 +39,8 @@ def test_other_materials_are_those_of_a_new_problem(monkeypatch: pytest.MonkeyPa
 def test_what_levels_change_is_of_each_variant_alone() -> None:
     problem = punch_problem(2)
     pushed = Support("top", "z", -0.01, constant=False)
-    given = vars(problem.given) | {"supports": [*problem.given.supports, pushed], "loads": []}
-    problem = Problem(problem.tagged_mesh, **given)
+    given = replace(problem.given, supports=[*problem.given.supports, pushed], loads=[])
+    problem = Problem.from_given(problem.tagged_mesh, given)
     other = variant(problem)
     other.move_to(2.0)
     furthest = [

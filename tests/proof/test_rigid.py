@@ -51,10 +51,9 @@ def honest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     problem = Problem(
         read_gmsh(MPI.COMM_WORLD, path / "stack.msh"),
         {"block0": VonMises(young=1e3, poisson=0.3, yield_stress=1.0)},
-        [Support("bottom")],
+        [Support("bottom"), RigidSurface("top")],
         [Force("top", [*aside, -1.0], turn, point=[0.4] * dim)],
         degree=2,
-        rigid=[RigidSurface("top")],
     )
     found = written(path, limit_bounds(problem))
     assert "rigid plates glued to surface" in check(path / "bounds.h5")["lower"].words[0]

@@ -116,8 +116,7 @@ class Apart:
                 Pressure("top", 1.0),
                 *(Pressure(side, self.sides, constant=True) for side in ("x1", "upper_x1")),
             ],
-            [] if self.glued else [joint],
-            ties=[Tie(*seams)] if self.glued else [],
+            [Tie(*seams) if self.glued else joint],
             degree=2,
         )
 

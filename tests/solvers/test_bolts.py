@@ -84,8 +84,7 @@ def bolted(*initial: Any, **changes: Any) -> Problem:
             Support("sleeve_side", "x"),
         ],
         "loads": [Traction("top", (0.0, 0.0, 1 / 3))],
-        "contacts": [Contact("seat", "sleeve_top")],
-        "ties": [Tie("under_head", "bolt_top")],
+        "contacts": [Contact("seat", "sleeve_top"), Tie("under_head", "bolt_top")],
     }
     return Problem(joint(), **(given | {"initial": initial or (BOLT,)} | changes))
 
@@ -149,7 +148,7 @@ def test_two_bolts_at_once() -> None:
     soft = {"bolt": Elastic(YOUNG, 0.0), "sleeve": Elastic(STIFFER, 0.0), "head": Elastic(YOUNG, 0)}
     other = Bolt("sleeve", 3.0, (0.0, 0.0, 1.0), name="second")
     held = [Support("x0", "x"), Support("y0", "y"), Support("bottom", "z"), Support("top", "z")]
-    problem = bolted(BOLT, other, materials=soft, ties=tied, contacts=(), loads=(), supports=held)
+    problem = bolted(BOLT, other, materials=soft, contacts=tied, loads=(), supports=held)
     level = Newton(problem, TIGHT).solve(0.0)
     assert dict(level.report.bolts) == pytest.approx({"bolt": PRELOAD, "second": 3.0}, rel=1e-5)
 

@@ -153,7 +153,7 @@ def test_a_rough_obstacle_carries_its_share(comm: MPI.Intracomm) -> None:
         {"lower": STEEL, "upper": STEEL},
         [],
         [Traction("top", (0.1, -1.0))],
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
         obstacles=[Plane("bottom", (0.0, 0.0), (0.0, 1.0), tresca=5.0, name="floor")],
     )
     level = Newton(problem).solve(49.0)
@@ -181,19 +181,19 @@ def test_what_is_no_friction_is_refused(make: Any, words: list[str]) -> None:
 
 
 def test_friction_and_tie_on_one_surface_are_refused(comm: MPI.Intracomm) -> None:
-    def declare(**more: Any) -> Problem:
+    def declare(*contacts: Contact, **more: Any) -> Problem:
         return Problem(
             blocks_apart(comm, (2, 2), (2, 2)),
             {"lower": STEEL, "upper": STEEL},
             [Support("bottom")],
             [Traction("top", (0.1, -1.0))],
-            ties=[Tie("lower_top", "upper_bottom")],
+            [Tie("lower_top", "upper_bottom"), *contacts],
             **more,
         )
 
-    contact = {"contacts": [Contact("lower_top", "upper_bottom", tresca=1.0)]}
+    contact = Contact("lower_top", "upper_bottom", tresca=1.0)
     words = ["tie 1", "has the same surfaces as contact 1"]
-    assert_refused(lambda: declare(**contact), words)
+    assert_refused(lambda: declare(contact), words)
     roof = Plane("lower_top", (0.0, 1.0), (0.0, -1.0), tresca=1.0, name="roof")
     assert_refused(lambda: declare(obstacles=[roof]), ["friction", "tied", "remove"])
 

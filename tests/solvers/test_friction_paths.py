@@ -120,7 +120,7 @@ def dragged(mesh: TaggedMesh, by: str, distance: float, tresca: float) -> Proble
         [Support("top", "x", value=value, constant=False)],
         [Traction("top", (0.0, -50.0), constant=True)],
         obstacles=[Plane("bottom", (0.0, 0.0), (0.0, 1.0), move=move, tresca=tresca, name="floor")],
-        ties=[Tie("lower_top", "upper_bottom")],
+        contacts=[Tie("lower_top", "upper_bottom")],
     )
 
 

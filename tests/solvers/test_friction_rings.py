@@ -42,7 +42,7 @@ def test_a_ring_slides_down_a_shaft(comm: MPI.Intracomm) -> None:
         {"lower": STEEL, "upper": STEEL},
         [],
         [Traction("top", (0.0, -1.0))],
-        ties=[Tie("lower_top", "upper_bottom", hosts="secondary")],
+        contacts=[Tie("lower_top", "upper_bottom", hosts="secondary")],
         obstacles=[Plane("x0", (INNER, 0.0), (1.0, 0.0), tresca=SHEAR, name="shaft")],
         degree=2,
     )

@@ -83,7 +83,7 @@ def test_a_given_strain_goes_forth_and_back(body: VonMises | Hardening) -> None:
 def test_a_punch_is_withdrawn_and_comes_back() -> None:
     """Contact opens when the punch is withdrawn, and closes again where the bar remained short."""
     contacts = [Contact("lower_top", "upper_bottom")]
-    problem = bar(ISOTROPIC, loads=[], ties=[], contacts=contacts, obstacles=[PUNCH])
+    problem = bar(ISOTROPIC, loads=[], contacts=contacts, obstacles=[PUNCH])
     strokes = [3.0, 1.0, 2.0, 2.8, 4.0]
     stages = [Stage({"punch": stroke * 2 * AT_YIELD}, 2) for stroke in strokes]
     plastic, apart = 0.0, []
@@ -107,7 +107,7 @@ def test_an_overlap_grows_and_shrinks() -> None:
     """Blocks between planes are compressed by the factor, yield, and separate again."""
     fit = Contact("lower_top", "upper_bottom", -1.0, True, constant=False, name="fit")
     supports = [*ROLLERS, Support("top", "z")]
-    problem = bar(ISOTROPIC, supports=supports, loads=[], ties=[], contacts=[fit])
+    problem = bar(ISOTROPIC, supports=supports, loads=[], contacts=[fit])
     tops = [2.0, 1.5, 0.5]
     levels = solved(problem, [Stage({"fit": 2 * top * AT_YIELD}, 2) for top in tops])
     stresses = np.maximum(strained(ISOTROPIC, halves(tops) * AT_YIELD), 0.0)
@@ -121,7 +121,7 @@ def test_by_both_algorithms() -> None:
     found = []
     for method in (Newton, AugmentedLagrangian):
         contacts = [Contact("lower_top", "upper_bottom")]
-        problem = bar(STEEL, loads=[], ties=[], contacts=contacts, obstacles=[PUNCH])
+        problem = bar(STEEL, loads=[], contacts=contacts, obstacles=[PUNCH])
         stages = [Stage({"punch": stroke * 2 * AT_YIELD}) for stroke in (3.0, 1.0, 2.5, 2.2)]
         levels = list(stage_path(method(problem), LoadingHistory(problem, stages)))
         assert all(level.report.converged for level in levels)
@@ -141,7 +141,7 @@ def test_loads_motions_and_heat_have_factors_of_their_own() -> None:
             Support("lower_top", "z", -1.0, constant=False, name="press"),
         ],
         initial=[Temperature("lower", heat, "heat")],
-        ties=[],
+        contacts=[],
     )
     stages = [
         Stage({"press": 0.5 * AT_YIELD}),
@@ -168,7 +168,7 @@ def test_a_punch_drags_and_drags_back() -> None:
 def test_a_rigid_end_is_turned_and_turned_back() -> None:
     """The body is elastic: the moment follows the angle, and returns to zero."""
     turned = RigidSurface("top", rotation=(0.0, 0.0, 1.0), constant=False, name="wrench")
-    problem = bar(STEEL, loads=[], supports=[Support("bottom")], rigid=[turned])
+    problem = bar(STEEL, loads=[], supports=[Support("bottom"), turned])
     levels = solved(problem, [Stage({"wrench": angle}) for angle in (1e-4, -2e-4, 0.0)])
     moments = [level.report.driving_forces["wrench"] for level in levels]
     assert moments[0] > 0
@@ -182,7 +182,7 @@ def test_loads_and_motions_that_grow_together() -> None:
         Support("upper_bottom", "z"),
         Support("lower_top", "z", -1.0, constant=False),
     ]
-    problem = bar(STEEL, supports=supports, ties=[], bodies=STEEL)
+    problem = bar(STEEL, supports=supports, contacts=[], bodies=STEEL)
     for level in load_path(Newton(problem, SHARP), AT_YIELD * np.array([0.5, 0.9])):
         assert level.report.driving_force == pytest.approx(YOUNG * level.report.zeta, rel=1e-9)
         assert level.report.alpha == pytest.approx(level.report.zeta / YOUNG, rel=1e-9)

@@ -53,7 +53,7 @@ def bar(body: VonMises | Hardening, degree: int = 1, **more: object) -> Problem:
     arguments: dict[str, object] = {
         "supports": ROLLERS,
         "loads": [Pressure("top", 1.0, name="push")],
-        "ties": [Tie("lower_top", "upper_bottom")],
+        "contacts": [Tie("lower_top", "upper_bottom")],
         "degree": degree,
     }
     materials = dict.fromkeys(("lower", "upper"), more.pop("bodies", Flow(body)))
@@ -117,7 +117,6 @@ def test_a_restrained_bar_is_heated_and_cooled(degree: int) -> None:
         supports=[*ROLLERS, Support("lower_top", "z")],
         initial=[Temperature("lower", 1.0)],
         loads=[],
-        ties=[],
         contacts=[Contact("upper_bottom", "lower_top")],
     )
     stresses = np.array([-0.5, -1, -1, -0.5, 0, 0.5]) * YIELD
@@ -182,7 +181,7 @@ def test_ground_in_an_oedometer(ground: DruckerPrager | MohrCoulomb) -> None:
 def test_contact_is_relieved_and_pushed_again() -> None:
     """Without load no pair pushes, but pairs are in contact where the next level begins."""
     contacts = [Contact("lower_top", "upper_bottom")]
-    problem = bar(ISOTROPIC, ties=[], contacts=contacts)
+    problem = bar(ISOTROPIC, contacts=contacts)
     levels = solved(problem, [Stage({"push": top}) for top in (350.0, 0.0, 420.0)])
     strains = by_hand(ISOTROPIC, np.array([350.0, 0.0, 420.0]))
     for level, strain in zip(levels, strains, strict=True):

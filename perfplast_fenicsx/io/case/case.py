@@ -175,14 +175,12 @@ class Case:
             problem = Problem(
                 tagged_mesh,
                 self.materials,
-                self.supports,
+                [*self.supports, *self.rigid],
                 self.loads_on(tagged_mesh),
-                self.contacts,
+                [*pairs, *glued],
                 self.obstacles,
                 self.element.degree,
                 self.initial,
-                [*self.ties, *glued],
-                self.rigid,
             )
             return problem if self.loading.of_body else problem.with_rigid_motions()
 

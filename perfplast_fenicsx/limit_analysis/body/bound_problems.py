@@ -228,7 +228,7 @@ def without_pores(problem: Problem, dilates: bool) -> Problem:
             "remove the pressure, or give control = 'work' and until = 'limit', for the limit "
             "load of the mesh."
         )
-    return Problem(problem.tagged_mesh, **{**vars(problem.given), "loads": loads})
+    return Problem.from_given(problem.tagged_mesh, replace(problem.given, loads=loads))
 
 
 def pores_in_words(problem: Problem) -> tuple[str, ...]:
@@ -382,7 +382,7 @@ def _at_each_point(problem: Problem) -> Problem:
     if not in_mean or not problem.as_declared or has_curved_cells(mesh):
         return problem
     contacts = [replace(it, formulation=None, hosts=None) for it in given.contacts]
-    return Problem(problem.tagged_mesh, **(vars(given) | {"contacts": contacts}))
+    return Problem.from_given(problem.tagged_mesh, replace(given, contacts=contacts))
 
 
 def with_glued_ties(problem: Problem) -> Problem:
@@ -404,4 +404,4 @@ def with_glued_ties(problem: Problem) -> Problem:
     if glued is None:
         return problem
     log.info("the facets of all ties match, and bodies share their vertices there")
-    return Problem(glued, **(vars(given) | {"ties": []}))
+    return Problem.from_given(glued, replace(given, ties=[]))

@@ -7,7 +7,6 @@ v, such a flow only needs v_r independent of r. On the axis, v is zero. With zer
 also zero on the axis, and strain rates are finite except at vertices on the axis.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -21,7 +20,6 @@ from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.mesh.kinematics import ON_AXIS, RingFlux
 from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 from perfplast_fenicsx.parallel import bounding_box
-from perfplast_fenicsx.problem.declared.supports import Support
 from perfplast_fenicsx.problem.problem import Problem
 
 
@@ -38,18 +36,10 @@ def by_flux(problem: Problem) -> Problem:
         InputError: If surfaces in contact have a radial gap.
     """
     given = problem.given
-    supports: Sequence[Support] = [replace(one, value=0.0) for one in given.supports]
-    found = Problem(
-        _with_flux(problem.tagged_mesh),
-        given.materials,
-        supports,
-        given.loads,
-        [_as_meshed(one) for one in given.contacts],
-        given.obstacles,
-        degree=given.degree,
-        ties=given.ties,
-        rigid=given.rigid,
-    )
+    still = [replace(one, value=0.0) for one in given.supports]
+    contacts = [_as_meshed(one) for one in given.contacts]
+    given = replace(given, supports=still, contacts=contacts, initial=())
+    found = Problem.from_given(_with_flux(problem.tagged_mesh), given)
     _check_rings_meet(found)
     return found
 

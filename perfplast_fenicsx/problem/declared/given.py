@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -17,10 +17,16 @@ from perfplast_fenicsx.problem.declared.supports import RigidSurface, Support
 if TYPE_CHECKING:
     from perfplast_fenicsx.mesh.tagged_mesh import TaggedMesh
 
+A = TypeVar("A")
+B = TypeVar("B")
+
 
 @dataclass(frozen=True)
 class Given:
-    """The arguments of :class:`problem.Problem` except the mesh, as documented there."""
+    """The arguments of :class:`problem.Problem` except the mesh, as documented there.
+
+    Supports and rigid surfaces are separate here, and so are contacts and ties.
+    """
 
     materials: Mapping[str, Material]
     supports: Sequence[Support]
@@ -43,12 +49,6 @@ class Given:
         Raises:
             InputError: If a declaration is refused; the message names it.
         """
-        for contact in self.contacts:
-            if isinstance(contact, Tie):
-                raise InputError(
-                    f"the tie of '{contact.primary}' and '{contact.secondary}' is listed "
-                    "among the contacts; give it as ties = [...]."
-                )
         for load in self.loads:
             numbers = load.value if isinstance(load.value, Sequence) else [load.value]
             if not isinstance(load.value, str) and any(map(callable, numbers)):
@@ -122,3 +122,27 @@ class Given:
         """Return the supports, and rigid surfaces with an at least partly prescribed motion."""
         known = (surface for surface in self.rigid if surface.held or not surface.free)
         return [*self.supports, *known]
+
+
+def by_kind(
+    argument: str, entries: Sequence[A | B], first: type[A], second: type[B]
+) -> tuple[list[A], list[B]]:
+    """Return the entries of the first kind, and those of the second, both in the given order.
+
+    Args:
+        argument: Name of the argument of :class:`problem.Problem`, for messages.
+        entries: The entries of the argument.
+        first: The first kind.
+        second: The second kind.
+
+    Raises:
+        InputError: If an entry has neither kind.
+    """
+    for entry in entries:
+        if not isinstance(entry, (first, second)):
+            raise InputError(
+                f"{argument} = [...] contains an object of type {type(entry).__name__}; list only "
+                f"objects of type {first.__name__} or {second.__name__} there."
+            )
+    found = [entry for entry in entries if isinstance(entry, first)]
+    return found, [entry for entry in entries if isinstance(entry, second)]

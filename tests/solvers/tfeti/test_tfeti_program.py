@@ -61,7 +61,7 @@ CASES: dict[str, tuple[Callable[[], Problem], float]] = {
     "quadratic": (quadratic_problem, 50.0),
     "mortar, plane": (lambda: blocks(2, 2, contacts=MORTAR), 200.0),
     "mortar, space": (lambda: blocks(3, 1, contacts=MORTAR), 200.0),
-    "tied": (lambda: blocks(2, 2, ties=TIED), 200.0),
+    "tied": (lambda: blocks(2, 2, contacts=TIED), 200.0),
 }
 
 
