@@ -128,13 +128,13 @@ class Units:
         """Return the unit of each quantity for ``summary.json``.
 
         Args:
-            whole: Whether bodies are finite in all directions. If not, forces and works are per
-                unit of depth.
+            whole: Whether bodies are finite in all directions. If not, forces, works and
+                volumes are per unit of depth.
 
         Returns:
-            Units of ``length``, ``stress``, ``force``, ``work``, ``moment`` and ``force_density``
-            (force per volume), and the ``system``. Unknown units are empty texts. In a system,
-            lever arms of moments are in metres or feet (:meth:`moment_scale`).
+            Units of ``length``, ``volume``, ``stress``, ``force``, ``work``, ``moment`` and
+            ``force_density`` (force per volume), and the ``system``. Unknown units are empty texts.
+            In a system, lever arms of moments are in metres or feet (:meth:`moment_scale`).
         """
         system = self.known
         length = system.length if system else self.length
@@ -153,6 +153,7 @@ class Units:
         return {
             "system": self.name or "",
             "length": length,
+            "volume": "" if not length else f"{length}^3" if whole else f"{length}^3/{length}",
             "stress": stress,
             "force": force,
             "work": work,

@@ -32,11 +32,13 @@ def test_stresses_in_pounds() -> None:
 def test_units_of_quantities() -> None:
     space, plane = (Units(system="mm-N-MPa").table(whole) for whole in (True, False))
     assert space == {
-        **{"system": "mm-N-MPa", "length": "mm", "stress": "MPa", "force": "N"},
+        **{"system": "mm-N-MPa", "length": "mm", "volume": "mm^3"},
+        **{"stress": "MPa", "force": "N"},
         **{"work": "N mm", "moment": "N m", "force_density": "N/mm^3"},
     }
     assert plane["moment"] == "N m/m"
     assert (plane["force"], plane["work"]) == ("N/mm", "N mm/mm")
+    assert plane["volume"] == "mm^3/mm"
     assert Units("m", "kPa").name == "m-kN-kPa"
     assert Units("m", "kPa").table() == Units(system="m-kN-kPa").table()
 

@@ -150,7 +150,8 @@ class _Told:
             self.lines.append(f"  with edges half as long, pressures differ by at most {apart}")
         for name, discharge in flow.discharges.items():
             way = "enters" if discharge > 0 else "leaves"
-            told = f"{_number(abs(discharge))} {way} per unit of time"
+            volume = f"{_number(abs(discharge))} {self.units['volume']}".rstrip()
+            told = f"{volume} {way} per unit of time"
             if not discharge:
                 told = "no water passes"
             self.lines.append(f"  {name}: {told}")

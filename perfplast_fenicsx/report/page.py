@@ -245,7 +245,8 @@ def _water(reader: ResultReader) -> str:
     )
     figure = next(figure for figure in FIGURES if figure.file == "seepage.png")
     picture = _picture(reader, figure.file)
-    heads = ["surface", "inflow per unit of time", "outflow per unit of time"]
+    volume = f"{reader.summary.units.get('volume', '')} per unit of time".lstrip()
+    heads = ["surface", f"inflow ({volume})", f"outflow ({volume})"]
     return _section("water", figure.title, table(heads, rows) + note + picture)
 
 

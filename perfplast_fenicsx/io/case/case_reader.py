@@ -153,7 +153,7 @@ def case_of(path: Path, text: str, table: Table) -> Case:
         units=units,
         initial=initial,
         combinations=combinations,
-        remarks=tuple(filter(None, (weaker, other_solver, *drawdowns(acting.seepage)))),
+        remarks=tuple(filter(None, (weaker, other_solver, *drawdowns(acting.seepage, units)))),
         water=acting.water,
         cracks=acting.cracks,
     )

@@ -76,11 +76,12 @@ def water_loads(seepage: Seepage, bodies: Iterable[str], weight: GravityTable | 
     return found
 
 
-def drawdowns(seepage: Seepage | None) -> list[str]:
+def drawdowns(seepage: Seepage | None, units: Units) -> list[str]:
     """Return a remark on each water level that has fallen (rapid drawdown)."""
+    length = f" {unit}" if (unit := units.table()["length"]) else ""
     return [
-        f"the water outside '{head.on}' has fallen from {head.level:g} to {head.drawdown:g}, but "
-        "no water has drained from the ground since then"
+        f"the water outside '{head.on}' has fallen from {head.level:g}{length} to "
+        f"{head.drawdown:g}{length}, but no water has drained from the ground since then"
         for head in (() if seepage is None else seepage.head)
         if head.drawdown is not None
     ]
