@@ -80,16 +80,16 @@ class Sets:
         sizes = np.linalg.norm(deviator[self.at, : self.m], axis=1)
         return np.maximum(self.of.slopes[0] * sizes - trace[self.at], 0.0)
 
-    def block(self, unit, strengths, weights):
-        return Points(self, np.array(self.of.radii) / unit, strengths, weights)
+    def block(self, unit, weights):
+        return Points(self, np.array(self.of.radii) / unit, weights)
 
 
 class Points:
     """The points in a program; see :class:`Block`. Members have the shape (2 num, 1 + m)."""
 
-    def __init__(self, sets, radii, strengths, weights):
+    def __init__(self, sets, radii, weights):
         self.at, self.m, self.weights = sets.at, sets.m, weights
-        self.radii, self.slopes, self.strengths = radii, np.array(sets.of.slopes), strengths
+        self.radii, self.slopes = radii, np.array(sets.of.slopes)
         self._squares = np.minimum(radii**2, MOST_VISCOUS)
 
     @property
@@ -126,10 +126,6 @@ class Points:
 
     def scaled(self, now, rates):
         return ScaledPoints(self, now, rates)
-
-    def viscosities(self, now, rates, stiffer, out):
-        flows = self.weights * np.linalg.norm(rates.deviator[self.at], axis=1)
-        out[self.at] = self.strengths / np.maximum(flows, 1 / stiffer)
 
 
 class ScaledPoints:

@@ -22,7 +22,7 @@ ONE: Floats = np.ones(1)
 BLOCKS: Sequence[Block] = (
     Cylinders(slice(None), ONE, ONE, ONE),
     Cones(slice(None), ONE, ONE, ONE, ONE),
-    PrincipalPoints(PrincipalCones.none(), ONE[:0], ONE[:0]),
+    PrincipalPoints(PrincipalCones.none(), ONE[:0]),
     Pairs(ONE),
 )
 

@@ -184,7 +184,7 @@ def test_moduli_are_those_of_the_linear_system(cut: bool) -> None:
     if cut:
         tensions[1:] = 0.1, 0.5
     cones = PrincipalCones(np.arange(3), bounds, sines, tensions, matrices(frame.T))
-    blocks = PrincipalPoints(cones, bounds, np.ones(3))
+    blocks = PrincipalPoints(cones, np.ones(3))
     p, s, t = random.normal(size=3), random.normal(size=(3, 5)), random.normal(size=3)
     X = blocks.members(t, p, s)
     stress = p[:, None, None] * np.eye(3) + cones.deviators(s)

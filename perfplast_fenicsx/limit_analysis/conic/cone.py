@@ -319,17 +319,6 @@ class Block(Protocol):
         """Return the block at an iterate, from the rates of the iterate's velocity."""
         ...
 
-    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Write the stress divided by the strain rate of each point of the block to ``out``.
-
-        Args:
-            now: Members at the iterate.
-            rates: Rates of the iterate's velocity.
-            stiffer: Strain rates count as at least 1/``stiffer``.
-            out: Values at all points, shape (count,).
-        """
-        ...
-
 
 class PointSets(Protocol):
     """Yield sets of one kind at points of a rank, in the coordinates (p, s) and the user's units.
@@ -368,12 +357,11 @@ class PointSets(Protocol):
         """Return the amount by which tr ε is too small for admissible rates, shape (num,)."""
         ...
 
-    def block(self, unit: float, strengths: Floats, weights: Floats) -> Block:
+    def block(self, unit: float, weights: Floats) -> Block:
         """Return the points as a block of a program.
 
         Args:
             unit: Unit of stress.
-            strengths: Sizes of the strengths in the program's unit, shape (num,).
             weights: Weights w, shape (num,).
         """
         ...

@@ -259,8 +259,7 @@ class ConicProgram:
                 found.append(Cylinders(*given, tilts))
         for it in sets:
             if len(it.at):
-                strengths, weights = self.strengths[it.at], self.weights[it.at]
-                found.append(it.block(unit / left, strengths, weights))
+                found.append(it.block(unit / left, self.weights[it.at]))
         return found
 
     @property

@@ -79,9 +79,6 @@ class Pairs:
         """Return these pairs at an iterate, with forces r and slacks −[v]."""
         return ScaledPairs(now, rates)
 
-    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """Do nothing, because contact pairs have no points."""
-
 
 class ScaledPairs:
     """Pairs at an iterate; see :class:`cone.ScaledBlock`."""

@@ -145,25 +145,24 @@ class Parabolas:
         """Return tr ε and ε₁ − ε₃ of these points, shape (num,) each."""
         return trace[self.at], ROOT2 * np.linalg.norm(deviator[self.at, :2], axis=1)
 
-    def block(self, unit: float, strengths: Floats, weights: Floats) -> "ParabolaPoints":
+    def block(self, unit: float, weights: Floats) -> "ParabolaPoints":
         """See :meth:`cone.PointSets.block`."""
         scaled = Parabola(self.of.curvature / unit, self.of.tension / unit)
-        return ParabolaPoints(self.at, scaled, strengths, weights)
+        return ParabolaPoints(self.at, scaled, weights)
 
 
 class ParabolaPoints(SecondOrderMembers):
     """Points with two cones each; see :class:`cone.Block`. Members have shape (2 num, 3)."""
 
-    def __init__(self, at: Longs, of: Parabola, strengths: Floats, weights: Floats) -> None:
+    def __init__(self, at: Longs, of: Parabola, weights: Floats) -> None:
         """Store the points; compute h, G and the members at the centre of the set.
 
         Args:
             at: Indices of the points.
             of: The set of the points, in the unit of the program.
-            strengths: Sizes of the strengths in this unit, shape (num,).
             weights: Weights w, shape (num,).
         """
-        self.at, self.weights, self.strengths = at, weights, strengths
+        self.at, self.weights = at, weights
         k, apex = of.curvature, of.apex
         self._h: Floats = np.array([[0.0, 0.0, 0.0], [apex + k, apex - k, k]])
         self.G: Floats = np.zeros((2, 3, 4))
@@ -202,11 +201,6 @@ class ParabolaPoints(SecondOrderMembers):
     def scaled(self, now: Members, rates: Rates) -> "ScaledParabolaPoints":
         """Return these points at an iterate, with the scaling of their cones."""
         return ScaledParabolaPoints(self, now, rates)
-
-    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """See :meth:`cone.Block.viscosities`."""
-        flows = self.weights * np.linalg.norm(rates.deviator[self.at], axis=1)
-        out[self.at] = self.strengths / np.maximum(flows, 1 / stiffer)
 
     def rows(self, at: Columns) -> ConeRows:
         """See :meth:`cone.MatrixBlock.rows`."""

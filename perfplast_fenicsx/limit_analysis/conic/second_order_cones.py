@@ -196,11 +196,6 @@ class _Points(SecondOrderMembers):
         """Return the number of points."""
         return len(self.radii)
 
-    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """See :meth:`cone.Block.viscosities`."""
-        sizes = np.linalg.norm(now.kinematic[:, 1:], axis=1)
-        out[self.at] = now.static[:, 0] / np.maximum(sizes, 1 / stiffer)
-
     def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
         """See :meth:`cone.MatrixBlock.from_rows`."""
         return Members(static, kinematic)

@@ -246,18 +246,14 @@ class PrincipalCones:
         numbers = {name: getattr(self, name)[chosen] for name in ("bounds", "sines", "tensions")}
         return replace(self, at=self.at[chosen], **numbers)
 
-    def divided(self, unit: float) -> "PrincipalCones":
-        """Return the cones with stresses divided by a unit."""
-        bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
-        return replace(self, bounds=bounds, tensions=tensions)
-
     def scaled(self, factors: Floats) -> "PrincipalCones":
         """Return the cones with each b multiplied by its point's entry of ``factors`` (count,)."""
         return replace(self, bounds=self.bounds * factors[self.at])
 
-    def block(self, unit: float, strengths: Floats, weights: Floats) -> "PrincipalPoints":
+    def block(self, unit: float, weights: Floats) -> "PrincipalPoints":
         """See :meth:`cone.PointSets.block`."""
-        return PrincipalPoints(self.divided(unit), strengths, weights)
+        bounds, tensions = (np.asarray(of / unit) for of in (self.bounds, self.tensions))
+        return PrincipalPoints(replace(self, bounds=bounds, tensions=tensions), weights)
 
     @property
     def caps(self) -> Floats:
@@ -340,15 +336,14 @@ class PrincipalPoints:
         weights: Weights w, shape (num,).
     """
 
-    def __init__(self, cones: PrincipalCones, strengths: Floats, weights: Floats) -> None:
+    def __init__(self, cones: PrincipalCones, weights: Floats) -> None:
         """Compute the coefficients of t, p and the deviator in X_k, the constants and the centre.
 
         Args:
             cones: Cones of the points, in the units of the program.
-            strengths: Sizes of the strengths of the points, shape (num,).
             weights: Weights w, shape (num,).
         """
-        self.cones, self.weights, self._strengths = cones, weights, strengths
+        self.cones, self.weights = cones, weights
         s, one, none = cones.sines, np.ones(cones.count), np.zeros(cones.count)
         cut = np.where(cones.cut, one, none)
         half = cones.bounds / 2
@@ -460,12 +455,6 @@ class PrincipalPoints:
     def scaled(self, now: Members, rates: Rates) -> "ScaledPrincipal":
         """Return these points at an iterate, with the scaling of their cones."""
         return ScaledPrincipal(self, now, rates)
-
-    def viscosities(self, now: Members, rates: Rates, stiffer: float, out: Floats) -> None:
-        """See :meth:`cone.Block.viscosities`."""
-        at = self.cones.at
-        flows = self.weights * np.linalg.norm(rates.deviator[at], axis=1)
-        out[at] = self._strengths / np.maximum(flows, 1 / stiffer)
 
     def middle(self, pressure: Floats, deviator: Floats) -> Floats:
         """Return t for which the first two matrices have the same least eigenvalue, (num,)."""

@@ -178,7 +178,7 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     Raises:
         SingularStiffness: If K cannot be factorised.
     """
-    program, now, v = iteration.program, iteration.now, iteration.velocity
+    program, v = iteration.program, iteration.velocity
     if program.dilates:
         return _centred(iteration)
     strains = program.strains
@@ -189,9 +189,8 @@ def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float
     # Largest stiffness in the projection of regions that flow less than the mean, relative to the
     # mean.
     stiffer = 1e3
-    rates, viscosity = program.rates_of(v), np.ones(strains.count)
-    for block, members in zip(program.blocks, now.members, strict=True):
-        block.viscosities(members, rates, stiffer, viscosity)
+    flows = program.weights * np.linalg.norm(strains.of(v)[1], axis=1)
+    viscosity = program.strengths / np.maximum(flows, 1 / stiffer)
     stiffest = 1e9  # weight of volume changes in the projection
     none = np.zeros((len(viscosity), strains.size))
     stiff = np.where(program.plastic, viscosity, stiffest)
