@@ -15,12 +15,9 @@ import numpy as np
 from perfplast_fenicsx import DruckerPrager
 from perfplast_fenicsx.limit_analysis.conic.cone import MOST_VISCOUS, NO_OWN, Members
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
-    Scaling,
-    longest_step,
-    missing,
-    product,
+    ScaledMembers,
+    SecondOrderMembers,
     quotient,
-    raised,
 )
 from perfplast_fenicsx.materials.drucker_prager import DruckerPragerLaw, DruckerPragerSet
 from perfplast_fenicsx.materials.laws import MATERIALS
@@ -84,7 +81,7 @@ class Sets:
         return Points(self, np.array(self.of.radii) / unit, weights)
 
 
-class Points:
+class Points(SecondOrderMembers):
     """The points in a program; see :class:`Block`. Members have the shape (2 num, 1 + m)."""
 
     def __init__(self, sets, radii, weights):
@@ -111,33 +108,21 @@ class Points:
         tails = np.repeat(borne.deviator[self.at, : self.m], 2, axis=0)
         return np.column_stack([heads.ravel(), tails])
 
-    def inner(self, now):
-        return float((now.static * now.kinematic).sum())
-
-    def longest(self, now, change):
-        static = longest_step(now.static, change.static)
-        return min(static, longest_step(now.kinematic, change.kinematic))
-
-    def raised(self, products, by):
-        return raised(products, by)
-
-    def missing(self, products, mu):
-        return missing(products, mu)
-
     def scaled(self, now, rates):
         return ScaledPoints(self, now, rates)
 
 
-class ScaledPoints:
+class ScaledPoints(ScaledMembers):
     """The points at an iterate; see :class:`ScaledBlock`."""
 
     def __init__(self, block, now, rates):
-        self._block, self._scaling = block, Scaling(now.static, now.kinematic)
+        super().__init__(now)
+        self._block = block
         num, size = len(block.at), 1 + block.m
         self._G = np.zeros((num, 2, size, size))  # rows of members, columns of (p, s)
         self._G[:, :, 0, 0] = -block.slopes
         self._G[:, :, 1:, 1:] = np.eye(block.m)
-        columns = [self._scaling.invert(self._G[..., j].reshape(-1, size)) for j in range(size)]
+        columns = [self.scaling.invert(self._G[..., j].reshape(-1, size)) for j in range(size)]
         self._columns = np.stack(columns, axis=2).reshape(num, 2 * size, size)
         self._roots = np.linalg.inv(np.linalg.qr(self._columns, mode="r"))
         self._off = self._works(now.kinematic) + self._rates(rates)
@@ -157,13 +142,8 @@ class ScaledPoints:
         roots = np.pad(self._roots, ((0, 0), (0, more), (0, more)))
         return moduli.with_whole(self._block.at, roots)
 
-    def products(self, change=None):
-        if change is None:
-            return product(self._scaling.point, self._scaling.point)
-        return product(self._scaling.invert(change.static), self._scaling.apply(change.kinematic))
-
     def aim(self, products):
-        return quotient(self._scaling.point, products)
+        return quotient(self.scaling.point, products)
 
     def bear(self, aim, change):
         self._put(self._answer(self._asked(aim)), change)
@@ -173,7 +153,7 @@ class ScaledPoints:
         dy = self._answer(self._asked(aim) + more)
         self._put(dy, change)
         static = np.einsum("nkij,nj->nki", self._G, dy).reshape(aim.shape)
-        kinematic = self._scaling.invert(aim - self._scaling.invert(static))
+        kinematic = self.scaling.invert(aim - self.scaling.invert(static))
         left = self._works(kinematic) + self._off + more  # the first cone takes the rounding error
         kinematic[::2, 0] += left[:, 0] / self._block.slopes[0]
         kinematic[::2, 1:] -= left[:, 1:]

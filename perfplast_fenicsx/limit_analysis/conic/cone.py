@@ -97,6 +97,11 @@ class Members:
     kinematic: Floats
     own: Floats = field(default_factory=lambda: NO_OWN)
 
+    def inner(self) -> float:
+        """Return the sum of the inner products of static and kinematic members."""
+        axes = list(range(self.static.ndim))
+        return float(np.einsum(self.static, axes, self.kinematic, axes, []))
+
     def plus(self, t: float, change: "Members") -> "Members":
         """Return the members plus t times a change."""
         return Members(
@@ -299,12 +304,8 @@ class Block(Protocol):
         """Return the static members of stress and forces."""
         ...
 
-    def inner(self, now: Members) -> float:
-        """Return the sum of the inner products of static and kinematic members."""
-        ...
-
-    def longest(self, now: Members, change: Members) -> float:
-        """Return the longest step that keeps members in their cones; ∞ without a limit."""
+    def longest(self, a: Floats, da: Floats) -> float:
+        """Return the largest t with a + t da in the cones, if a is inside; ∞ without a limit."""
         ...
 
     def raised(self, products: Floats, by: float) -> Floats:

@@ -15,7 +15,8 @@ import numpy as np
 from scipy import sparse
 
 from perfplast_fenicsx.arrays import Floats, Ints
-from perfplast_fenicsx.limit_analysis.conic.cone import Moduli, PointSets
+from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
+from perfplast_fenicsx.limit_analysis.conic.second_order_cones import ConesAtPoints
 from perfplast_fenicsx.profiling import phase
 from perfplast_fenicsx.solvers.linear.factorisation import SupernodalFactors, check_memory
 from perfplast_fenicsx.solvers.linear.petsc_calls import forget_factors
@@ -28,7 +29,7 @@ class SingularStiffness(RuntimeError):
     """Raised on every rank if a factorisation has failed."""
 
 
-class Strains(Protocol):
+class Strains(ConesAtPoints, Protocol):
     """The operator from velocities to strain rates at the points of this rank, and its transpose.
 
     Stresses (p, s) are in the coordinates of each point's cone, ‖s + γt‖ ≤ γ − αp. Strain rates are
@@ -41,21 +42,12 @@ class Strains(Protocol):
         size: Number m of components of a deviator; their Euclidean norm is the norm of the tensor.
         gdim: Number of normal components in the trace; p is the mean of the normal stresses.
         weights: Volume of each point, shape (count,).
-        radii: Yield radius γ (stress) at zero mean stress, ∞ in elastic bodies, shape (count,).
-        slopes: Slope α, by which the radius decreases with the mean stress, shape (count,).
-        tilts: Tilt t, shape (count, m); None if all tilts are zero.
-        sets: Yield sets of other kinds, one entry for each kind. At the points of these sets, γ and
-            α describe a second-order cone that encloses the set.
     """
 
     count: int
     size: int
     gdim: int
     weights: Floats
-    radii: Floats
-    slopes: Floats
-    tilts: Floats | None
-    sets: tuple[PointSets, ...]
 
     def of(self, y: PETSc.Vec) -> tuple[Floats, Floats]:
         """Return the trace and the deviator of ε(v), shapes (count,) and (count, m). Collective."""

@@ -56,16 +56,9 @@ class Pairs:
         """See :meth:`cone.MatrixBlock.from_rows`."""
         return Members(static[:, 0], kinematic[:, 0])
 
-    def inner(self, now: Members) -> float:
-        """Return Σ r·(−[v])."""
-        return float(now.static @ now.kinematic)
-
-    def longest(self, now: Members, change: Members) -> float:
+    def longest(self, a: Floats, da: Floats) -> float:
         """See :meth:`cone.Block.longest`."""
-        lengths = []
-        for a, da in ((now.static, change.static), (now.kinematic, change.kinematic)):
-            lengths.append(float((-a[da < 0] / da[da < 0]).min(initial=np.inf)))
-        return min(lengths)
+        return float((-a[da < 0] / da[da < 0]).min(initial=np.inf))
 
     def raised(self, products: Floats, by: float) -> Floats:
         """See :meth:`cone.Block.raised`."""

@@ -299,8 +299,7 @@ class InteriorIteration:
 
     def gap(self) -> float:
         """Return the gap between static and kinematic load at a feasible iterate. Collective."""
-        both = zip(self.program.blocks, self.now.members, strict=True)
-        return self.program.total(sum(block.inner(members) for block, members in both))
+        return self.program.total(sum(members.inner() for members in self.now.members))
 
     def unbalanced(self) -> float:
         """Return the largest unbalanced force, relative to the largest load. Collective."""
@@ -441,7 +440,10 @@ class InteriorIteration:
     def _longest(self, change: Unknowns) -> float:
         """Return the longest step that keeps all members in their cones. Collective."""
         each = zip(self.program.blocks, self.now.members, change.members, strict=True)
-        mine = min(block.longest(now, by) for block, now, by in each)
+        mine = min(
+            min(block.longest(now.static, by.static), block.longest(now.kinematic, by.kinematic))
+            for block, now, by in each
+        )
         return float(self._comm.allreduce(mine, MPI.MIN))
 
 

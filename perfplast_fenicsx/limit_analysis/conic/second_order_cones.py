@@ -55,24 +55,6 @@ def quotient(a: Floats, b: Floats) -> Floats:
     return np.hstack([head, (b[:, 1:] - head * a[:, 1:]) / a[:, :1]])
 
 
-def raised(products: Floats, by: float) -> Floats:
-    """Return the products with ``by`` added to their eigenvalues."""
-    found = products.copy(order="K")
-    found[:, 0] += by
-    return found
-
-
-def missing(products: Floats, mu: float) -> Floats:
-    """Return the change that brings outlying products closer to μ; see :class:`cone.Block`."""
-    size = np.linalg.norm(products[:, 1:], axis=1)
-    low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
-    found = np.empty_like(products)
-    found[:, 0] = (low + high) / 2
-    share = (high - low) / 2 / np.maximum(size, TINY)
-    found[:, 1:] = share[:, None] * products[:, 1:]
-    return found
-
-
 def longest_step(a: Floats, da: Floats) -> float:
     """Return the largest t with a + t da in the cones, if a is inside; ∞ without a limit."""
     if not len(a):
@@ -145,34 +127,27 @@ class Scaling:
         along = (2 * slopes * self._w0 / size2)[:, None] * self._w
         return self._eta**2 * size2 / slopes**2, along
 
-    def inverse_square(self) -> tuple[Floats, Floats]:
-        """Return 1/η² and n of W⁻² = (2 n nᵀ − J)/η², where J = diag(1, −1, …, −1).
-
-        Returns:
-            1/η², shape (num_cones,); n, shape (num_cones, 1 + m).
-        """
-        return self._eta**-2.0, np.column_stack([self._w0, -self._w])
-
 
 class SecondOrderMembers:
     """The common part of blocks with members in second-order cones; see :class:`cone.Block`."""
 
-    def inner(self, now: Members) -> float:
-        """See :meth:`cone.Block.inner`."""
-        return float(np.einsum("ni,ni->", now.static, now.kinematic))
-
-    def longest(self, now: Members, change: Members) -> float:
-        """See :meth:`cone.Block.longest`."""
-        static = longest_step(now.static, change.static)
-        return min(static, longest_step(now.kinematic, change.kinematic))
+    longest = staticmethod(longest_step)
 
     def raised(self, products: Floats, by: float) -> Floats:
         """See :meth:`cone.Block.raised`."""
-        return raised(products, by)
+        found = products.copy(order="K")
+        found[:, 0] += by
+        return found
 
     def missing(self, products: Floats, mu: float) -> Floats:
         """See :meth:`cone.Block.missing`."""
-        return missing(products, mu)
+        size = np.linalg.norm(products[:, 1:], axis=1)
+        low, high = (missing_of(products[:, 0] + s * size, mu) for s in (-1, 1))
+        found = np.empty_like(products)
+        found[:, 0] = (low + high) / 2
+        share = (high - low) / 2 / np.maximum(size, TINY)
+        found[:, 1:] = share[:, None] * products[:, 1:]
+        return found
 
 
 class _Points(SecondOrderMembers):
@@ -410,14 +385,14 @@ class ScaledCones(ScaledMembers):
 
 
 class ConesAtPoints(Protocol):
-    """The cone of each point.
+    """The cone of each point, ‖s + γt‖ ≤ γ − αp.
 
     Attributes:
-        radii: Yield radius γ (stress), ∞ in elastic bodies, shape (count,).
-        slopes: Slope α, shape (count,).
+        radii: Yield radius γ (stress) at zero mean stress, ∞ in elastic bodies, shape (count,).
+        slopes: Slope α, by which the radius decreases with the mean stress, shape (count,).
         tilts: Tilt t, shape (count, m); None if all tilts are zero.
-        sets: Yield sets of other kinds. At the points of these sets, γ and α describe a
-            second-order cone that encloses the set.
+        sets: Yield sets of other kinds, one entry for each kind. At the points of these sets, γ and
+            α describe a second-order cone that encloses the set.
     """
 
     radii: Floats

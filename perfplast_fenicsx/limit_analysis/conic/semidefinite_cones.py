@@ -336,6 +336,8 @@ class PrincipalPoints:
         weights: Weights w, shape (num,).
     """
 
+    longest = staticmethod(longest_step)
+
     def __init__(self, cones: PrincipalCones, weights: Floats) -> None:
         """Compute the coefficients of t, p and the deviator in X_k, the constants and the centre.
 
@@ -427,15 +429,6 @@ class PrincipalPoints:
         """See :meth:`cone.MatrixBlock.from_rows`."""
         shape = (*self._of_t.shape, SIZE, SIZE)
         return Members(matrices(static).reshape(shape), matrices(kinematic).reshape(shape), own)
-
-    def inner(self, now: Members) -> float:
-        """See :meth:`cone.Block.inner`."""
-        return float(np.einsum("nkab,nkab->", now.static, now.kinematic))
-
-    def longest(self, now: Members, change: Members) -> float:
-        """See :meth:`cone.Block.longest`."""
-        static = longest_step(now.static, change.static)
-        return min(static, longest_step(now.kinematic, change.kinematic))
 
     def raised(self, products: Floats, by: float) -> Floats:
         """See :meth:`cone.Block.raised`."""
