@@ -99,8 +99,8 @@ class Members:
 
     def inner(self) -> float:
         """Return the sum of the inner products of static and kinematic members."""
-        axes = list(range(self.static.ndim))
-        return float(np.einsum(self.static, axes, self.kinematic, axes, []))
+        axes = "nkab"[: self.static.ndim]
+        return float(np.einsum(f"{axes},{axes}->", self.static, self.kinematic))
 
     def plus(self, t: float, change: "Members") -> "Members":
         """Return the members plus t times a change."""
@@ -440,6 +440,102 @@ class Products:
         """Return the change that brings outlying products closer to μ; decreases are limited."""
         both = zip(self.blocks, self.parts, strict=True)
         return Products(self.blocks, [block.missing(part, mu) for block, part in both])
+
+
+class SystemPoints(Protocol):
+    """The common part of blocks with an unknown t at each point, which no other equation contains.
+
+    Static members are linear in y = (t, p, s), X = h + Gy. Multipliers satisfy −Gᵀz = w(0, tr ε,
+    dev ε).
+
+    Attributes:
+        at: Indices of the points, shape (num,).
+        weights: Weights w, shape (num,).
+        size: Number m of the components of s that belong to the sets. Further components belong to
+            sets of other kinds.
+        constants: Members h at y = 0.
+    """
+
+    at: Longs
+    weights: Floats
+    size: int
+    constants: Floats
+
+    def changes(self, y: Floats) -> Floats:
+        """Return Gy, with the shape of the members, from y of shape (num, 2 + m)."""
+
+    def works(self, kinematic: Floats) -> Floats:
+        """Return Gᵀz, shape (num, 2 + m)."""
+
+    def least(self, works: Floats) -> Floats:
+        """Return a small z with given :meth:`works`."""
+
+    def chosen(self, own: Any, pressure: Any, deviator: Any) -> Any:
+        """Return y, shape (num, 2 + m), from t at these points, and p and s at all points."""
+        return np.column_stack([own, pressure[self.at], deviator[self.at, : self.size]])
+
+    def static(self, borne: Borne, own: Floats) -> Floats:
+        """See :meth:`Block.static`."""
+        return self.constants + self.changes(self.chosen(own, borne.pressure, borne.deviator))
+
+
+class ScaledSystems:
+    """The common part of :class:`SystemPoints` at an iterate; see :class:`ScaledBlock`.
+
+    With the scaling of Nesterov and Todd, products change by Λ∘r̃ if dx̃ + dz̃ = r̃. It follows that
+
+        H dy = G̃ᵀ r̃ + Gᵀz + w(ε + dε),    H = G̃ᵀG̃.
+
+    The modulus of a point is H⁻¹ without the row and column of t. The data of an aim are r̃, and r̃
+    as vectors in the order of the rows of G̃, shape (num, k).
+    """
+
+    def __init__(
+        self, block: SystemPoints, scaling: Any, columns: Floats, now: Members, rates: Rates
+    ) -> None:
+        """Factorise H, from G̃, shape (num, k, 2 + m); further rows only add products to H."""
+        self._block, self.scaling, self._columns = block, scaling, columns
+        triangles = np.linalg.qr(columns, mode="r")
+        self._roots: Floats = np.asarray(np.linalg.inv(triangles), dtype=np.float64)
+        self._off = block.works(now.kinematic) + self._rates(rates)
+
+    def _rates(self, rates: Rates) -> Floats:
+        """Return w(0, tr ε, dev ε), shape (num, 2 + m)."""
+        block, zeros = self._block, np.zeros(len(self._block.at))
+        found: Floats = block.weights[:, None] * block.chosen(zeros, rates.trace, rates.deviator)
+        return found
+
+    def stiffen(self, moduli: Moduli) -> Moduli:
+        """See :meth:`ScaledBlock.stiffen`."""
+        roots = self._roots[:, 1:, 1:]  # this block of the inverse is also triangular
+        more = moduli.normal.shape[1] + 1 - roots.shape[2]
+        return moduli.with_whole(self._block.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
+
+    def bear(self, aim: tuple[Floats, Floats], change: Borne) -> None:
+        """See :meth:`ScaledBlock.bear`."""
+        self._respond(aim[1], self._off, change)
+
+    def follow(self, aim: tuple[Floats, Floats], rates: Rates, change: Borne) -> Members:
+        """See :meth:`ScaledBlock.follow`."""
+        block, off = self._block, self._off + self._rates(rates)
+        dy = self._respond(aim[1], off, change)
+        static = block.changes(dy)
+        kinematic: Floats = self.scaling.undone(aim[0] - self.scaling.primal(static))
+        left = block.works(kinematic) + off  # more than rounding if not admissible
+        return Members(static, kinematic - block.least(left), dy[:, 0])
+
+    def resist(self, rates: Rates, change: Borne) -> Floats:
+        """See :meth:`ScaledBlock.resist`."""
+        return self._respond(np.zeros((len(self._off), 0)), self._rates(rates), change)[:, 0]
+
+    def _respond(self, numbers: Floats, works: Floats, change: Borne) -> Floats:
+        """Write the stress of dy = H⁻¹(G̃ᵀ ``numbers`` + ``works``), and return dy."""
+        right = works + np.einsum("nij,ni->nj", self._columns[:, : numbers.shape[1]], numbers)
+        half = np.einsum("nji,nj->ni", self._roots, right)
+        dy: Floats = np.einsum("nij,nj->ni", self._roots, half)
+        at = self._block.at
+        change.pressure[at], change.deviator[at, : self._block.size] = dy[:, 1], dy[:, 2:]
+        return dy
 
 
 def missing_of(values: Floats, mu: float) -> Floats:

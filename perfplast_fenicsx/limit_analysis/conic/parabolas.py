@@ -6,9 +6,7 @@ therefore has two second-order cone members,
 
     (√2 t, s)   and   (P − p + k, P − p − k, 2t + k),
 
-which are linear in y = (t, p, s): x = h + Gy. The multipliers z of both members satisfy −Gᵀz = w
-(0, tr ε, dev ε). With the scaling W of Nesterov and Todd and H = GᵀW⁻²G, the stress changes by dy =
-H⁻¹(GᵀW⁻¹r + Gᵀz + w(ε + dε)) if the products change by W z ∘ r.
+which are linear in y = (t, p, s) (:class:`cone.SystemPoints`).
 
 With v = tr ε > 0 and g = ε₁ − ε₃, a strain rate dissipates fv + (k/4) (g − v)₊²/v. All these sets
 have the shape of one parabola; k determines the size, and the tensile strength f the position.
@@ -16,7 +14,6 @@ have the shape of one parabola; k determines the size, and the tensile strength 
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +29,8 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Members,
     Moduli,
     Rates,
+    ScaledSystems,
+    SystemPoints,
 )
 from perfplast_fenicsx.limit_analysis.conic.second_order_cones import (
     ScaledMembers,
@@ -151,7 +150,7 @@ class Parabolas:
         return ParabolaPoints(self.at, scaled, weights)
 
 
-class ParabolaPoints(SecondOrderMembers):
+class ParabolaPoints(SystemPoints, SecondOrderMembers):
     """Points with two cones each; see :class:`cone.Block`. Members have shape (2 num, 3)."""
 
     def __init__(self, at: Longs, of: Parabola, weights: Floats) -> None:
@@ -162,14 +161,15 @@ class ParabolaPoints(SecondOrderMembers):
             of: The set of the points, in the unit of the program.
             weights: Weights w, shape (num,).
         """
-        self.at, self.weights = at, weights
+        self.at, self.weights, self.size = at, weights, 2
         k, apex = of.curvature, of.apex
-        self._h: Floats = np.array([[0.0, 0.0, 0.0], [apex + k, apex - k, k]])
+        h: Floats = np.array([[0.0, 0.0, 0.0], [apex + k, apex - k, k]])
+        self.constants = np.tile(h, (len(at), 1))
         self.G: Floats = np.zeros((2, 3, 4))
         self.G[0] = np.array([[ROOT2, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
         self.G[1] = np.array([[0, -1, 0, 0], [0, -1, 0, 0], [2, 0, 0, 0]])
         self._centre: Floats = np.array([k / 4, apex - k, 0.0, 0.0])  # t is half of its bound
-        self._static: Floats = self._h + self.G @ self._centre
+        self._static: Floats = h + self.G @ self._centre
         inverse = self._static * [1.0, -1.0, -1.0] / determinant(self._static)[:, None]
         self._kinematic: Floats = inverse * max(1.0, (of.apex**2 / 2) / MOST_VISCOUS)
 
@@ -192,10 +192,22 @@ class ParabolaPoints(SecondOrderMembers):
         inverse = np.linalg.inv(np.einsum("ikl,jkl->ij", columns, columns))
         moduli.bulk[self.at], moduli.a[self.at] = inverse[1, 1], inverse[2, 2]
 
-    def static(self, borne: Borne, own: Floats) -> Floats:
-        """See :meth:`cone.Block.static`."""
-        y = np.column_stack([own, borne.pressure[self.at], borne.deviator[self.at, :2]])
-        found: Floats = (self._h + np.einsum("kij,nj->nki", self.G, y)).reshape(-1, 3)
+    def changes(self, y: Floats) -> Floats:
+        """See :meth:`cone.SystemPoints.changes`."""
+        found: Floats = np.einsum("kij,nj->nki", self.G, y).reshape(-1, 3)
+        return found
+
+    def works(self, kinematic: Floats) -> Floats:
+        """See :meth:`cone.SystemPoints.works`."""
+        found: Floats = np.einsum("kij,nki->nj", self.G, kinematic.reshape(-1, 2, 3))
+        return found
+
+    def least(self, works: Floats) -> Floats:
+        """Return a z with two zeros at each point; see :meth:`cone.SystemPoints.least`."""
+        found = np.zeros((2 * len(works), 3))
+        found[::2, 1:] = works[:, 2:]
+        found[1::2, 2] = works[:, 0] / 2
+        found[1::2, 0] = -works[:, 1]
         return found
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledParabolaPoints":
@@ -204,87 +216,22 @@ class ParabolaPoints(SecondOrderMembers):
 
     def rows(self, at: Columns) -> ConeRows:
         """See :meth:`cone.MatrixBlock.rows`."""
-        count = len(self.at)
-        columns = np.column_stack([at.own, at.pressure[self.at], at.deviator[self.at, :2]])
-        factors = np.tile(self.G, (count, 1, 1))
-        right = np.tile(self._h, (count, 1))
-        return ConeRows(ConeKind.SECOND_ORDER, right, np.repeat(columns, 2, axis=0), factors)
-
-    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
-        """See :meth:`cone.MatrixBlock.from_rows`."""
-        return Members(static, kinematic, own)
+        columns = np.repeat(self.chosen(at.own, at.pressure, at.deviator), 2, axis=0)
+        factors = np.tile(self.G, (len(self.at), 1, 1))
+        return ConeRows(ConeKind.SECOND_ORDER, self.constants, columns, factors)
 
 
-class ScaledParabolaPoints(ScaledMembers):
+class ScaledParabolaPoints(ScaledSystems, ScaledMembers):
     """Points with parabolas at an iterate, with their scaling; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: ParabolaPoints, now: Members, rates: Rates) -> None:
         """Compute the scaling, and factorise H of each point."""
-        super().__init__(now)
-        self._block = block
-        count = len(block.at)
+        scaling, count = Scaling(now.static, now.kinematic), len(block.at)
         rows = [np.tile(block.G[..., j], (count, 1)) for j in range(4)]
-        columns = np.stack([self.scaling.invert(it) for it in rows], axis=2)
-        self._columns: Floats = columns.reshape(count, 6, 4)
-        self._roots: Floats = np.linalg.inv(np.linalg.qr(self._columns, mode="r"))
-        self._off = self._works(now.kinematic) + self._rates(rates)
+        columns = np.stack([scaling.invert(it) for it in rows], axis=2).reshape(count, 6, 4)
+        super().__init__(block, scaling, columns, now, rates)
 
-    def _works(self, kinematic: Floats) -> Floats:
-        """Return Gᵀz, shape (num, 4)."""
-        found: Floats = np.einsum("kij,nki->nj", self._block.G, kinematic.reshape(-1, 2, 3))
-        return found
-
-    def _rates(self, rates: Rates) -> Floats:
-        """Return w (0, tr ε, dev ε), shape (num, 4)."""
-        at = self._block.at
-        rows = np.column_stack([np.zeros(len(at)), rates.trace[at], rates.deviator[at, :2]])
-        found: Floats = self._block.weights[:, None] * rows
-        return found
-
-    def stiffen(self, moduli: Moduli) -> Moduli:
-        """See :meth:`cone.ScaledBlock.stiffen`; H⁻¹ without the row and column of t is RRᵀ."""
-        more = moduli.normal.shape[1] - 2
-        roots = np.pad(self._roots[:, 1:, 1:], ((0, 0), (0, more), (0, more)))
-        return moduli.with_whole(self._block.at, roots)
-
-    def aim(self, products: Floats) -> Any:
-        """See :meth:`cone.ScaledBlock.aim`."""
-        return quotient(self.scaling.point, products)
-
-    def bear(self, aim: Any, change: Borne) -> None:
-        """See :meth:`cone.ScaledBlock.bear`."""
-        self._put(self._answer(self._asked(aim)), change)
-
-    def follow(self, aim: Any, rates: Rates, change: Borne) -> Members:
-        """See :meth:`cone.ScaledBlock.follow`."""
-        more = self._rates(rates)
-        dy = self._answer(self._asked(aim) + more)
-        self._put(dy, change)
-        static = np.einsum("kij,nj->nki", self._block.G, dy).reshape(-1, 3)
-        kinematic = self.scaling.invert(aim - self.scaling.invert(static))
-        left = self._works(kinematic) + self._off + more  # more than rounding if not admissible
-        kinematic[::2, 1:] -= left[:, 2:]
-        kinematic[1::2, 2] -= left[:, 0] / 2
-        kinematic[1::2, 0] += left[:, 1]
-        return Members(static, kinematic, dy[:, 0])
-
-    def resist(self, rates: Rates, change: Borne) -> Floats:
-        """See :meth:`cone.ScaledBlock.resist`."""
-        dy = self._answer(self._rates(rates))
-        self._put(dy, change)
-        own: Floats = dy[:, 0]
-        return own
-
-    def _asked(self, aim: Floats) -> Floats:
-        found: Floats = self._off + np.einsum("nij,ni->nj", self._columns, aim.reshape(-1, 6))
-        return found
-
-    def _answer(self, right: Floats) -> Floats:
-        """Return H⁻¹ times the vectors ``right``, shape (num, 4)."""
-        half = np.einsum("nji,nj->ni", self._roots, right)
-        found: Floats = np.einsum("nij,nj->ni", self._roots, half)
-        return found
-
-    def _put(self, dy: Floats, change: Borne) -> None:
-        change.pressure[self._block.at] = dy[:, 1]
-        change.deviator[self._block.at, :2] = dy[:, 2:]
+    def aim(self, products: Floats) -> tuple[Floats, Floats]:
+        """See :class:`cone.ScaledSystems`."""
+        aim = quotient(self.scaling.point, products)
+        return aim, aim.reshape(-1, 6)

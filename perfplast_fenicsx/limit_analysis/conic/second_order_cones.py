@@ -98,6 +98,8 @@ class Scaling:
         """Return W⁻¹ a."""
         return self._boost(a, -self._w) / self._eta[:, None]
 
+    primal = undone = invert
+
     def _boost(self, a: Floats, w: Floats) -> Floats:
         inner = np.einsum("ni,ni->n", w, a[:, 1:])
         head = self._w0 * a[:, 0] + inner
@@ -132,6 +134,10 @@ class SecondOrderMembers:
     """The common part of blocks with members in second-order cones; see :class:`cone.Block`."""
 
     longest = staticmethod(longest_step)
+
+    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
+        """See :meth:`cone.MatrixBlock.from_rows`."""
+        return Members(static, kinematic, own)
 
     def raised(self, products: Floats, by: float) -> Floats:
         """See :meth:`cone.Block.raised`."""
@@ -170,10 +176,6 @@ class _Points(SecondOrderMembers):
     def degree(self) -> int:
         """Return the number of points."""
         return len(self.radii)
-
-    def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
-        """See :meth:`cone.MatrixBlock.from_rows`."""
-        return Members(static, kinematic)
 
     def _start(self, static: Floats) -> Members:
         kinematic = np.zeros_like(static)

@@ -21,15 +21,9 @@ strength changes neither the recession cone nor the admissible rates. If s = 0, 
 contains hydrostatic compression only, and rates are admissible if tr ε ≥ 0. Admissible rates
 dissipate (f − h) tr ε + h Σ|ε_i|, where h = (f − r)/2.
 
-The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t, p, s), X = h + Gy.
-Their multipliers Z_k satisfy −Gᵀz = (0, w tr ε, w dev ε). With the scaling of Nesterov and Todd,
-the products change by Λ∘r̃ if dx̃ + dz̃ = r̃. It follows that
-
-    GᵀW⁻²G dy = G̃ᵀ r̃ + Gᵀz + w(ε + dε),
-
-a system of 2 + m rows at each point. The modulus is the inverse matrix without the row and column
-of t. If no member contains p (no friction, no tensile strength), the proximal point method changes
-p.
+The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t, p, s)
+(:class:`cone.SystemPoints`). If no member contains p (no friction, no tensile strength), the
+proximal point method changes p.
 """
 
 from collections.abc import Sequence
@@ -51,6 +45,8 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Moduli,
     PointSets,
     Rates,
+    ScaledSystems,
+    SystemPoints,
     missing_of,
 )
 from perfplast_fenicsx.rounding import TINY
@@ -325,7 +321,7 @@ def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
     return found[0] if found else PrincipalCones.none()
 
 
-class PrincipalPoints:
+class PrincipalPoints(SystemPoints):
     """Points with bounds on principal stresses; see :class:`cone.Block`.
 
     A point has two matrices, or three if at least one of the rank's points has a tensile strength.
@@ -346,6 +342,7 @@ class PrincipalPoints:
             weights: Weights w, shape (num,).
         """
         self.cones, self.weights = cones, weights
+        self.at, self.size = cones.at, len(cones.tensors) - 1
         s, one, none = cones.sines, np.ones(cones.count), np.zeros(cones.count)
         cut = np.where(cones.cut, one, none)
         half = cones.bounds / 2
@@ -356,30 +353,26 @@ class PrincipalPoints:
             tensions = np.where(cones.cut, cones.tensions, half)
             columns.append((none, -cut, -cut, tensions, tensions - self._pressures))
         parts = (np.stack(of, axis=1) for of in zip(*columns, strict=True))
-        self._of_t, self._of_p, self._of_d, self._constant, self._rooms = parts
+        self._of_t, self._of_p, self._of_d, constants, self._rooms = parts
+        self.constants = constants[:, :, None, None] * np.eye(SIZE)
 
     @property
     def degree(self) -> int:
         """Return the total number of rows of all matrices."""
         return SIZE * self._of_t.size
 
-    def members(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """Return X, shape (num, k, 3, 3).
+    def changes(self, y: Floats) -> Floats:
+        """Return the change of X, shape (num, k, 3, 3); see :meth:`cone.SystemPoints.changes`."""
+        return self._matrices(self._of_t * y[:, :1] + self._of_p * y[:, 1:2], y[:, 2:])
+
+    def _matrices(self, heads: Floats, tails: Floats) -> Floats:
+        """Return heads I + d_k Σ tails D, with the tensors D of the components of s.
 
         Args:
-            t: Unknowns t, shape (num,).
-            pressure: Mean stress at all points.
-            deviator: Deviator at all points.
+            heads: Multiples of I, shape (num, k).
+            tails: Components, shape (num, m).
         """
-        found = self.changes(t, pressure, deviator)
-        found += self._constant[:, :, None, None] * np.eye(SIZE)
-        return found
-
-    def changes(self, t: Floats, pressure: Floats, deviator: Floats) -> Floats:
-        """Return the change of X for given changes of the arguments of :meth:`members`."""
-        cones = self.cones
-        heads = self._of_t * t[:, None] + self._of_p * pressure[cones.at, None]
-        tensors = cones.deviators(deviator)
+        tensors = np.einsum("nj,jab->nab", tails, self.cones.tensors[1:])
         found: Floats = heads[:, :, None, None] * np.eye(SIZE)
         found += self._of_d[:, :, None, None] * tensors[:, None]
         return found
@@ -411,18 +404,13 @@ class PrincipalPoints:
         X, Z = (of[:, :, None, None] * np.eye(SIZE) for of in (self._rooms, apart))
         return Members(X, Z, self._rooms[:, 0].copy())
 
-    def static(self, borne: Borne, own: Floats) -> Floats:
-        """See :meth:`members`."""
-        return self.members(own, borne.pressure, borne.deviator)
-
     def rows(self, at: Columns) -> ConeRows:
         """See :meth:`cone.MatrixBlock.rows`; the matrices of a point are consecutive."""
-        cones, (count, many) = self.cones, self._of_t.shape
-        of_s = at.deviator[cones.at, : len(cones.tensors) - 1]
-        columns = np.column_stack([at.own, at.pressure[cones.at], of_s])
-        tensors = np.broadcast_to(cones.tensors, (count, many, *cones.tensors.shape))
-        factors = self.columns(tensors).reshape(count * many, -1, columns.shape[1])
-        right = self._constant.reshape(-1, 1) * vectors(np.eye(SIZE))
+        tensors, (count, many) = self.cones.tensors, self._of_t.shape
+        columns = self.chosen(at.own, at.pressure, at.deviator)
+        scaled = np.broadcast_to(tensors, (count, many, *tensors.shape))
+        factors = self.columns(scaled).reshape(count * many, -1, columns.shape[1])
+        right = vectors(self.constants).reshape(count * many, -1)
         return ConeRows(ConeKind.SEMIDEFINITE, right, np.repeat(columns, many, axis=0), factors)
 
     def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
@@ -449,13 +437,6 @@ class PrincipalPoints:
         """Return these points at an iterate, with the scaling of their cones."""
         return ScaledPrincipal(self, now, rates)
 
-    def middle(self, pressure: Floats, deviator: Floats) -> Floats:
-        """Return t for which the first two matrices have the same least eigenvalue, (num,)."""
-        X = self.members(np.zeros(self.cones.count), pressure, deviator)
-        least = least_eigenvalue(X)
-        found: Floats = (least[:, 1] - least[:, 0]) / 2
-        return found
-
     def columns(self, primal: Floats) -> Floats:
         """Return the columns of G for (t, p, s), with the members as Mandel vectors.
 
@@ -475,10 +456,10 @@ class PrincipalPoints:
         found = np.concatenate([of_t, of_p, of_d], axis=2)
         return np.swapaxes(found, 2, 3).reshape(len(found), -1, found.shape[2])
 
-    def works(self, Z: Floats) -> Floats:
-        """Return Gᵀz, shape (num, 2 + m)."""
-        traces = np.trace(Z, axis1=2, axis2=3)
-        deviators = np.einsum("nkab,jab->nkj", Z, self.cones.tensors[1:])
+    def works(self, kinematic: Floats) -> Floats:
+        """See :meth:`cone.SystemPoints.works`."""
+        traces = np.trace(kinematic, axis1=2, axis2=3)
+        deviators = np.einsum("nkab,jab->nkj", kinematic, self.cones.tensors[1:])
         return np.column_stack(
             [
                 (self._of_t * traces).sum(axis=1),
@@ -490,93 +471,35 @@ class PrincipalPoints:
     def least(self, works: Floats) -> Floats:
         """Return the smallest z with given :meth:`works`; an unbounded p adds no condition."""
         grows = self.cones.grows
-        grid = np.empty((len(works), 2, 2))
         both = np.stack([self._of_t, self._of_p], axis=1)
-        grid[:] = SIZE * both @ np.swapaxes(both, 1, 2)
+        grid = SIZE * both @ np.swapaxes(both, 1, 2)
         grid[~grows, 1, 1] = 1.0
-        right = np.where(np.column_stack([grows | True, grows]), works[:, :2], 0.0)
+        right = works[:, :2].copy()
+        right[~grows, 1] = 0.0
         heads = (np.linalg.solve(grid, right[:, :, None])[:, :, 0][:, None] @ both)[:, 0]
         tails = works[:, 2:] / (self._of_d**2).sum(axis=1)[:, None]
-        tensors = np.einsum("nj,jab->nab", tails, self.cones.tensors[1:])
-        found: Floats = heads[:, :, None, None] * np.eye(SIZE)
-        return found + self._of_d[:, :, None, None] * tensors[:, None]
+        return self._matrices(heads, tails)
 
 
-class ScaledPrincipal:
+class ScaledPrincipal(ScaledSystems):
     """Points with principal stresses at an iterate; see :class:`cone.ScaledBlock`."""
 
     def __init__(self, block: PrincipalPoints, now: Members, rates: Rates) -> None:
         """Compute the scaling, and factorise the system of each point."""
-        self._block, self._cones = block, block.cones
-        self._scaling = MatrixScaling(now.static, now.kinematic)
-        scaled = [self._scaling.primal(tensor) for tensor in self._cones.tensors]
-        self._columns = block.columns(np.stack(scaled, axis=2))
-        soft = np.zeros((self._cones.count, 1, self._columns.shape[2]))
-        soft[:, 0, 1] = np.where(self._cones.grows, 0.0, np.sqrt(PROXIMAL))
-        rows = np.concatenate([self._columns, soft], axis=1)
-        triangles = np.linalg.qr(rows, mode="r")
-        self._roots: Floats = np.asarray(np.linalg.inv(triangles), dtype=np.float64)
-        self._off = block.works(now.kinematic) + self._rates(rates)
-
-    def _rates(self, rates: Rates) -> Floats:
-        """Return w(0, tr ε, dev ε), shape (num, 2 + m)."""
-        at = self._cones.at
-        parts = [np.zeros(len(at)), rates.trace[at], self._cones.components(rates.deviator)]
-        return self._block.weights[:, None] * np.column_stack(parts)
-
-    def stiffen(self, moduli: Moduli) -> Moduli:
-        """See :meth:`cone.ScaledBlock.stiffen`."""
-        roots = self._roots[:, 1:, 1:]  # this block of the inverse is also triangular
-        more = moduli.normal.shape[1] + 1 - roots.shape[2]
-        return moduli.with_whole(self._cones.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
+        scaling, cones = MatrixScaling(now.static, now.kinematic), block.cones
+        columns = block.columns(np.stack([scaling.primal(it) for it in cones.tensors], axis=2))
+        soft = np.zeros((cones.count, 1, columns.shape[2]))
+        soft[:, 0, 1] = np.where(cones.grows, 0.0, np.sqrt(PROXIMAL))
+        super().__init__(block, scaling, np.concatenate([columns, soft], axis=1), now, rates)
 
     def products(self, change: Members | None = None) -> Floats:
         """See :meth:`cone.ScaledBlock.products`."""
         if change is None:
-            found: Floats = self._scaling.point[..., None] ** 2 * np.eye(SIZE)
+            found: Floats = self.scaling.point[..., None] ** 2 * np.eye(SIZE)
             return found
-        scaled = self._scaling.primal(change.static), self._scaling.dual(change.kinematic)
-        return product(*scaled)
+        return product(self.scaling.primal(change.static), self.scaling.dual(change.kinematic))
 
-    def aim(self, products: Floats) -> Floats:
-        """Return r̃ with Λ∘r̃ = ``products``."""
-        return self._scaling.quotient(products)
-
-    def bear(self, aim: Floats, change: Borne) -> None:
-        """See :meth:`cone.ScaledBlock.bear`."""
-        self._put(self._answer(aim, np.zeros_like(self._off)), change)
-
-    def follow(self, aim: Floats, rates: Rates, change: Borne) -> Members:
-        """See :meth:`cone.ScaledBlock.follow`."""
-        more = self._rates(rates)
-        dy = self._answer(aim, more)
-        self._put(dy, change)
-        t = dy[:, 0]
-        static = self._block.changes(t, change.pressure, change.deviator)
-        kinematic = self._scaling.undone(aim - self._scaling.primal(static))
-        left = self._block.works(kinematic) + self._off + more
-        return Members(static, kinematic - self._block.least(left), t)
-
-    def resist(self, rates: Rates, change: Borne) -> Floats:
-        """See :meth:`cone.ScaledBlock.resist`."""
-        dy = self._solved(self._rates(rates))
-        self._put(dy, change)
-        own: Floats = dy[:, 0]
-        return own
-
-    def _answer(self, aim: Floats, rates: Floats) -> Floats:
-        """Return dy for an aim, the residual of Z, and rates, shape (num, 2 + m)."""
-        right = rates + self._off
-        numbers = vectors(aim).reshape(len(aim), -1, 1)
-        right += (np.swapaxes(self._columns, 1, 2) @ numbers)[:, :, 0]
-        return self._solved(right)
-
-    def _solved(self, right: Floats) -> Floats:
-        """Return dy for a right-hand side, shape (num, 2 + m)."""
-        half = np.einsum("nji,nj->ni", self._roots, right)
-        found: Floats = np.einsum("nij,nj->ni", self._roots, half)
-        return found
-
-    def _put(self, dy: Floats, change: Borne) -> None:
-        at = self._cones.at
-        change.pressure[at], change.deviator[at, : dy.shape[1] - 2] = dy[:, 1], dy[:, 2:]
+    def aim(self, products: Floats) -> tuple[Floats, Floats]:
+        """See :class:`cone.ScaledSystems`."""
+        aim = self.scaling.quotient(products)
+        return aim, vectors(aim).reshape(len(aim), -1)
