@@ -180,6 +180,7 @@ def _put(
     iteration.put(now, -z[: len(data.b)])
     if status != "Solved":
         return Verdict.STALLED, f"Clarabel ended with the status {status}"
-    if carries_none(program, iteration.size() + iteration.gap(), iteration.rates()[1]):
+    _, rate = program.rates(iteration.velocity)
+    if carries_none(program, iteration.size() + iteration.gap(), rate):
         return Verdict.NO_RESISTANCE, CARRIES_NONE
     return Verdict.FOUND, f"Clarabel has converged to {rtol:g}"

@@ -76,11 +76,8 @@ class Borne:
 
     def plus(self, t: float, change: "Borne") -> "Borne":
         """Return the stress and forces plus t times a change."""
-        return Borne(
-            self.pressure + t * change.pressure,
-            self.deviator + t * change.deviator,
-            self.forces + t * change.forces,
-        )
+        both = zip(vars(self).values(), vars(change).values(), strict=True)
+        return Borne(*(one + t * by for one, by in both))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +101,8 @@ class Members:
 
     def plus(self, t: float, change: "Members") -> "Members":
         """Return the members plus t times a change."""
-        return Members(
-            self.static + t * change.static,
-            self.kinematic + t * change.kinematic,
-            self.own + t * change.own,
-        )
+        both = zip(vars(self).values(), vars(change).values(), strict=True)
+        return Members(*(one + t * by for one, by in both))
 
 
 @dataclass(frozen=True)
@@ -151,19 +145,8 @@ class Moduli:
 
     def matrices(self) -> Floats:
         """Return the moduli as quadratic forms of (tr ε, dev ε), shape (count, 1 + m, 1 + m)."""
-        count, m = self.normal.shape
-        found = np.zeros((count, 1 + m, 1 + m))
-        found[:, 1:, 1:] = self.a[:, None, None] * np.eye(m)
-        found[:, 1:, 1:] -= self.normal[:, :, None] * self.normal[:, None]
-        first = np.zeros((count, 1 + m))
-        first[:, 0] = 1.0
-        if self.along is not None:
-            first[:, 1:] = -self.along
-        found += self.bulk[:, None, None] * first[:, :, None] * first[:, None]
-        if self.whole is not None:
-            at, roots = self.whole
-            found[at] = roots @ np.swapaxes(roots, 1, 2)
-        return found
+        roots = self.roots()
+        return roots @ np.swapaxes(roots, 1, 2)
 
     def roots(self) -> Floats:
         """Return factors R of the moduli RRᵀ, shape (count, 1 + m, 1 + m).

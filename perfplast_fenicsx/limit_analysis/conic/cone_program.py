@@ -22,7 +22,6 @@ from scipy import sparse
 from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.errors import InputError
 from perfplast_fenicsx.limit_analysis.conic.cone import (
-    Block,
     Borne,
     Columns,
     ConeRows,
@@ -71,8 +70,7 @@ class ConeProgram:
         strains, parts = program.strains, 1 + program.strains.size
         points = np.arange(strains.count * parts).reshape(-1, parts)
         forces = points.size + np.arange(len(program.jumps))
-        loads = [program.load, program.free] if program.has_free else [program.load]
-        factors = points.size + len(forces) + np.arange(len(loads))
+        factors = points.size + len(forces) + np.arange(len(program.loads))
         width = int(factors[-1]) + 1
         blocks: list[MatrixBlock] = []
         columns: list[Columns] = []
@@ -80,14 +78,20 @@ class ConeProgram:
         for block in program.blocks:
             own = width + np.arange(len(block.start(start).own))
             width += len(own)
-            blocks.append(_with_rows(block))
+            if not isinstance(block, MatrixBlock):
+                raise InputError(
+                    f"the cones of {type(block).__name__} cannot be written as rows of a matrix, "
+                    "as this solver requires; remove conic, or give the class the methods rows "
+                    "and from_rows."
+                )
+            blocks.append(block)
             columns.append(Columns(points[:, 0], points[:, 1:], forces, own))
         weights = sparse.diags_array(np.repeat(program.weights, parts))
         of_stress = strains.matrix().T @ weights
         size = of_stress.shape[0]
         places = program.jumps, np.arange(len(forces))
         of_forces = sparse.csr_array((np.ones(len(forces)), places), shape=(size, len(forces)))
-        of_loads = sparse.csr_array(-np.column_stack([it.array_r for it in loads]))
+        of_loads = sparse.csr_array(-np.column_stack([it.array_r for it in program.loads]))
         of_own = sparse.csr_array((size, width - int(factors[-1]) - 1))
         A = sparse.csr_array(sparse.hstack([of_stress, of_forces, of_loads, of_own]))
         c = np.zeros(width)
@@ -132,17 +136,3 @@ class ConeProgram:
             found.append(block.from_rows(*both, x[self.columns[number].own]))
         factors = x[self.factors]
         return Unknowns(float(factors[0]), float(factors[1:].sum()), borne, tuple(found))
-
-
-def _with_rows(block: Block) -> MatrixBlock:
-    """Return the block unchanged if it can be written as rows of a matrix.
-
-    Raises:
-        InputError: If the block lacks the methods ``rows`` and ``from_rows``.
-    """
-    if isinstance(block, MatrixBlock):
-        return block
-    raise InputError(
-        f"the cones of {type(block).__name__} cannot be written as rows of a matrix, as this "
-        "solver requires; remove conic, or give the class the methods rows and from_rows."
-    )

@@ -144,7 +144,7 @@ class ConicProgram:
         dead: L₀ without the part that ``carried_dead`` balances.
         free: Loads with a free factor, which may help to balance the other loads. These loads do no
             work on v.
-        has_free: Whether there are loads with a free factor.
+        loads: ``load`` and, if there are loads with a free factor, ``free``.
         has_dead: Whether there are constant loads L₀.
         jumps: Indices of the owned entries of velocities that are jumps of contact pairs;
             ``num_pairs`` on all ranks together.
@@ -193,7 +193,8 @@ class ConicProgram:
         self._mean_weight = volume / points
         self.weights = strains.weights / self._mean_weight
         self.load, self.dead, self.free = on.load, on.dead, on.free
-        self.has_dead, self.has_free = float(on.dead.norm()) > 0, float(on.free.norm()) > 0
+        self.has_dead = float(on.dead.norm()) > 0
+        self.loads = [on.load, on.free] if float(on.free.norm()) > 0 else [on.load]
         self.loose, self.sizes = bool(loose), strains.radii
         self.keeps = self.has_dead or self.loose
         mean = (dead or live) / volume ** (1 - 1 / strains.gdim)
@@ -377,6 +378,14 @@ class ConicProgram:
     def work(self, velocity: PETSc.Vec) -> float:
         """Return L(v). Collective."""
         return float(self.load.dot(velocity))
+
+    def works(self, velocity: PETSc.Vec) -> Floats:
+        """Return the works of the loads with unknown factors, shape (1,) or (2,). Collective."""
+        return np.array([float(load.dot(velocity)) for load in self.loads])
+
+    def missing_works(self, velocity: PETSc.Vec) -> Floats:
+        """Return the required works (1 for L, 0 for free loads) minus :meth:`works`. Collective."""
+        return np.array([1.0, 0.0])[: len(self.loads)] - self.works(velocity)
 
     def dead_work(self, velocity: PETSc.Vec) -> float:
         """Return L₀(v). Collective."""

@@ -107,7 +107,7 @@ class Workspace:
         """Create the vectors. Collective."""
         make = program.create_vector
         self.balance, self.right, self.change = make(), make(), make()
-        self.motions = [make() for _ in range(2 if program.has_free else 1)]
+        self.motions = [make() for _ in program.loads]
 
     def destroy(self) -> None:
         """Free PETSc's memory. Collective."""
@@ -140,41 +140,22 @@ class NewtonDirections:
             factorised: Whether the stiffness already holds the factors of K.
             proximal: Proximal parameter δ.
         """
-        self._program, self._now, self._work = program, now, work
+        self._program, self._work = program, work
         self._blocks = program.blocks
         self._free = program.weights / proximal
         self._rates = program.rates_of(velocity)
         both = zip(self._blocks, now.members, strict=True)
         self._scaled = [block.scaled(members, self._rates) for block, members in both]
         if not factorised:
-            self._factorise(proximal)
-        self._find_of_loads(velocity)
-
-    def _factorise(self, proximal: float) -> None:
-        program = self._program
-        moduli = program.moduli(1 / proximal)
-        for scaled in self._scaled:
-            moduli = scaled.stiffen(moduli)
-        program.assemble(moduli)
-        program.stiffness.factorise()
-
-    def _find_of_loads(self, velocity: PETSc.Vec) -> None:
-        """Compute the motions under the loads with unknown factors, and the works of these loads.
-
-        Collective. The missing works are the differences between the required works on ``velocity``
-        (1 for L, 0 for free loads) and the actual works.
-        """
-        program, work = self._program, self._work
-        self._loads = [program.load, program.free] if program.has_free else [program.load]
-        self._motions = work.motions[: len(self._loads)]
-        for load, motion in zip(self._loads, self._motions, strict=True):
+            moduli = program.moduli(1 / proximal)
+            for scaled in self._scaled:
+                moduli = scaled.stiffen(moduli)
+            program.assemble(moduli)
+            program.stiffness.factorise()
+        for load, motion in zip(program.loads, work.motions, strict=True):
             program.stiffness.solve(load, motion)
-        self._works = np.array([[float(a.dot(b)) for b in self._motions] for a in self._loads])
-        self._missing = np.array([1.0, 0.0][: len(self._loads)]) - self._of_all(velocity)
-
-    def _of_all(self, velocity: PETSc.Vec) -> Floats:
-        """Return the work on a velocity of each load with an unknown factor. Collective."""
-        return np.array([float(load.dot(velocity)) for load in self._loads])
+        self._works = np.column_stack([program.works(motion) for motion in work.motions])
+        self._missing = program.missing_works(velocity)
 
     def products(self, change: Unknowns | None = None) -> Products:
         """Return the products of the unknowns' members, or of a change of the unknowns."""
@@ -182,10 +163,6 @@ class NewtonDirections:
             return Products(self._blocks, [scaled.products() for scaled in self._scaled])
         both = zip(self._scaled, change.members, strict=True)
         return Products(self._blocks, [scaled.products(members) for scaled, members in both])
-
-    def products_after(self, t: float, change: Unknowns) -> Products:
-        """Return the products at the unknowns plus t times ``change``."""
-        return self.products(self._now.plus(t, change))
 
     def towards(self, change: Products) -> Direction:
         """Return the direction that to first order changes the products by ``change``.
@@ -206,10 +183,10 @@ class NewtonDirections:
         work.right.scale(-1.0)
         program.stiffness.solve(work.right, work.change)
         try:
-            factors = np.linalg.solve(self._works, self._missing - self._of_all(work.change))
+            factors = np.linalg.solve(self._works, self._missing - program.works(work.change))
         except np.linalg.LinAlgError as failure:
             raise SingularStiffness("the loads do no work on any flow") from failure
-        for factor, motion in zip(factors, self._motions, strict=True):
+        for factor, motion in zip(factors, work.motions, strict=True):
             work.change.axpy(float(factor), motion)
 
         rates = program.rates_of(work.change)
@@ -330,10 +307,7 @@ class InteriorIteration:
 
     def missing_work(self) -> float:
         """Return the larger of |1 − L(v)| and the absolute work of the free loads. Collective."""
-        missing = abs(1 - self.program.work(self.velocity))
-        if not self.program.has_free:
-            return missing
-        return max(missing, abs(float(self.program.free.dot(self.velocity))))
+        return float(np.abs(self.program.missing_works(self.velocity)).max())
 
     def balance(self) -> PETSc.Vec:
         """Return the residual of equilibrium as a vector, zero at the solution. Collective.
@@ -342,10 +316,9 @@ class InteriorIteration:
         """
         program, now, left = self.program, self.now, self._work.balance
         program.internal_forces(*now.stress, left)
-        left.axpy(-now.load, program.load)
         left.axpy(-1.0, program.dead)
-        if program.has_free:
-            left.axpy(-now.aside, program.free)
+        for factor, load in zip((now.load, now.aside), program.loads, strict=False):
+            left.axpy(-factor, load)
         left.array[self._jumps] += now.forces
         return left
 
@@ -358,13 +331,9 @@ class InteriorIteration:
         Bodies that only constant loads hold together may separate rigidly. With constant loads,
         ‖ε(v)‖ therefore counts as at least :data:`AT_REST`.
         """
-        wrong, rate = self.rates()
+        wrong, rate = self.program.rates(self.velocity)
         rate = max(rate, AT_REST) if self.program.has_dead else rate
         return wrong / rate if rate > 0 else 0.0
-
-    def rates(self) -> tuple[float, float]:
-        """See :meth:`ConicProgram.rates`. Collective."""
-        return self.program.rates(self.velocity)
 
     def equilibrate(self) -> None:
         """Add the stress and contact forces that balance the unbalanced forces. Collective.
@@ -423,7 +392,7 @@ class InteriorIteration:
             if not longest < 1:
                 break
             reach = min(1.0, longest + gain)
-            aim += newton.products_after(reach, chosen.unknowns).missing(centre)
+            aim += newton.products(self.now.plus(reach, chosen.unknowns)).missing(centre)
             other = newton.towards(aim)
             further = self._longest(other.unknowns)
             if not further > longest + worth:

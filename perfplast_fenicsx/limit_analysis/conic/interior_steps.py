@@ -139,7 +139,7 @@ def iterate(
             return Verdict.STALLED, "the steps became too short"
         load, gap, size = iteration.now.load, iteration.gap(), iteration.size()
         unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
-        wrong, rate = iteration.rates()
+        wrong, rate = program.rates(iteration.velocity)
         inadmissible = wrong / rate if rate > 0 else 0.0
         step = InteriorStep(
             number=len(steps) + 1,
