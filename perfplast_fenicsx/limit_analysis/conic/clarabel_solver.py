@@ -39,17 +39,8 @@ def by_clarabel(
 ) -> tuple[Verdict, str]:
     """Solve the program of an iteration with Clarabel, and store the solution in the iteration.
 
-    Args:
-        iteration: The iteration at its start; the function replaces its iterate and velocity by the
-            solution.
-        rtol: Largest relative difference between the static and the kinematic load.
-        steps: List to which the function appends Clarabel's iterations.
-        monitor: Called after each iteration.
-        share: Fraction of ``rtol`` to which the solution is computed.
-        least: Not used, because Clarabel itself detects unbounded loads.
-
-    Returns:
-        The outcome, and the reason for it.
+    For the arguments, see :class:`conic_solver.ConicSolver`. The steps are Clarabel's iterations.
+    The function does not use ``least``, because Clarabel itself detects unbounded loads.
 
     Raises:
         InputError: If there are several ranks, if Clarabel is not installed, or if a block's cones

@@ -106,15 +106,8 @@ def iterate(
     """Perform steps until the limit load is known; return the outcome and its reason. Collective.
 
     To first order, unbalanced forces r change λ by r·v, where v is the mechanism with L(v) = 1. The
-    caller removes these residuals afterwards, because with residuals λ is not a bound.
-
-    Args:
-        iteration: The iteration at its start.
-        rtol: Largest relative difference between the static and the kinematic load.
-        steps: List to which the steps are appended.
-        monitor: Called on every rank after each step.
-        share: Fraction of ``rtol`` to which the solution is computed.
-        least: Load factor up to which the function does not report an unbounded load.
+    caller removes these residuals afterwards, because with residuals λ is not a bound. For the
+    arguments, see :class:`conic_solver.ConicSolver`.
     """
     program, began = iteration.program, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # last balanced iterate and its velocity's entries
@@ -322,51 +315,34 @@ def _divide_dead(program: ConicProgram, springs: Floats) -> Floats:
     The function uses the present factors of K. If no flow remains, unbounded stresses balance all
     constant loads.
 
-    Args:
-        program: The bodies and their loads.
-        springs: Springs of contact that the factors contain.
-
-    Returns:
-        Contact forces that help to balance the constant loads (:func:`_forces_beside_dead`).
-    """
-    flow = program.create_vector()
-    try:
-        program.stiffness.solve(program.dead, flow)
-        forces = _forces_beside_dead(program, flow, springs)
-        program.carried_dead, _, _ = _divide(program, program.dead, flow, None)
-    finally:
-        flow.destroy()
-    return forces
-
-
-def _forces_beside_dead(program: ConicProgram, dead: PETSc.Vec, springs: Floats) -> Floats:
-    """Return contact forces at which unbounded stresses balance most of the constant loads.
-
-    The growing loads act with the factor, at least zero, that gives the least flow. Bodies that
-    preserve volume may touch under pressures of 100 times their strength. A search for such bodies
-    that starts with smaller forces takes steps of 1e-3 and stalls. The function uses the present
-    factors of K. Collective.
+    Bodies that preserve volume may touch under pressures of 100 times their strength. A search for
+    such bodies that starts with smaller forces takes steps of 1e-3 and stalls. The function
+    therefore also computes contact forces at which unbounded stresses balance most of the constant
+    loads. For these forces, the growing loads act with the factor, at least zero, that gives the
+    least flow.
 
     Args:
         program: The bodies and their loads.
-        dead: Flow under the constant loads.
         springs: Springs of contact that the factors contain.
 
     Returns:
         The forces at the jumps, not negative; zeros without contact.
     """
-    if not program.num_pairs:
-        return np.zeros(len(program.jumps))
-    flow, both = program.create_vector(), program.dead.copy()
+    dead, flow, both = program.create_vector(), program.create_vector(), program.dead.copy()
+    forces: Floats = np.zeros(len(program.jumps))
     try:
-        program.stiffness.solve(program.load, flow)
-        factor = max(-float(program.load.dot(dead)) / float(program.load.dot(flow)), 0.0)
-        both.axpy(factor, program.load)
-        flow.aypx(factor, dead)
-        return _divide(program, both, flow, springs)[1]
+        program.stiffness.solve(program.dead, dead)
+        if program.num_pairs:
+            program.stiffness.solve(program.load, flow)
+            factor = max(-program.work(dead) / program.work(flow), 0.0)
+            both.axpy(factor, program.load)
+            flow.aypx(factor, dead)
+            _, forces, _ = _divide(program, both, flow, springs)
+        program.carried_dead, _, _ = _divide(program, program.dead, dead, None)
     finally:
-        flow.destroy()
-        both.destroy()
+        for vector in (dead, flow, both):
+            vector.destroy()
+    return forces
 
 
 def _divide(

@@ -73,11 +73,6 @@ def least_eigenvalue(a: Floats) -> Floats:
     return found
 
 
-def eigenvalues(a: Floats) -> Floats:
-    """Return the eigenvalues of each matrix in ascending order, shape (..., 3)."""
-    return np.asarray(np.linalg.eigvalsh(a), dtype=np.float64)
-
-
 def longest_step(a: Floats, da: Floats) -> float:
     """Return the largest t with a + t da semidefinite, if a is definite; ∞ without a limit."""
     if not a.size:
@@ -263,7 +258,7 @@ class PrincipalCones:
             pressure: Mean stress p at all points, shape (count,).
             deviator: Deviator s at all points, shape (count, m).
         """
-        d = eigenvalues(self.deviators(deviator))
+        d = np.linalg.eigvalsh(self.deviators(deviator))
         along = (1 + self.sines) * d[:, 2] - (1 - self.sines) * d[:, 0]
         found: Floats = (along + 2 * self.sines * pressure[self.at]) / self.bounds
         pulled = (pressure[self.at] + d[:, 2]) / self.tensions  # 0 without a tensile strength
@@ -300,7 +295,7 @@ class PrincipalCones:
         """Return Σ|ε_i| for :meth:`powers`, shape (num,); without tr ε where p is unbounded."""
         unit = np.diag([1.0, 1.0, 0.0 if self.flat else 1.0])
         means = np.where(self.grows, trace[self.at], 0.0) / np.trace(unit)
-        values = eigenvalues(self.deviators(deviator) + means[:, None, None] * unit)
+        values = np.linalg.eigvalsh(self.deviators(deviator) + means[:, None, None] * unit)
         found: Floats = np.abs(values).sum(axis=1)
         return found
 
@@ -353,17 +348,20 @@ class PrincipalPoints(SystemPoints):
             tensions = np.where(cones.cut, cones.tensions, half)
             columns.append((none, -cut, -cut, tensions, tensions - self._pressures))
         parts = (np.stack(of, axis=1) for of in zip(*columns, strict=True))
-        self._of_t, self._of_p, self._of_d, constants, self._rooms = parts
+        of_t, of_p, self._of_d, constants, self._rooms = parts
+        self._of_heads: Floats = np.stack([of_t, of_p], axis=1)
         self.constants = constants[:, :, None, None] * np.eye(SIZE)
+        # squares of the multiples of I at the centre, limited
+        self._viscosities: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
 
     @property
     def degree(self) -> int:
         """Return the total number of rows of all matrices."""
-        return SIZE * self._of_t.size
+        return SIZE * self._of_d.size
 
     def changes(self, y: Floats) -> Floats:
         """Return the change of X, shape (num, k, 3, 3); see :meth:`cone.SystemPoints.changes`."""
-        return self._matrices(self._of_t * y[:, :1] + self._of_p * y[:, 1:2], y[:, 2:])
+        return self._matrices(np.einsum("nik,ni->nk", self._of_heads, y[:, :2]), y[:, 2:])
 
     def _matrices(self, heads: Floats, tails: Floats) -> Floats:
         """Return heads I + d_k Σ tails D, with the tensors D of the components of s.
@@ -377,12 +375,6 @@ class PrincipalPoints(SystemPoints):
         found += self._of_d[:, :, None, None] * tensors[:, None]
         return found
 
-    @property
-    def _viscosities(self) -> Floats:
-        """Return squares of the multiples of I at the centre, ≤ ``MOST_VISCOUS``, (num, k)."""
-        found: Floats = np.minimum(self._rooms**2, MOST_VISCOUS)
-        return found
-
     def flow(self, moduli: Moduli) -> None:
         """Write the moduli for matrices that are multiples of the unit tensor.
 
@@ -390,8 +382,8 @@ class PrincipalPoints(SystemPoints):
         """
         grows, squares = self.cones.grows, self._viscosities
         # for the t with which the first two matrices are equal
-        of_p = self._of_p.copy()
-        of_p[:, :2] = self._of_p[:, :2].mean(axis=1, keepdims=True)
+        of_p = self._of_heads[:, 1].copy()
+        of_p[:, :2] = of_p[:, :2].mean(axis=1, keepdims=True)
         soft = SIZE * (of_p**2 / squares).sum(axis=1)
         at, loose = self.cones.at, 1 / PROXIMAL
         moduli.bulk[at] = np.where(grows, 1 / np.where(grows, soft, 1.0), loose)
@@ -406,7 +398,7 @@ class PrincipalPoints(SystemPoints):
 
     def rows(self, at: Columns) -> ConeRows:
         """See :meth:`cone.MatrixBlock.rows`; the matrices of a point are consecutive."""
-        tensors, (count, many) = self.cones.tensors, self._of_t.shape
+        tensors, (count, many) = self.cones.tensors, self._of_d.shape
         columns = self.chosen(at.own, at.pressure, at.deviator)
         scaled = np.broadcast_to(tensors, (count, many, *tensors.shape))
         factors = self.columns(scaled).reshape(count * many, -1, columns.shape[1])
@@ -415,7 +407,7 @@ class PrincipalPoints(SystemPoints):
 
     def from_rows(self, static: Floats, kinematic: Floats, own: Floats) -> Members:
         """See :meth:`cone.MatrixBlock.from_rows`."""
-        shape = (*self._of_t.shape, SIZE, SIZE)
+        shape = (*self._of_d.shape, SIZE, SIZE)
         return Members(matrices(static).reshape(shape), matrices(kinematic).reshape(shape), own)
 
     def raised(self, products: Floats, by: float) -> Floats:
@@ -448,30 +440,21 @@ class PrincipalPoints(SystemPoints):
             Shape (num, 6k, 2 + m).
         """
         numbers = vectors(primal)
-        of_t, of_p = (
-            coefficient[:, :, None, None] * numbers[:, :, :1]
-            for coefficient in (self._of_t, self._of_p)
-        )
-        of_d = self._of_d[:, :, None, None] * numbers[:, :, 1:]
-        found = np.concatenate([of_t, of_p, of_d], axis=2)
+        heads = np.swapaxes(self._of_heads, 1, 2)[..., None] * numbers[:, :, :1]
+        tails = self._of_d[:, :, None, None] * numbers[:, :, 1:]
+        found = np.concatenate([heads, tails], axis=2)
         return np.swapaxes(found, 2, 3).reshape(len(found), -1, found.shape[2])
 
     def works(self, kinematic: Floats) -> Floats:
         """See :meth:`cone.SystemPoints.works`."""
         traces = np.trace(kinematic, axis1=2, axis2=3)
         deviators = np.einsum("nkab,jab->nkj", kinematic, self.cones.tensors[1:])
-        return np.column_stack(
-            [
-                (self._of_t * traces).sum(axis=1),
-                (self._of_p * traces).sum(axis=1),
-                np.einsum("nk,nkj->nj", self._of_d, deviators),
-            ]
-        )
+        heads = np.einsum("nik,nk->ni", self._of_heads, traces)
+        return np.hstack([heads, np.einsum("nk,nkj->nj", self._of_d, deviators)])
 
     def least(self, works: Floats) -> Floats:
         """Return the smallest z with given :meth:`works`; an unbounded p adds no condition."""
-        grows = self.cones.grows
-        both = np.stack([self._of_t, self._of_p], axis=1)
+        grows, both = self.cones.grows, self._of_heads
         grid = SIZE * both @ np.swapaxes(both, 1, 2)
         grid[~grows, 1, 1] = 1.0
         right = works[:, :2].copy()
