@@ -28,7 +28,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, PairFlags
 from perfplast_fenicsx.contact.rows.friction import norms
 from perfplast_fenicsx.limit_analysis.path.viscous_flow import NoFlow, ViscousFlow
-from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, OfLaw, integrate
+from perfplast_fenicsx.problem.assembled.law_on_cells import LawExpression, integrate
 from perfplast_fenicsx.problem.assembled.spaces import Integral
 from perfplast_fenicsx.problem.judged.state import State
 from perfplast_fenicsx.problem.problem import Problem
@@ -89,12 +89,10 @@ class KinematicBound:
         rate = strain(self._flow.velocity)
         self._count = problem.Q.dofmap.index_map.size_local
         self._value = fem.Function(problem.Q)
-
-        def at_points(value: OfLaw) -> LawExpression:
-            return LawExpression(laws, problem.Q, value)
-
-        self._size = at_points(lambda on: ufl.sqrt(on.law.yields.resistance(rate, rate)))
-        self._density = at_points(lambda on: on.law.yields.support(rate))
+        self._size = LawExpression(
+            laws, problem.Q, lambda on: ufl.sqrt(on.law.yields.resistance(rate, rate))
+        )
+        self._density = LawExpression(laws, problem.Q, lambda on: on.law.yields.support(rate))
         self._power = Integral(
             problem.comm, integrate(laws, lambda on: on.law.yields.support(rate))
         )
@@ -195,16 +193,6 @@ class KinematicBound:
 
 Points = Sequence[tuple[float, float]]
 """Pairs (α, ζ) of levels, in ascending order of α."""
-
-
-def is_flat(points: Points) -> bool:
-    """Return whether ζ increased only a little at the last level."""
-    if len(points) < 2:
-        return False
-    (_, before), (_, zeta) = points[-2:]
-    # A level that increases ζ by less than this share indicates an incipient mechanism.
-    flattest = 0.1
-    return zeta - before <= flattest * zeta
 
 
 def tenfold_growth(points: Points) -> float:
@@ -440,7 +428,10 @@ class Judge:
     def _look_ahead(self, before: State | None, last: State) -> None:
         """Compute the mechanism of the last level if ζ hardly increases. Collective."""
         self._asked, self._ahead = True, None
-        if is_flat(self._search.points):
+        last_two = [zeta for _, zeta in self._search.points[-2:]]
+        # A level that increases ζ by less than this share indicates an incipient mechanism.
+        flattest = 0.1
+        if len(last_two) > 1 and last_two[1] - last_two[0] <= flattest * last_two[1]:
             velocity = collapse_mechanism(self._problem, before, last)
             self._ahead = self._improve(velocity, last)
 

@@ -11,8 +11,6 @@ conjugate gradients, a smaller penalty is better, because each solve takes longe
 penalty.
 """
 
-from typing import Protocol
-
 from petsc4py import PETSc
 
 import numpy as np
@@ -43,25 +41,31 @@ class NoFlow(RuntimeError):
     """Raised on every rank, with the reason, if no flow can be computed."""
 
 
-class FlowSystem(Protocol):
-    """A solver of A y = b for a flow in the jump basis.
+class FactorisedFlow:
+    """Solve A y = b for a flow in the jump basis by MUMPS, with a memory limit for large problems.
 
     Attributes:
         penalty: Weight of the inadmissible part relative to the viscosity.
         exact: Share of ‖ε(v)‖ below which an inadmissible strain rate counts as zero.
         closes: If a pair closes, the flow holds all pairs whose jumps exceed this share of the
             largest velocity.
-        large: Whether the problem is so large that an iterative solver may succeed if this solver
+        large: Whether the problem is so large that :class:`IteratedFlow` may succeed if this solver
             fails.
     """
 
-    penalty: float
-    exact: float
-    closes: float
-    large: bool
+    penalty = 1e8
+    exact = 1e-11
+    closes = ROUNDING
 
-    def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether this solver suits a matrix; called before the set-up. Collective."""
+    def __init__(self, problem: Problem) -> None:
+        """Create the solver. Collective."""
+        self.large = problem.num_dofs >= LARGE
+        self._priced = not self.large
+        memory = spare_memory(problem.comm) if self.large else np.inf
+        some = {} if np.isinf(memory) else {"mat_mumps_icntl_23": max(int(memory), 1)}
+        self._ksp = PETSc.KSP().create(problem.comm)
+        self._ksp.setOptionsPrefix(own_prefix(self, BOUND, DIRECT | some))
+        self._ksp.setFromOptions()
 
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
         """Set up the solver for an operator that holds the closed pairs. Collective.
@@ -72,60 +76,20 @@ class FlowSystem(Protocol):
             flow: Approximate flow of the bodies, in the jump basis.
 
         Raises:
-            NoFlow: If the system cannot be solved.
+            NoFlow: If the operator cannot be factorised, or if for a large problem the factors of
+                MUMPS do not fit into memory or take more time than CG.
         """
-
-    def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Solve for y, starting from an approximate solution or zero. Collective.
-
-        Args:
-            b: The forces.
-            y: Initial guess; the function overwrites it with the solution.
-            left: Share of the initial residual that may remain.
-
-        Raises:
-            NoFlow: If the system cannot be solved.
-        """
-
-    def destroy(self) -> None:
-        """Free PETSc's memory. Collective."""
-
-
-class FactorisedFlow:
-    """Cholesky factorisation by MUMPS, with a memory limit for large problems."""
-
-    penalty = 1e8
-    exact = 1e-11
-    closes = ROUNDING
-
-    def __init__(self, problem: Problem) -> None:
-        """Create the solver. Collective."""
-        self.large = problem.num_dofs >= LARGE
-        memory = spare_memory(problem.comm) if self.large else np.inf
-        some = {} if np.isinf(memory) else {"mat_mumps_icntl_23": max(int(memory), 1)}
-        self._ksp = PETSc.KSP().create(problem.comm)
-        self._ksp.setOptionsPrefix(own_prefix(self, BOUND, DIRECT | some))
-        self._ksp.setFromOptions()
-
-    def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return whether the factors fit into memory and take less time than CG. Collective.
-
-        For small problems and for other solvers than MUMPS, the result is True.
-        """
-        pc = self._ksp.getPC()
-        if not self.large or pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
-            return True
-        self._ksp.setOperators(matrix)
-        cost = price(self._ksp, matrix)
-        # A bound needs about 4 factorisations or 1200 iterations.
-        worth = 300
-        return cost.fits and cost.iterations <= worth
-
-    def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
-        """Factorise the operator. Collective."""
         self._ksp.setOperators(operator.matrix)
+        pc = self._ksp.getPC()
+        if not self._priced and (pc.getType(), pc.getFactorSolverType()) == ("cholesky", "mumps"):
+            cost = price(self._ksp, operator.matrix)
+            # A bound needs about 4 factorisations or 1200 iterations.
+            worth = 300
+            if not cost.fits or cost.iterations > worth:
+                raise NoFlow("the factors of the flow's matrix need too much memory or time")
+        self._priced = True
         self._ksp.setUp()
-        if self._ksp.getPC().getFailedReason():
+        if pc.getFailedReason():
             forget_factors(self._ksp)
             raise NoFlow(
                 "the matrix of the flow cannot be factorised: the flow is not unique, or "
@@ -133,7 +97,13 @@ class FactorisedFlow:
             )
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Solve with the factors, up to rounding. Collective."""
+        """Solve for y. Collective.
+
+        Args:
+            b: The forces.
+            y: Initial guess, or zero; the function overwrites it with the solution.
+            left: Share of the initial residual that may remain; factors leave rounding errors only.
+        """
         self._ksp.solve(b, y)
 
     def destroy(self) -> None:
@@ -142,7 +112,10 @@ class FactorisedFlow:
 
 
 class IteratedFlow:
-    """CG with smoothed aggregation multigrid, whose coarse spaces contain an approximate flow."""
+    """CG with smoothed aggregation multigrid, whose coarse spaces contain an approximate flow.
+
+    For the attributes and arguments, see :class:`FactorisedFlow`.
+    """
 
     penalty = 3e4
     exact = 1e-7
@@ -160,10 +133,6 @@ class IteratedFlow:
         self._supported = np.flatnonzero(problem.fixed[:owned]).astype(np.int32)
         self._at_rest = self._supported
 
-    def suits(self, matrix: PETSc.Mat) -> bool:
-        """Return True, because this solver is the alternative if factors do not suit."""
-        return True
-
     def set_up(self, operator: ContactOperator, closed: Ints, flow: PETSc.Vec) -> None:
         """Compute the coarse operators. Collective."""
         self._multigrid.prepare(operator)  # builds coarse spaces, since the problem is large
@@ -173,7 +142,11 @@ class IteratedFlow:
         self._multigrid.renew(flow)
 
     def solve(self, b: PETSc.Vec, y: PETSc.Vec, left: float) -> None:
-        """Reduce the residual to the share ``left``, without moving supports. Collective."""
+        """Reduce the residual to the share ``left``, without moving supports. Collective.
+
+        Raises:
+            NoFlow: If the system cannot be solved.
+        """
         assert self._matrix is not None
         self._matrix.mult(y, self._residual)
         self._residual.aypx(-1.0, b)
@@ -204,14 +177,13 @@ class ViscousFlow:
         viscosity: Viscosity η > 0 at the points; the caller sets it before a solve.
         drag: Viscosity of friction, a force divided by a slip rate, shape (num_places,); the caller
             also sets it before a solve.
-        factorisations: Number of factorisations so far.
         solves: Number of linear systems solved so far.
     """
 
     def __init__(self, problem: Problem) -> None:
         """Compile the forms. Collective."""
         self._problem, laws = problem, problem.laws
-        self.factorisations = self.solves = 0
+        self.solves = 0
         self.velocity = v = fem.Function(problem.V, name="mechanism")
         self.viscosity = eta = fem.Function(problem.Q)
         self.drag: Floats = np.zeros(len(problem.friction.bound))
@@ -223,7 +195,7 @@ class ViscousFlow:
             for on in laws
         }
 
-        self._system: FlowSystem = FactorisedFlow(problem)
+        self._system: FactorisedFlow | IteratedFlow = FactorisedFlow(problem)
         self._penalty = penalty = fem.Constant(problem.V.mesh, np.float64(self._system.penalty))
 
         def resisted(on: LawOnCells) -> Expr:
@@ -411,23 +383,17 @@ class ViscousFlow:
     def _set_up(self, closed: Ints) -> None:
         """Set up a suitable solver with the viscosity and the closed pairs. Collective."""
         self._assemble(closed)
+        self._problem.basis.M.mult(self.velocity.x.petsc_vec, self._y)
         try:
-            if self.factorisations or self._system.suits(self._operator.matrix):
-                self._take(closed)
-                return
+            self._system.set_up(self._operator, closed, self._y)
         except NoFlow:
             if not self._system.large:
                 raise
-        self._system.destroy()
-        self._system = IteratedFlow(self._problem)
-        self._penalty.value = self._system.penalty
-        self._assemble(closed)
-        self._take(closed)
-
-    def _take(self, closed: Ints) -> None:
-        self._problem.basis.M.mult(self.velocity.x.petsc_vec, self._y)
-        self._system.set_up(self._operator, closed, self._y)
-        self.factorisations += 1
+            self._system.destroy()
+            self._system = IteratedFlow(self._problem)
+            self._penalty.value = self._system.penalty
+            self._assemble(closed)
+            self._system.set_up(self._operator, closed, self._y)
 
     def _assemble(self, closed: Ints) -> None:
         self._stiffness.zeroEntries()

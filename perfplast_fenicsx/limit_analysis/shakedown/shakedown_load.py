@@ -241,7 +241,7 @@ def shakedown_load(
             name is unknown, if a growing load is not in the domain, if supports move, if a law has
             no suitable cone, or if no varying load causes stress in a body that can yield.
     """
-    _check(problem, domain, rtol)
+    check_shakedown(problem, domain, rtol)
     points = stress_points(problem)
     with ExitStack() as made:
         strains = PointStrains(points.working, whole_cones(problem))
@@ -281,24 +281,8 @@ def check_shakedown(problem: Problem, domain: LoadDomain, rtol: float = 1e-4) ->
         InputError: In the cases of :func:`shakedown_load`, except if the loads cause no stress in a
             body that can yield.
     """
-    _check(problem, domain, rtol)
-
-
-def _check(problem: Problem, domain: LoadDomain, rtol: float) -> None:
     check_tolerance(rtol)
     check_bodies_have_limits(problem)
-    _check_bonds(problem)
-    warmed = [called(a) for a in problem.given.initial if isinstance(a, Temperature)]
-    check_names(problem.given.loads, warmed, domain.names)
-    check_whole_cones(problem)
-
-
-def _check_bonds(problem: Problem) -> None:
-    """Check that supports do not move, and that elastic stresses can be superposed.
-
-    Raises:
-        InputError: If supports or obstacles move, or if bodies may separate or slide.
-    """
     if problem.num_pairs or problem.friction.count:
         raise InputError(
             "shakedown superposes the elastic stresses of the separate loads, so bodies may "
@@ -309,6 +293,9 @@ def _check_bonds(problem: Problem) -> None:
             "shakedown supports only loads and temperatures, but a support or a rigid surface"
             " moves; remove this motion."
         )
+    warmed = [called(a) for a in problem.given.initial if isinstance(a, Temperature)]
+    check_names(problem.given.loads, warmed, domain.names)
+    check_whole_cones(problem)
 
 
 @dataclass(frozen=True, eq=False)
@@ -409,8 +396,7 @@ def _search(
             if choose_units(program, start):
                 iteration = InteriorIteration(program)
                 made.callback(iteration.destroy)
-                closer = 1.0
-                verdict, reason = chosen_conic()(iteration, rtol, steps, monitor, closer)
+                verdict, reason = chosen_conic()(iteration, rtol, steps, monitor)
         except SingularStiffness as failure:
             verdict, reason = Verdict.STALLED, str(failure)
         now = None if iteration is None else iteration.now
