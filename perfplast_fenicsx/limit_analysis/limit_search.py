@@ -146,12 +146,7 @@ class _Path:
     """The state of a search.
 
     Attributes:
-        solver: Solver of levels with prescribed work.
-        rtol: Relative difference between the refused and the carried load at which the search
-            ends.
-        search: Results so far, for a restart.
-        monitor: Called after each iteration.
-        on_level: Called after each level that carries its load.
+        solver, rtol, search, monitor, on_level: As for :func:`coulomb_limit`.
         levels: The levels that carry their loads.
         before: State of the level before ``last`` among the levels whose work exceeds the work of
             all earlier levels.
@@ -192,7 +187,7 @@ class _Path:
         # yields.
         farthest = 1e12
         for level in work_path(self.solver, self.monitor, reached):
-            self._count()
+            search.linear_solves = self._solved + self.solver.linear.solves
             if not level.report.converged:
                 search.reason = f"no further work could be solved: {level.report.reason}"
                 if self.last is None:
@@ -241,7 +236,7 @@ class _Path:
             if unknown == len(SHARES) or zeta < least_load:
                 break
             level = direct.solve(zeta, self.most, self.monitor)
-            self._count()
+            search.linear_solves = self._solved + self.solver.linear.solves
             told = f"at ζ = {zeta:.6g}: {level.report.reason}"
             if level.report.converged:
                 low, self.most, unknown = zeta, level.state, 0
@@ -254,13 +249,11 @@ class _Path:
                 search.upper, why, unknown = zeta, told, 0
                 self.refused += 1
             else:
-                log.info(
-                    "the solver neither converged nor showed that no equilibrium exists %s", told
+                open_end = (
+                    f"the solver neither converged nor showed that no equilibrium exists {told}"
                 )
-                open_end, unknown = (
-                    f"the solver neither converged nor showed that no equilibrium exists {told}",
-                    unknown + 1,
-                )
+                log.info("%s", open_end)
+                unknown += 1
                 self.refused += 1
             step *= 2
         search.ended = True
@@ -269,9 +262,6 @@ class _Path:
             search.reason = f"no load factor down to ζ = {least_load:g} is carried; {why}"
         elif not search.levelled_off:
             search.reason = f"this is the bracket so far; {open_end or 'too many loads were tried'}"
-
-    def _count(self) -> None:
-        self.search.linear_solves = self._solved + self.solver.linear.solves
 
     def _carried(self, level: Level) -> None:
         self.levels.append(level)

@@ -257,7 +257,7 @@ class ConicProgram:
                 found.append(Cones(*given, slopes[here]))
             else:
                 tilts = None if strains.tilts is None else strains.tilts[here]
-                found.append(Cylinders(*given, tilts))
+                found.append(Cylinders(*given, tilts=tilts))
         for it in sets:
             if len(it.at):
                 found.append(it.block(unit / left, self.weights[it.at]))

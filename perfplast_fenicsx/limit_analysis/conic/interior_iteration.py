@@ -243,7 +243,6 @@ class InteriorIteration:
         self.program = program
         self.earlier: tuple[Unknowns, Floats] | None = None
         self._begun = False
-        self._comm, self._jumps = program.comm, program.jumps
         self.velocity, self._work = program.create_vector(), Workspace(program)
         self._newton: NewtonDirections | None = None
         borne = program.nothing_borne()
@@ -319,7 +318,7 @@ class InteriorIteration:
         left.axpy(-1.0, program.dead)
         for factor, load in zip((now.load, now.aside), program.loads, strict=False):
             left.axpy(-factor, load)
-        left.array[self._jumps] += now.forces
+        left.array[program.jumps] += now.forces
         return left
 
     def inadmissible(self) -> float:
@@ -413,7 +412,7 @@ class InteriorIteration:
             min(block.longest(now.static, by.static), block.longest(now.kinematic, by.kinematic))
             for block, now, by in each
         )
-        return float(self._comm.allreduce(mine, MPI.MIN))
+        return float(self.program.comm.allreduce(mine, MPI.MIN))
 
 
 def rebalance(iteration: InteriorIteration) -> None:

@@ -159,7 +159,15 @@ class SecondOrderMembers:
 class _Points(SecondOrderMembers):
     """The common part of :class:`Cylinders` and :class:`Cones`; see :class:`cone.Block`."""
 
-    def __init__(self, at: Places, radii: Floats, strengths: Floats, weights: Floats) -> None:
+    def __init__(
+        self,
+        at: Places,
+        radii: Floats,
+        strengths: Floats,
+        weights: Floats,
+        slopes: Floats | None = None,
+        tilts: Floats | None = None,
+    ) -> None:
         """Store the data of the points, in the units of the program.
 
         Args:
@@ -168,8 +176,12 @@ class _Points(SecondOrderMembers):
             strengths: Sizes of the strengths, about 1, shape (num,). With little or no cohesion, γ
                 may be much smaller.
             weights: Weights w, shape (num,).
+            slopes: Slopes α, shape (num,); None if all slopes are zero.
+            tilts: Tilts t, shape (num, m); None if all tilts are zero.
         """
         self.at, self.radii, self.strengths, self.weights = at, radii, strengths, weights
+        self.slopes: Floats = np.zeros(len(radii)) if slopes is None else slopes
+        self._middles = None if tilts is None else radii[:, None] * tilts
         self._viscosities = np.minimum(strengths**2, MOST_VISCOUS)
 
     @property
@@ -177,52 +189,39 @@ class _Points(SecondOrderMembers):
         """Return the number of points."""
         return len(self.radii)
 
-    def _start(self, static: Floats) -> Members:
+    def start(self, borne: Borne) -> Members:
+        """Return the members at the stress that ``borne`` contains."""
+        static = self.static(borne, NO_OWN)
         kinematic = np.zeros_like(static)
         kinematic[:, 0] = self.strengths / self._viscosities
         return Members(static, kinematic)
-
-
-class Cylinders(_Points):
-    """Points with ‖s + γt‖ ≤ γ and with unbounded p; see :class:`cone.Block`."""
-
-    def __init__(
-        self,
-        at: Places,
-        radii: Floats,
-        strengths: Floats,
-        weights: Floats,
-        tilts: Floats | None = None,
-    ) -> None:
-        """Store the data of :class:`_Points`, and tilts t, shape (num, m); None for zero tilts."""
-        super().__init__(at, radii, strengths, weights)
-        self._middles = None if tilts is None else radii[:, None] * tilts
-
-    def start(self, borne: Borne) -> Members:
-        """Return the members at zero stress."""
-        return self._start(self.static(borne, NO_OWN))
 
     def flow(self, moduli: Moduli) -> None:
         """See :meth:`cone.Block.flow`."""
         moduli.a[self.at] = self._viscosities
 
     def static(self, borne: Borne, own: Floats) -> Floats:
-        """Return (γ, s + γt), shape (num, 1 + m)."""
+        """Return (γ − αp, s + γt), shape (num, 1 + m)."""
+        heads = self.radii - self.slopes * borne.pressure[self.at]
         tails = np.asfortranarray(borne.deviator[self.at])
         if self._middles is not None:
             tails = tails + self._middles
-        return np.column_stack([self.radii, tails])
+        return np.column_stack([heads, tails])
 
     def rows(self, at: Columns) -> ConeRows:
         """See :meth:`cone.MatrixBlock.rows`."""
-        columns = at.deviator[self.at]
-        right = np.zeros((len(columns), 1 + columns.shape[1]))
+        columns = np.column_stack([at.pressure[self.at], at.deviator[self.at]])
+        right = np.zeros(columns.shape)
         right[:, 0] = self.radii
         if self._middles is not None:
             right[:, 1:] = self._middles
-        factors = np.eye(1 + columns.shape[1])[:, 1:]
-        factors = np.broadcast_to(factors, (len(columns), *factors.shape))
+        factors = np.tile(np.eye(columns.shape[1]), (len(columns), 1, 1))
+        factors[:, 0, 0] = -self.slopes
         return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
+
+
+class Cylinders(_Points):
+    """Points with ‖s + γt‖ ≤ γ and with unbounded p; see :class:`cone.Block`."""
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCylinders":
         """Return these points at an iterate, with the scaling of their cones."""
@@ -230,43 +229,22 @@ class Cylinders(_Points):
 
 
 class Cones(_Points):
-    """Points with ‖s‖ ≤ γ − αp; see :class:`cone.Block`."""
-
-    def __init__(
-        self, at: Places, radii: Floats, strengths: Floats, weights: Floats, slopes: Floats
-    ) -> None:
-        """Store the data of :class:`_Points`, and slopes α > 0, shape (num,)."""
-        super().__init__(at, radii, strengths, weights)
-        self.slopes = slopes
+    """Points with ‖s‖ ≤ γ − αp and α > 0; see :class:`cone.Block`."""
 
     def start(self, borne: Borne) -> Members:
         """Write mean stresses with γ − αp equal to the size of the strength; return the members."""
         borne.pressure[self.at] = -(self.strengths - self.radii) / self.slopes
-        return self._start(self.static(borne, NO_OWN))
+        return super().start(borne)
 
     def flow(self, moduli: Moduli) -> None:
         """See :meth:`cone.Block.flow`."""
+        super().flow(moduli)
         moduli.bulk[self.at] = self._viscosities / self.slopes**2
-        moduli.a[self.at] = self._viscosities
-
-    def static(self, borne: Borne, own: Floats) -> Floats:
-        """Return (γ − αp, s), shape (num, 1 + m)."""
-        heads = self.radii - self.slopes * borne.pressure[self.at]
-        return np.column_stack([heads, np.asfortranarray(borne.deviator[self.at])])
 
     def rates(self, rates: Rates) -> Floats:
         """Return (w tr ε/α, −w dev ε), shape (num, 1 + m)."""
         heads = self.weights * rates.trace[self.at] / self.slopes
         return np.column_stack([heads, -self.weights[:, None] * rates.deviator[self.at]])
-
-    def rows(self, at: Columns) -> ConeRows:
-        """See :meth:`cone.MatrixBlock.rows`."""
-        columns = np.column_stack([at.pressure[self.at], at.deviator[self.at]])
-        right = np.zeros(columns.shape)
-        right[:, 0] = self.radii
-        factors = np.tile(np.eye(columns.shape[1]), (len(columns), 1, 1))
-        factors[:, 0, 0] = -self.slopes
-        return ConeRows(ConeKind.SECOND_ORDER, right, columns, factors)
 
     def scaled(self, now: Members, rates: Rates) -> "ScaledCones":
         """Return these points at an iterate, with the scaling of their cones."""

@@ -139,13 +139,10 @@ def _factor(a: Floats) -> Floats:
 
 def _lower_inverse(L: Floats) -> Floats:
     found: Floats = np.zeros_like(L)
-    diagonal = 1 / np.stack([L[..., i, i] for i in range(SIZE)])
     for i in range(SIZE):
-        found[..., i, i] = diagonal[i]
-    found[..., 1, 0] = -L[..., 1, 0] * diagonal[0] * diagonal[1]
-    found[..., 2, 1] = -L[..., 2, 1] * diagonal[1] * diagonal[2]
-    below = L[..., 2, 0] * found[..., 0, 0] + L[..., 2, 1] * found[..., 1, 0]
-    found[..., 2, 0] = -below * diagonal[2]
+        found[..., i, i] = 1 / L[..., i, i]
+        above = np.einsum("...k,...kj->...j", L[..., i, :i], found[..., :i, :i])
+        found[..., i, :i] = -above * found[..., i, i, None]
     return found
 
 
