@@ -19,7 +19,7 @@ pytestmark = pytest.mark.serial
 MU = 2.0
 ONE: Floats = np.ones(1)
 BLOCKS: Sequence[Block] = (
-    Cylinders(slice(None), ONE, ONE, ONE),
+    Cylinders(slice(None), ONE, ONE, ONE, 0 * ONE),
     Cones(slice(None), ONE, ONE, ONE, ONE),
     PrincipalPoints(PrincipalCones.none(), ONE[:0]),
     Pairs(ONE),

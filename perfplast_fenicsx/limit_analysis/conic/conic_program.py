@@ -247,17 +247,13 @@ class ConicProgram:
             rest[it.at] = False
         slopes = strains.slopes * np.where(self._loose & self._of_slopes, left, 1.0)
         radii = left / unit * np.where(self.plastic, strains.radii, 0.0)
-        for dilate in (False, True):
-            at = np.flatnonzero(rest & ((slopes > 0) == dilate))
-            if not len(at):
-                continue
-            here: Places = slice(None) if len(at) == len(rest) else at
-            given = here, radii[here], self.strengths[here], self.weights[here]
-            if dilate:
-                found.append(Cones(*given, slopes[here]))
-            else:
+        for kind, there in ((Cylinders, slopes == 0), (Cones, slopes > 0)):
+            at = np.flatnonzero(rest & there)
+            if len(at):
+                here: Places = slice(None) if len(at) == len(rest) else at
                 tilts = None if strains.tilts is None else strains.tilts[here]
-                found.append(Cylinders(*given, tilts=tilts))
+                strengths, weights = self.strengths[here], self.weights[here]
+                found.append(kind(here, radii[here], strengths, weights, slopes[here], tilts))
         for it in sets:
             if len(it.at):
                 found.append(it.block(unit / left, self.weights[it.at]))

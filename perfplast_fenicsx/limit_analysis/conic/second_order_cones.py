@@ -165,7 +165,7 @@ class _Points(SecondOrderMembers):
         radii: Floats,
         strengths: Floats,
         weights: Floats,
-        slopes: Floats | None = None,
+        slopes: Floats,
         tilts: Floats | None = None,
     ) -> None:
         """Store the data of the points, in the units of the program.
@@ -176,11 +176,11 @@ class _Points(SecondOrderMembers):
             strengths: Sizes of the strengths, about 1, shape (num,). With little or no cohesion, γ
                 may be much smaller.
             weights: Weights w, shape (num,).
-            slopes: Slopes α, shape (num,); None if all slopes are zero.
-            tilts: Tilts t, shape (num, m); None if all tilts are zero.
+            slopes: Slopes α, shape (num,).
+            tilts: Tilts t, shape (num, m), zero where α > 0; None if all tilts are zero.
         """
         self.at, self.radii, self.strengths, self.weights = at, radii, strengths, weights
-        self.slopes: Floats = np.zeros(len(radii)) if slopes is None else slopes
+        self.slopes = slopes
         self._middles = None if tilts is None else radii[:, None] * tilts
         self._viscosities = np.minimum(strengths**2, MOST_VISCOUS)
 

@@ -281,11 +281,22 @@ def with_points_at_vertices(problem: Problem) -> Problem:
         problem: Problem with quadratic elements on straight cells and with laws that have no
             history, in 2D, in 3D, or in axisymmetry for v = ru (:mod:`ring_flux`).
     """
+    places = np.asarray(basix.geometry(problem.tagged_mesh.mesh.basix_cell()), dtype=np.float64)
+    if isinstance(problem.kinematics, RingFlux):
+        # with Bernstein coefficients this is not a quadrature rule, and no form uses it
+        places = np.concatenate([places, places[np.array(EDGES)].mean(axis=1)])
+    return with_points(problem, places)
+
+
+def with_points(problem: Problem, places: Floats) -> Problem:
+    """Return the problem with a quadrature rule with equal weights in each cell. Collective.
+
+    Args:
+        problem: The problem.
+        places: Points of the rule in the reference cell, shape (num, gdim).
+    """
     mesh = problem.tagged_mesh.mesh
     cell, gdim = mesh.basix_cell(), mesh.geometry.dim
-    places: Floats = np.asarray(basix.geometry(cell), dtype=np.float64)
-    if isinstance(problem.kinematics, RingFlux):
-        places = np.concatenate([places, places[np.array(EDGES)].mean(axis=1)])
     shares = np.full(len(places), basix.cell.volume(cell) / len(places))
 
     def space(shape: tuple[int, ...]) -> fem.FunctionSpace:
@@ -294,8 +305,11 @@ def with_points_at_vertices(problem: Problem) -> Problem:
         )
         return fem.functionspace(mesh, element)
 
-    # with Bernstein coefficients this is not a quadrature rule, and no form uses it
-    metadata = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    metadata = {
+        "quadrature_rule": "custom",
+        "quadrature_points": tuple(tuple(row) for row in places),
+        "quadrature_weights": tuple(shares),
+    }
     dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
     spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)
     return variant(problem, points=spaces)

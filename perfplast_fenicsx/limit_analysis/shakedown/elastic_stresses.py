@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import basix
-import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -32,10 +31,10 @@ from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import materials_of, whole_cones
 from perfplast_fenicsx.limit_analysis.discrete.body_stiffness import ConicStiffness
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains, RatesAtPoints
-from perfplast_fenicsx.limit_analysis.facets.stress_cells import with_points_at_vertices
+from perfplast_fenicsx.limit_analysis.facets.stress_cells import with_points
 from perfplast_fenicsx.limit_analysis.shakedown.corner_program import Frames
 from perfplast_fenicsx.materials.elastic import Rigid
-from perfplast_fenicsx.materials.mandel import mandel_size, numbers_of
+from perfplast_fenicsx.materials.mandel import numbers_of
 from perfplast_fenicsx.mesh.straight_geometry import has_curved_cells
 from perfplast_fenicsx.problem.assembled.declared_loads import work_vector
 from perfplast_fenicsx.problem.assembled.initial_strain import initial_strain
@@ -43,7 +42,7 @@ from perfplast_fenicsx.problem.assembled.spaces import Spaces
 from perfplast_fenicsx.problem.declared.initial import Temperature
 from perfplast_fenicsx.problem.declared.loads import Load
 from perfplast_fenicsx.problem.declared.stage import called
-from perfplast_fenicsx.problem.problem import Problem, variant
+from perfplast_fenicsx.problem.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,26 +70,9 @@ def stress_points(problem: Problem) -> StressPoints:
     linear = problem.degree == 2 and not problem.tagged_mesh.axisymmetric
     if not linear or has_curved_cells(mesh):
         return StressPoints(problem, problem, False)
-    cell, gdim = mesh.basix_cell(), mesh.geometry.dim
-    vertices: Floats = np.asarray(basix.geometry(cell), dtype=np.float64)
-    places = (vertices + vertices.sum(axis=0)) / (gdim + 2)
-    shares = np.full(len(places), basix.cell.volume(cell) / len(places))
-
-    def space(shape: tuple[int, ...]) -> fem.FunctionSpace:
-        element = basix.ufl.quadrature_element(
-            cell, value_shape=shape, points=places, weights=shares
-        )
-        return fem.functionspace(mesh, element)
-
-    metadata = {
-        "quadrature_rule": "custom",
-        "quadrature_points": tuple(map(tuple, places)),
-        "quadrature_weights": tuple(shares),
-    }
-    dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
-    spaces = Spaces(problem.degree, problem.V, space((mandel_size(gdim),)), space(()), dx)
-    working = variant(problem, points=spaces)
-    return StressPoints(with_points_at_vertices(problem), working, True)
+    vertices = np.asarray(basix.geometry(mesh.basix_cell()), dtype=np.float64)
+    working = with_points(problem, (vertices + vertices.sum(axis=0)) / (mesh.geometry.dim + 2))
+    return StressPoints(with_points(problem, vertices), working, True)
 
 
 def elastic_stresses(
