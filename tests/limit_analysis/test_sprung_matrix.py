@@ -34,4 +34,4 @@ def test_after_a_singular_stiffness_the_next_one_is_factorised(comm: MPI.Intraco
             with pytest.raises(SingularStiffness):
                 sprung.factorise()
     sprung.destroy()
-    assert sprung.factorisations == 3
+    assert sprung.counts.factorisations == 3

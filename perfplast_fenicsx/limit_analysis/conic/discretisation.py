@@ -75,18 +75,27 @@ class Strains(ConesAtPoints, Protocol):
         ...
 
 
+@dataclass
+class Counts:
+    """Numbers of operations with a stiffness so far.
+
+    Attributes:
+        factorisations: Number of factorisations.
+        solves: Number of systems solved.
+    """
+
+    factorisations: int = 0
+    solves: int = 0
+
+
 class Stiffness(Protocol):
-    """Stiffness K from :class:`~cone.Moduli` at points and from springs c [v]² at contact pairs."""
+    """Stiffness K from :class:`~cone.Moduli` at points and from springs c [v]² at contact pairs.
 
-    @property
-    def factorisations(self) -> int:
-        """Return the number of factorisations so far."""
-        ...
+    Attributes:
+        counts: Numbers of operations so far.
+    """
 
-    @property
-    def solves(self) -> int:
-        """Return the number of systems solved so far."""
-        ...
+    counts: Counts
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Assemble K from moduli at points; the unknowns ``held`` stay zero. Collective."""
@@ -147,8 +156,7 @@ class SprungMatrix:
     """The common part of both kinds of :class:`Stiffness`, for an assembled matrix.
 
     Attributes:
-        factorisations: Number of factorisations so far.
-        solves: Number of systems solved so far.
+        counts: Numbers of operations so far.
     """
 
     def __init__(
@@ -163,7 +171,7 @@ class SprungMatrix:
             options: PETSc options of the factorisation.
         """
         self._matrix, self._jumps = matrix, jumps
-        self.factorisations = self.solves = 0
+        self.counts = Counts()
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(own_prefix(self, LIMIT, options))
         self._ksp.setFromOptions()
@@ -216,7 +224,7 @@ class SprungMatrix:
             InputError: If the first factorisation needs more memory than is available.
         """
         self.check_once()
-        self.factorisations += 1
+        self.counts.factorisations += 1
         self._used = self._supernodal.factorise(self._matrix) or self._ksp
         if self._used is not self._ksp:
             return
@@ -230,4 +238,4 @@ class SprungMatrix:
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve K x = b with the last factors. Collective."""
         self._used.solve(b, x)
-        self.solves += 1
+        self.counts.solves += 1

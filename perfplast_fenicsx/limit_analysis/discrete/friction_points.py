@@ -218,17 +218,7 @@ class FrictionStiffness:
         self._bodies, self._strains, self._count = bodies, strains, count
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
         self.factorise, self.solve = bodies.factorise, bodies.solve
-        self.destroy = bodies.destroy
-
-    @property
-    def factorisations(self) -> int:
-        """Return the number of factorisations so far."""
-        return self._bodies.factorisations
-
-    @property
-    def solves(self) -> int:
-        """Return the number of systems solved so far."""
-        return self._bodies.solves
+        self.destroy, self.counts = bodies.destroy, bodies.counts
 
     def assemble(self, moduli: Moduli, held: Ints = NONE) -> None:
         """Assemble K with moduli at all points. Collective."""

@@ -225,18 +225,8 @@ class CornerStiffness:
         """Take ownership of the stiffness of v."""
         self._bodies, self._strains = bodies, strains
         self.jump_diagonal, self.add_at_jumps = bodies.jump_diagonal, bodies.add_at_jumps
-        self.factorise = bodies.factorise
+        self.factorise, self.counts = bodies.factorise, bodies.counts
         self._right, self._change = (strains.problem.create_vector() for _ in range(2))
-
-    @property
-    def factorisations(self) -> int:
-        """Return the number of factorisations so far."""
-        return self._bodies.factorisations
-
-    @property
-    def solves(self) -> int:
-        """Return the number of systems solved so far."""
-        return self._bodies.solves
 
     def destroy(self) -> None:
         """Free PETSc's memory. Collective."""

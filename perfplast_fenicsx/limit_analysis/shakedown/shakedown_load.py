@@ -461,8 +461,8 @@ def _found(
         dissipation=dissipation,
         residual=residual,
         steps=steps,
-        factorisations=program.stiffness.factorisations,
-        linear_solves=program.stiffness.solves,
+        factorisations=program.stiffness.counts.factorisations,
+        linear_solves=program.stiffness.counts.solves,
         converged=converged,
         reason=reason,
     )

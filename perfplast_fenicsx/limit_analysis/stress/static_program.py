@@ -38,7 +38,7 @@ class StaticProgram:
     @property
     def factorisations(self) -> int:
         """Return the number of factorisations of this program so far."""
-        return self.form.stiffness.factorisations - self.before
+        return self.form.stiffness.counts.factorisations - self.before
 
     def destroy(self) -> None:
         """Free the PETSc vectors of the program's loads, but not the form. Collective."""
@@ -179,7 +179,7 @@ def static_program(form: StaticForm, question: Question, reserve: float) -> Stat
     """
     loads = question.loads(form.live.copy(), form.dead.copy())
     load, dead, free = (of.array_r.copy() for of in loads)
-    before = form.stiffness.factorisations
+    before = form.stiffness.counts.factorisations
     on = Discretisation(
         form.comm, form.every, form.whole, *loads, form.open_jumps, proves_stress=True
     )

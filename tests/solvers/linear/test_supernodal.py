@@ -51,7 +51,7 @@ def test_what_is_not_positive_definite_is_factorised_by_mumps(
     assert sprung.uses == "mumps"
     assert solved(sprung, matrix, values) < 1e-10
     assert sprung.uses == "mumps"
-    assert sprung.factorisations == 3
+    assert sprung.counts.factorisations == 3
     sprung.destroy()
     assert capfd.readouterr() == ("", "")
 
