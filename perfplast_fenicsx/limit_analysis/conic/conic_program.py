@@ -413,11 +413,8 @@ class ConicProgram:
             for it in self.strains.sets:
                 short[it.at] = it.lacking(trace, deviator)
             wrong = np.where(self.plastic & (slopes > 0), short**2, wrong)
-        part, whole = (
-            self.total(self.weights @ wrong),
-            self.total(self.weights @ (volume + squares)),
-        )
-        size = self.total(self.weights.sum())
+        values = np.column_stack([wrong, volume + squares, np.ones_like(wrong)])
+        part, whole, size = self.comm.allreduce(self.weights @ values)
         return float(np.sqrt(part / size)), float(np.sqrt(whole / size))
 
     def total(self, value: float) -> float:

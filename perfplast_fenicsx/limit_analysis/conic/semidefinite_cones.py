@@ -296,14 +296,10 @@ class PrincipalCones:
         found: Floats = np.abs(values).sum(axis=1)
         return found
 
-    def components(self, deviator: Floats) -> Floats:
-        """Return the components of s that belong to these sets, shape (num, k)."""
-        found: Floats = deviator[self.at, : len(self.tensors) - 1]
-        return found
-
     def deviators(self, deviator: Floats) -> Floats:
         """Return the deviators as tensors, shape (num, 3, 3), from s at all points."""
-        found: Floats = np.einsum("nj,jab->nab", self.components(deviator), self.tensors[1:])
+        components = deviator[self.at, : len(self.tensors) - 1]
+        found: Floats = np.einsum("nj,jab->nab", components, self.tensors[1:])
         return found
 
 

@@ -222,7 +222,6 @@ class ViscousFlow:
         self._force = problem.create_vector()
         self._b, self._y = problem.create_vector(), problem.create_vector()
         self._live, self._rest = problem.create_vector(), problem.create_vector()
-        self._work = 1.0  # work of L₁ in the flow under L₁
         self._closed: Ints = np.zeros(0, dtype=np.int32)
 
     def destroy(self) -> None:
@@ -248,15 +247,19 @@ class ViscousFlow:
         self._live.array[self._closed] = 0
         self._solve(self._force, self._live)
         problem.basis.T.mult(self._live, self.velocity.x.petsc_vec)
-        self._work = problem.loads.alpha(self.velocity.x.petsc_vec)
+        work = problem.loads.alpha(self.velocity.x.petsc_vec)
         largest = float(self._live.norm(PETSc.NormType.NORM_INFINITY))
-        if not self._work > ROUNDING * problem.loads.live.norm() * largest:
+        if not work > ROUNDING * problem.loads.live.norm() * largest:
             raise NoFlow("the loads do no work on the flow")
         self._rest.set(0)
         if problem.loads.has_dead():
             problem.loads.dead.copy(self._force)
             self._solve(self._force, self._rest)
-        self._combine()
+        self._move_to(self._rest)
+        # the combination of the flows under constant and live loads with L₁(v) = 1
+        share = (1 - problem.loads.alpha(self.velocity.x.petsc_vec)) / work
+        self._rest.axpy(share, self._live)
+        self._move_to(self._rest)
 
     def slips(self) -> Floats:
         """Return the slip rates of the velocity, shape (num_places, gdim − 1). Collective."""
@@ -336,13 +339,6 @@ class ViscousFlow:
         self._b.array[self._closed] = 0
         self._system.solve(self._b, y, left)
         self.solves += 1
-
-    def _combine(self) -> None:
-        """Combine the flows under constant and live loads to a flow with L₁(v) = 1. Collective."""
-        self._move_to(self._rest)
-        share = (1 - self._problem.loads.alpha(self.velocity.x.petsc_vec)) / self._work
-        self._rest.axpy(share, self._live)
-        self._move_to(self._rest)
 
     def _move_to(self, y: PETSc.Vec) -> None:
         """Set the velocity to y, given in the jump basis. Collective."""
