@@ -138,9 +138,7 @@ class ScaledPoints(ScaledMembers):
         return self._block.weights[:, None] * rows
 
     def stiffen(self, moduli):
-        more = moduli.normal.shape[1] - self._block.m
-        roots = np.pad(self._roots, ((0, 0), (0, more), (0, more)))
-        return moduli.with_whole(self._block.at, roots)
+        return moduli.with_whole(self._block.at, self._roots)
 
     def aim(self, products):
         return quotient(self.scaling.point, products)

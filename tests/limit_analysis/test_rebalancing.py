@@ -58,7 +58,7 @@ def test_what_was_balanced_last_is_left(
     monkeypatch.setattr(interior_iteration, "_balance", balance)
     stiffness = SimpleNamespace(factorise=factorise, add_at_jumps=lambda _: None)
     program = SimpleNamespace(
-        weights=np.ones(2),
+        moduli=lambda _: None,
         comm=MPI.COMM_SELF,
         springs=np.ones(9),
         stiffness=stiffness,

@@ -128,7 +128,14 @@ class Moduli:
     springs: Floats | None = None
 
     def with_whole(self, at: Longs, roots: Floats) -> "Moduli":
-        """Return these moduli with full moduli RRᵀ at further points."""
+        """Return these moduli with full moduli RRᵀ at further points.
+
+        Args:
+            at: Indices of the points, shape (num,).
+            roots: Matrices R, shape (num, j, k), j and k ≤ 1 + m; missing entries are zero.
+        """
+        size = 1 + self.normal.shape[1]
+        roots = np.pad(roots, ((0, 0), *((0, size - length) for length in roots.shape[1:])))
         if self.whole is not None:
             at, roots = np.concatenate([self.whole[0], at]), np.concatenate([self.whole[1], roots])
         return replace(self, whole=(at, roots))
@@ -491,8 +498,7 @@ class ScaledSystems:
     def stiffen(self, moduli: Moduli) -> Moduli:
         """See :meth:`ScaledBlock.stiffen`."""
         roots = self._roots[:, 1:, 1:]  # this block of the inverse is also triangular
-        more = moduli.normal.shape[1] + 1 - roots.shape[2]
-        return moduli.with_whole(self._block.at, np.pad(roots, ((0, 0), (0, more), (0, more))))
+        return moduli.with_whole(self._block.at, roots)
 
     def bear(self, aim: tuple[Floats, Floats], change: Borne) -> None:
         """See :meth:`ScaledBlock.bear`."""

@@ -21,7 +21,6 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     Block,
     Borne,
     Members,
-    Moduli,
     Products,
 )
 from perfplast_fenicsx.limit_analysis.conic.conic_program import ConicProgram
@@ -426,13 +425,12 @@ def rebalance(iteration: InteriorIteration) -> None:
     in equilibrium, or the original iterate.
     """
     program, balanced = iteration.program, iteration.now
-    uniform: Floats = np.ones(len(program.weights))
     largest = max(program.comm.allgather(float(balanced.forces.max(initial=0))))
     least_change = 1e-6  # spring of a zero contact force, relative to the largest force's spring
     springs = program.springs * (balanced.forces / (largest or 1.0) + least_change)
     try:
         for _ in range(MOST_ROUNDS):
-            program.assemble(Moduli(uniform, uniform, np.zeros_like(balanced.borne.deviator)))
+            program.assemble(program.moduli(1.0))
             program.stiffness.add_at_jumps(springs)
             program.stiffness.factorise()
             _balance(iteration, springs)

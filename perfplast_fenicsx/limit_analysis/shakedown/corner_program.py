@@ -248,10 +248,9 @@ class CornerStiffness:
         if not strains.problem.comm.allreduce(regular, MPI.LAND):
             raise SingularStiffness("the moduli of a point have no inverse")
         self._moduli, self._soft, self._stiff = roots, soft[1:], np.swapaxes(root, 1, 2)
-        whole = np.zeros((count, parts, parts))
-        whole[:, :, :m] = Q @ root
-        ones, zeros = np.ones(count), np.zeros((count, m))
-        self._bodies.assemble(Moduli(ones, ones, zeros, whole=(np.arange(count), whole)), held)
+        ones = np.ones(count)
+        of_bodies = Moduli(ones, ones, np.zeros((count, m))).with_whole(np.arange(count), Q @ root)
+        self._bodies.assemble(of_bodies, held)
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve K x = b with the last factors. Collective."""

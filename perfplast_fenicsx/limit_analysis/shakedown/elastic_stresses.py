@@ -162,10 +162,9 @@ def _elastic_moduli(problem: Problem, strains: PointStrains) -> Moduli:
     to = frames.columns @ frames.of_stresses
     values, axes = np.linalg.eigh(hooke)
     roots = to @ (axes * np.sqrt(np.maximum(values, 0.0))[:, None])
-    count, parts, m = roots.shape
+    count, _, m = roots.shape
     ones = np.ones(count)
-    padded = np.concatenate([roots, np.zeros((count, parts, parts - m))], axis=2)
-    return Moduli(ones, ones, np.zeros((count, m)), whole=(np.arange(count), padded))
+    return Moduli(ones, ones, np.zeros((count, m))).with_whole(np.arange(count), roots)
 
 
 def hooke_at_points(problem: Problem) -> Floats:
