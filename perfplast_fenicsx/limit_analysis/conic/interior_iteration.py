@@ -287,14 +287,6 @@ class InteriorIteration:
         """Return the unit of unbalanced forces in each row of this rank, or one unit for all."""
         return 1.0
 
-    def unbalanced_work(self) -> float:
-        """Return the work of the unbalanced forces on the velocity. Collective.
-
-        To first order, the load changes by this work if the forces are brought into balance,
-        because the velocity is the mechanism with L(v) = 1.
-        """
-        return float(self.balance().dot(self.velocity))
-
     def size(self) -> float:
         """Return the size that divides differences of bounds (:func:`load_factor.measure_of`).
 
@@ -302,10 +294,6 @@ class InteriorIteration:
         """
         load = self.now.load
         return measure_of(load + self.program.dead_work(self.velocity), load, self.program.loose)
-
-    def missing_work(self) -> float:
-        """Return the larger of |1 − L(v)| and the absolute work of the free loads. Collective."""
-        return float(np.abs(self.program.missing_works(self.velocity)).max())
 
     def balance(self) -> PETSc.Vec:
         """Return the residual of equilibrium as a vector, zero at the solution. Collective.

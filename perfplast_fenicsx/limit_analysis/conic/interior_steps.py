@@ -109,7 +109,7 @@ def iterate(
     caller removes these residuals afterwards, because with residuals λ is not a bound. For the
     arguments, see :class:`conic_solver.ConicSolver`.
     """
-    program, began = iteration.program, time.perf_counter()
+    program, velocity, began = iteration.program, iteration.velocity, time.perf_counter()
     good: tuple[Unknowns, Floats] | None = None  # last balanced iterate and its velocity's entries
     # Multiple of the viscous flow's load above which a load without a mechanism is unbounded.
     unbounded = 50.0
@@ -131,8 +131,9 @@ def iterate(
         if length < stuck:
             return Verdict.STALLED, "the steps became too short"
         load, gap, size = iteration.now.load, iteration.gap(), iteration.size()
-        unbalanced, missing = iteration.unbalanced(), iteration.missing_work()
-        wrong, rate = program.rates(iteration.velocity)
+        unbalanced = iteration.unbalanced()
+        missing = np.abs(program.missing_works(velocity)).max()
+        wrong, rate = program.rates(velocity)
         inadmissible = wrong / rate if rate > 0 else 0.0
         step = InteriorStep(
             number=len(steps) + 1,
@@ -153,10 +154,10 @@ def iterate(
             )
         at_rest = rate <= NO_LOAD  # bodies move rigidly, and strain rates are rounding errors
         tolerated = share * rtol * size
-        idle = unbalanced <= almost and abs(iteration.unbalanced_work()) <= tolerated
+        idle = unbalanced <= almost and abs(iteration.balance().dot(velocity)) <= tolerated
         balanced = missing <= least_residual and unbalanced <= least_residual
         if good is not None and not balanced:  # rounding errors of a nearly singular K
-            iteration.now, iteration.velocity.array[:] = good
+            iteration.now, velocity.array[:] = good
             return Verdict.FOUND, f"the steps have converged to {rtol:g}"
         settled = missing <= least_residual and (unbalanced <= least_residual or idle)
         if not settled or (inadmissible > almost and not at_rest):

@@ -156,16 +156,7 @@ class CornerStrains:
 
     def forces(self, pressure: Floats, deviator: Floats, out: PETSc.Vec) -> None:
         """Set ``out`` to Σ w τ_k:p_k for all y. Collective."""
-        self._forces(self._reduced(pressure, deviator), out)
-
-    def forces_of(self, stresses: Floats, out: PETSc.Vec) -> None:
-        """Set ``out`` to the forces of stresses at points and corners. Collective.
-
-        The stresses are Mandel vectors, shape (corners, num_points, m).
-        """
-        self._forces(np.einsum("nij,knj->kni", self.frames.of_stresses, stresses), out)
-
-    def _forces(self, reduced: Floats, out: PETSc.Vec) -> None:
+        reduced = self._reduced(pressure, deviator)
         self.forces_on_velocity(reduced[0], self._velocity)
         out.array[: self._own] = self._velocity.array_r
         apart = self.points.weights[:, None] / self.length * (reduced[1:] - reduced[0])

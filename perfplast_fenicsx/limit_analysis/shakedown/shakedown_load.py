@@ -326,8 +326,8 @@ class Varying:
         strains = CornerStrains(problem, self.working, len(self.live))
         stiffness = CornerStiffness(ConicStiffness(problem, self.working), strains)
         live, dead, free = (strains.create_vector() for _ in range(3))
-        strains.forces_of(self.live, live)
-        strains.forces_of(np.broadcast_to(self.dead, self.live.shape), dead)
+        for stress, forces in ((self.live, live), (0 * self.live + self.dead, dead)):
+            strains.forces(*strains.coordinates(stress), forces)
         on = Discretisation(problem.comm, strains, stiffness, live, dead, free, NONE)
         return strains, ConicProgram(on, reserve)
 
