@@ -74,10 +74,6 @@ class BalancedStress:
     load: float
     aside: float
 
-    def part(self, share: float) -> "BalancedStress":
-        """Return the stress and its load factors, multiplied by a share."""
-        return BalancedStress(*(share * it for it in vars(self).values()))
-
     def over(self, static: StaticProgram) -> float:
         """Return the relative excess of the stress over the yield set, negative inside the set.
 
@@ -112,13 +108,8 @@ class BalancedStress:
 
     def mean(self, other: "BalancedStress", share: float) -> "BalancedStress":
         """Return ``share`` times this stress plus the remaining share times another stress."""
-        rest = 1 - share
-        return BalancedStress(
-            share * self.pressure + rest * other.pressure,
-            share * self.deviator + rest * other.deviator,
-            share * self.load + rest * other.load,
-            share * self.aside + rest * other.aside,
-        )
+        both = zip(vars(self).values(), vars(other).values(), strict=True)
+        return BalancedStress(*(share * one + (1 - share) * more for one, more in both))
 
 
 class StaticIteration(InteriorIteration):
@@ -292,9 +283,8 @@ def strict_lower_bound(
         first = Start.within(rtol) if reserve is None else Start(reserve=reserve)
         found, start = _search(*given, first)
         while start is not None:
-            before = found
-            found, start = _search(*given, start)
-            found = _together(before, found)
+            other, start = _search(*given, start)
+            found = _together(found, other)
     return found
 
 
@@ -349,16 +339,15 @@ def _search(
         iteration = StaticIteration(static)
         made.callback(iteration.destroy)
         steps: list[InteriorStep] = []
-        solve = chosen_conic()
-        verdict, reason = solve(iteration, rtol, steps, monitor, least=question.enough)
-        taken = static.factorisations
+        verdict, reason = chosen_conic()(iteration, rtol, steps, monitor, least=question.enough)
         if verdict is Verdict.NO_RESISTANCE:
             reason = _no_stress_on_mesh(problem, "no stress that is linear in the cells can carry")
             found = no_stress(body, verdict, reason, none)
-            return replace(found, steps=steps, factorisations=taken), None
+            return replace(found, steps=steps, factorisations=static.factorisations), None
         then = next_start(start, program, iteration.now, verdict, rtol)
-        end = verdict, reason, steps
-        found, stress = _result(static, iteration, problem, why_not, reached, *end)
+        found, stress = _result(
+            static, iteration, problem, why_not, reached, verdict, reason, steps
+        )
         certificate = found.certificate
         ended = verdict is Verdict.FOUND or (verdict is Verdict.STALLED and then is None)
         if program.keeps and ended and certificate is not None:
@@ -445,31 +434,30 @@ def _result(
     strains = form.strains
     iteration.settle()
     now = iteration.now
-    pressure, deviator = program.whole(now.stress, now.load)
-    pressure, deviator = static.shared_out((pressure, deviator))
-    ratio = program.overstress((pressure, deviator))
-    scale = program.stress_unit / (1.0 if program.keeps else max(1.0, ratio))
-    pressure, deviator = scale * pressure, scale * deviator
-    shrunk = scale / program.stress_unit
-    value, aside = shrunk * now.load * program.load_unit, shrunk * now.aside
-    told = BalancedStress(pressure, deviator, value, aside)
+    pressure, deviator = static.shared_out(program.whole(now.stress, now.load))
+    shrunk = 1.0
+    if not program.keeps:
+        shrunk = 1 / max(1.0, program.overstress((pressure, deviator)))
+    unit = program.stress_unit
+    told = BalancedStress(
+        shrunk * unit * pressure,
+        shrunk * unit * deviator,
+        shrunk * now.load * program.load_unit,
+        shrunk * now.aside,
+    )
     if program.keeps:
         told = told.with_some_of(reached, static)
-    pressure, deviator, value, aside = told.pressure, told.deviator, told.load, told.aside
-    certificate = certify_stress(static, pressure, deviator, value, aside)
+    certificate = certify_stress(static, told.pressure, told.deviator, told.load, told.aside)
     doubts: tuple[str, ...] = ()
     if certificate.is_doubted:
         doubts = _no_stress_on_mesh(problem, UNREACHED), *weak_bodies(problem)
     scope = Scope.MESH if why_not else Scope.BODY
-    bound = Bound(value, "lower", scope, why_not, doubts=doubts)
-    if doubts and (why_not or not np.isfinite(value)):
+    bound = Bound(told.load, "lower", scope, why_not, doubts=doubts)
+    if doubts and (why_not or not np.isfinite(told.load)):
         bound = Bound(None, "lower", Scope.MESH, (*why_not, *doubts))
-    if doubts:
-        reason = "; ".join([reason, *doubts])
-    count = strains.num_cells
-    plastic, unit = program.plastic[: strains.count], program.stress_unit
+    count, plastic = strains.num_cells, program.plastic[: strains.count]
     radii = np.where(plastic, strains.radii, 0.0) / unit
-    pressure, deviator = pressure[: strains.count], deviator[: strains.count]
+    pressure, deviator = told.pressure[: strains.count], told.deviator[: strains.count]
     heads = radii - np.where(plastic, strains.slopes, 0.0) * pressure / unit
     stress = strains.whole(pressure, deviator)
     if problem.tagged_mesh.axisymmetric:
@@ -486,9 +474,9 @@ def _result(
     bounded = StaticBound(
         bound=bound,
         verdict=verdict,
-        reason=reason,
+        reason="; ".join([reason, *doubts]),
         stress=stress.reshape(count, len(strains.rows), stress.shape[1]),
-        aside=aside,
+        aside=told.aside,
         dissipation=powers.reshape(count, -1).sum(axis=1) * program.load_unit,
         certificate=certificate,
         steps=steps,
@@ -510,16 +498,7 @@ def bound_by_stress(
     With constant loads, the mesh may allow no stress in equilibrium and in the yield sets at any
     load factor, although the body has such a stress. The function then computes the multiple of the
     constant loads that the mesh carries; the dissipation of this result shows which cells must be
-    smaller.
-
-    Args:
-        problem: The bodies and their loads, as for :func:`static_bound.strict_lower_bound`.
-        rtol: Largest relative difference between the bound and the best bound on this mesh.
-        monitor: Called on every rank after each step.
-        question: The loads whose factor is sought.
-        form: Form of the problem; None if no form exists yet.
-        reserve: Share of the strengths that is kept in reserve for rounding; by default as for
-            :func:`strict_lower_bound`.
+    smaller. The arguments are those of :func:`strict_lower_bound`.
     """
     static = strict_lower_bound(problem, rtol, monitor, question, form, reserve)
     doubted = static.bound.value is None or static.bound.doubts

@@ -167,9 +167,6 @@ class StaticForm:
         dead: Constant loads.
         open_jumps: Owned unknowns that are contact jumps and can open.
         jumps: Flags of owned facet unknowns that are contact jumps, shape (num_unknowns,).
-        pressed: Flags of jumps along the normal at the vertices of facets, or of the first of two
-            jumps of a dilating contact. The flags include jumps on the axis, where there is no
-            pressure.
         slips: Flags of tangential unknowns on contact surfaces without friction.
         places: Places of slip.
     """
@@ -186,7 +183,6 @@ class StaticForm:
     dead: PETSc.Vec
     open_jumps: Ints
     jumps: npt.NDArray[np.bool_]
-    pressed: npt.NDArray[np.bool_]
     slips: npt.NDArray[np.bool_]
     places: SlipPlaces
 
@@ -220,8 +216,6 @@ def static_form(problem: Problem) -> StaticForm:
     everywhere = np.zeros((num_owned, form.nodes, tdim), dtype=bool)
     jumps, slips, held = everywhere.copy(), everywhere.copy(), everywhere
     jumps[at.facets.hosts, :, 0] = True
-    pressed = jumps.copy()
-    pressed[:, tdim:] = False
     dilates, flat = at.facets.friction[:num_owned] > 0, tdim == 2
     jumps[dilates, :, :2] = flat
     slips[at.facets.in_contact, :, 1:] = True
@@ -269,7 +263,6 @@ def static_form(problem: Problem) -> StaticForm:
         dead=vector(at.dead),
         open_jumps=open_jumps,
         jumps=jumps.ravel(),
-        pressed=pressed.ravel(),
         slips=slips.ravel() & ~held.ravel(),
         places=places,
     )

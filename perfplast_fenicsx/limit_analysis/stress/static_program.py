@@ -57,25 +57,6 @@ class StaticProgram:
         found[count:, :size] = places.shared_out(pressure[count:], deviator[count:, :size])
         return pressure, found
 
-    def loads(self, load: float, aside: float) -> Floats:
-        """Return the sum of all loads, in the user's units.
-
-        Args:
-            load: Load factor λ.
-            aside: Factor of the free loads.
-        """
-        return load * self.load + self.dead + aside * self.free
-
-    def loaded(self, load: float, aside: float) -> Floats:
-        """Return the sum of the magnitudes of all kinds of loads, for each row of this rank.
-
-        Args:
-            load: Load factor λ.
-            aside: Factor of the free loads.
-        """
-        kinds = (load * self.load, self.dead, aside * self.free)
-        return np.asarray(np.abs(kinds).sum(axis=0))
-
     def can_carry(self) -> bool:
         """Return whether a stress, possibly with tensile contact forces, can balance the loads.
 
@@ -119,27 +100,6 @@ class StaticProgram:
             vector.destroy()
         return bool(missing <= least_missing)
 
-    def unbalanced(self, stress: Stress, load: float, aside: float) -> float:
-        """Return the largest unbalanced force, relative to the strength in its row. Collective.
-
-        Compressive contact forces count as balanced, and tensile contact forces as unbalanced.
-
-        Args:
-            stress: Stress in the user's units.
-            load: Load factor λ.
-            aside: Factor of the free loads.
-        """
-        left = self.form.strains.create_vector()
-        self.program.strains.forces(*stress, left)
-        forces = left.array_r - self.loads(load, aside)
-        left.destroy()
-        on_jumps = np.append(
-            self.form.jumps, np.zeros(len(forces) - len(self.form.jumps), dtype=bool)
-        )
-        forces = np.where(on_jumps, np.maximum(forces, 0.0), np.abs(forces))
-        mine = float((forces / self.forces_of_strengths(stress[0])).max(initial=0.0))
-        return float(self.program.comm.allreduce(mine, MPI.MAX))
-
     def forces_of_strengths(self, pressure: Floats) -> Floats:
         """Return the force that corresponds to the strength in each row of equilibrium.
 
@@ -155,11 +115,9 @@ class StaticProgram:
             pressure: Mean stress, in the user's units.
         """
         strains, tdim = self.form.strains, self.form.strains.gdim
-        inverse = strains.weaknesses(pressure)
-        everywhere = self.program.comm.allreduce(float(inverse.max(initial=0.0)), MPI.MAX)
         least = 1 / self.program.stress_unit
-        met = strains.facets.meet(np.repeat(inverse[:, None], strains.layout.outer, axis=1))
-        around = strains.facets.gather(met).max(axis=1)
+        inverse = strains.weaknesses(pressure)
+        everywhere, met, around = self.weakness_around(inverse)
         weakness, inside = (
             np.where(sums > 0, np.maximum(sums, least), max(everywhere, least))
             for sums in (met, np.where(inverse > 0, inverse, around))
@@ -167,6 +125,24 @@ class StaticProgram:
         on_facets = np.repeat(self.form.areas.ravel(), tdim) / weakness
         in_cells = self.form.sections / inside
         return np.concatenate([on_facets, np.repeat(in_cells, strains.layout.inner)])
+
+    def weakness_around(self, inverse: Floats) -> tuple[float, Floats, Floats]:
+        """Return upper bounds on 1/γ of the cells around facets. Collective.
+
+        The method adds the inverse radii of the cells that meet at a facet. The sum is at most 2
+        times the largest inverse radius; at contact, at most 4 times.
+
+        Args:
+            inverse: Inverse radii 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
+
+        Returns:
+            The largest 1/γ of all cells; the sums for the facet unknowns, and the largest sum at a
+            facet of each cell, for the unknowns and cells that this rank owns.
+        """
+        everywhere = self.program.comm.allreduce(float(inverse.max(initial=0.0)), MPI.MAX)
+        facets = self.form.strains.facets
+        met = facets.meet(np.repeat(inverse[:, None], facets.of_cells.shape[1], axis=1))
+        return everywhere, met, facets.gather(met).max(axis=1)
 
 
 def static_program(form: StaticForm, question: Question, reserve: float) -> StaticProgram:
@@ -251,17 +227,16 @@ def certify_stress(
     left = strains.create_vector()
     every = static.program.strains
     every.forces(pressure, deviator, left)
-    residual = left.array_r - static.loads(load, aside)
+    kinds = np.array([load * static.load, static.dead, aside * static.free])
+    residual = left.array_r - kinds.sum(axis=0)
     left.destroy()
     count, tdim = strains.facets.count, strains.gdim
     on_facets = residual[:count] / np.repeat(static.form.areas.ravel(), tdim)
-    sections = static.form.sections
-    inverse = strains.weaknesses(pressure)
-    of_facets, of_cells = _weakness(static, inverse)
-    inside = strains.inner(residual) / sections[:, None] * of_cells[:, None]
+    weakest, met, around = static.weakness_around(strains.weaknesses(pressure))
+    of_facets, of_cells = (np.where(sums > 0, sums, weakest) for sums in (met, around))
+    inside = strains.inner(residual) / static.form.sections[:, None] * of_cells[:, None]
     between = np.abs(on_facets) * of_facets
     others = ~(static.form.jumps | static.form.slips)
-    weakest = float(inverse.max(initial=0.0))
     largest: Floats = np.array(
         [
             np.abs(inside).max(initial=0),
@@ -269,14 +244,13 @@ def certify_stress(
             between[static.form.slips].max(initial=0),
             on_facets[static.form.jumps].max(initial=0),
             (yield_ratios(every, pressure, deviator) - 1).max(initial=-1),
-            weakest,
         ]
     )
     comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    in_cells, jump, shear, pull, over, weakest = (float(value) for value in largest)
+    in_cells, jump, shear, pull, over = (float(value) for value in largest)
     forces = np.abs(residual)
     forces[:count][static.form.jumps] = np.maximum(residual[:count][static.form.jumps], 0.0)
-    sums: Floats = np.array([forces.sum(), static.loaded(load, aside).sum()])
+    sums: Floats = np.array([forces.sum(), np.abs(kinds).sum()])
     comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     missing, whole = (float(value) for value in sums)
     return StaticCertificate(
@@ -287,24 +261,3 @@ def certify_stress(
         left_of_load=missing / whole if whole > 0 else float(missing > 0),
         overstress=over,
     )
-
-
-def _weakness(static: StaticProgram, inverse: Floats) -> tuple[Floats, Floats]:
-    """Return upper bounds on 1/γ for the weakest cell that each condition involves. Collective.
-
-    The function adds the inverse radii of the cells that meet at a facet. The sum is at most 2
-    times the largest inverse radius; at contact, at most 4 times.
-
-    Args:
-        static: The conditions.
-        inverse: Inverse radii 1/γ of the cells (:meth:`MultiplierStrains.weaknesses`).
-
-    Returns:
-        Values for the facet unknowns and for the cells that this rank owns.
-    """
-    facets = static.form.strains.facets
-    everywhere = static.program.comm.allreduce(float(inverse.max(initial=0)), MPI.MAX)
-    met = facets.meet(np.repeat(inverse[:, None], facets.of_cells.shape[1], axis=1))
-    around = facets.gather(met).max(axis=1)
-    of_facets, of_cells = (np.where(sums > 0, sums, everywhere) for sums in (met, around))
-    return of_facets, of_cells
