@@ -345,7 +345,7 @@ def test_an_earlier_iterate_gives_the_mechanism_if_the_last_one_has_none(
     def fails_at_first(iteration: InteriorIteration) -> KinematicLoad:
         tried.append(iteration.gap())
         if len(tried) == 1:
-            return KinematicLoad(None, 0.0, 1.0, 1.0)
+            return KinematicLoad(None, 0.0, 1.0)
         return admissible(iteration)
 
     monkeypatch.setattr(discrete_bounds, "_admissible_load", fails_at_first)

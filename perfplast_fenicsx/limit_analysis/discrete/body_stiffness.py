@@ -18,6 +18,7 @@ import numpy as np
 
 from perfplast_fenicsx.arrays import Floats, Ints, Longs
 from perfplast_fenicsx.compiled_kernels import aligned, compiled
+from perfplast_fenicsx.contact.rows.constraints import entries_of
 from perfplast_fenicsx.limit_analysis.conic.cone import Moduli
 from perfplast_fenicsx.limit_analysis.conic.discretisation import NONE, SprungMatrix
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import PointStrains
@@ -188,10 +189,10 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
     """
     room = create_stiffness(problem)
     dim, size = room.getBlockSize(), room.getSize()[0] // room.getBlockSize()
-    pointer, entries = _blocks(room)
-    first = room.getOwnershipRange()[0] // dim
-    own = first + np.repeat(np.arange(len(pointer) - 1), np.diff(pointer))
-    known, wanted = np.sort(size * rows + columns), size * own + entries
+    row, column, _ = entries_of(room)
+    corners = (row % dim == 0) & (column % dim == 0)  # one entry for each block
+    own = (room.getOwnershipRange()[0] + row[corners]) // dim
+    known, wanted = np.sort(size * rows + columns), size * own + column[corners] // dim
     at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
     further = wanted[known[at] != wanted] if len(known) else wanted
     i = np.concatenate([rows, further // size])
@@ -207,17 +208,6 @@ def _matrix(problem: Problem, rows: Longs, columns: Longs) -> tuple[int, PETSc.M
     return len(further) * dim**2, matrix
 
 
-def _blocks(room: PETSc.Mat) -> tuple[Longs, Longs]:
-    """Return the index of the first block in each block row, and the column of each block."""
-    pointer, columns, _ = room.getValuesCSR()
-    dim = room.getBlockSize()
-    starts = np.repeat(pointer[:-1:dim], np.diff(pointer)[::dim] // dim)
-    counts = np.diff(pointer)[::dim] // dim
-    firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    within = np.arange(firsts[-1]) - np.repeat(firsts[:-1], counts)
-    return firsts, columns[starts + dim * within].astype(np.int64) // dim
-
-
 def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
     """Return the strain rates of nodal unknowns, in the coordinates of the points' cones.
 
@@ -230,11 +220,8 @@ def _rates(problem: Problem, strains: PointStrains, cells: Ints) -> Floats:
         cell, shape (num_groups, num_points, n, 1 + m, 4).
     """
     at_once, size = 4, problem.S.dofmap.index_map_bs
-    num_points = problem.Q.dofmap.list.shape[1]
-    groups, unknowns = (
-        -(-len(cells) // at_once),
-        problem.V.dofmap.list.shape[1] * problem.V.dofmap.index_map_bs,
-    )
+    num_points, groups = problem.Q.dofmap.list.shape[1], -(-len(cells) // at_once)
+    unknowns = problem.V.dofmap.list.shape[1] * problem.V.dofmap.index_map_bs
     shape = (groups, num_points, unknowns, 1 + size, at_once)
     found = aligned(math.prod(shape)).reshape(shape)
     by_cell = np.moveaxis(found, -1, 1)

@@ -65,13 +65,11 @@ class KinematicLoad:
         size: Size by which differences of bounds are divided; 0 without a bound.
         inadmissible: Remaining inadmissible part (:meth:`InteriorIteration.inadmissible`), relative
             to ‖ε(v)‖.
-        entering: Largest penetration rate, relative to the largest velocity.
     """
 
     value: float | None
     size: float
     inadmissible: float
-    entering: float
 
 
 def static_load(iteration: InteriorIteration) -> StaticLoad:
@@ -145,7 +143,7 @@ def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
         try:
             inadmissible = _project(iteration, jumps[closed])
         except SingularStiffness:
-            return KinematicLoad(None, 0.0, np.inf, np.inf)
+            return KinematicLoad(None, 0.0, np.inf)
         largest = v.norm(PETSc.NormType.NORM_INFINITY) or 1.0
         enters = v.array_r[jumps] / largest
         entering = program.comm.allreduce(float(enters.max(initial=0)), MPI.MAX)
@@ -154,12 +152,12 @@ def _admissible_load(iteration: InteriorIteration) -> KinematicLoad:
         closed |= enters > 0
     work, dissipation = program.work(v), program.dissipation(v)
     if not (inadmissible <= EXACT and entering <= ROUNDING and work > ROUNDING):
-        return KinematicLoad(None, 0.0, inadmissible, entering)
+        return KinematicLoad(None, 0.0, inadmissible)
     v.scale(1 / work)
     dissipated = dissipation / work * program.load_unit
     value = dissipated - program.dead_work(v) * program.load_unit
     size = measure_of(dissipated, value, program.loose)
-    return KinematicLoad(value, size, inadmissible, entering)
+    return KinematicLoad(value, size, inadmissible)
 
 
 def _project(iteration: InteriorIteration, held: npt.NDArray[np.int32]) -> float:

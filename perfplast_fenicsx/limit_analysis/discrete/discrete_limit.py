@@ -20,8 +20,10 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from perfplast_fenicsx.arrays import Floats
@@ -96,21 +98,16 @@ def locking_bodies(problem: Problem, iteration: InteriorIteration) -> tuple[str,
     names = sorted(tagged_mesh.volumes)
     mine = [cells[here[here < owned]].sum() for here in map(tagged_mesh.cells, names)]
     shares = problem.comm.allreduce(np.asarray(mine, dtype=np.float64))
-    return _largest(names, [float(share) for share in shares])
+    return _largest(names, shares)
 
 
-def _largest(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
+def _largest(names: Sequence[str], shares: npt.ArrayLike) -> tuple[str, ...]:
     """Return the fewest names with :data:`MOST` of the sum of all shares, in descending order."""
-    total = sum(shares)
-    if not 0 < total < np.inf:
+    order = np.argsort(-np.asarray(shares), kind="stable")
+    sums = np.cumsum(np.asarray(shares)[order])
+    if not 0 < sums[-1] < np.inf:
         return ()
-    chosen, so_far = list[str](), 0.0
-    for share, name in sorted(zip(shares, names, strict=True), key=lambda one: -one[0]):
-        chosen.append(name)
-        so_far += share
-        if so_far >= MOST * total:
-            break
-    return tuple(chosen)
+    return tuple(names[i] for i in order[: 1 + np.searchsorted(sums, MOST * sums[-1])])
 
 
 def why_unbounded(problem: Problem) -> str:
@@ -318,9 +315,8 @@ def _searched(
     """
     found, start = _search(problem, rtol, monitor, Start.within(rtol), question)
     while start is not None:
-        before = found
-        found, start = _search(problem, rtol, monitor, start, question)
-        found = _together(before, found)
+        other, start = _search(problem, rtol, monitor, start, question)
+        found = _together(found, other)
     return found
 
 
@@ -382,20 +378,19 @@ def _search(
         program = limit_program(problem, question, start.reserve)
         made.callback(program.destroy)
         steps: list[InteriorStep] = []
+        result = partial(
+            discrete_result, problem, program, steps=steps, rtol=rtol, question=question
+        )
         if program.degree == program.num_pairs:
             reason = (
                 "nothing can yield; give the bodies that may collapse a yield stress, or ask for "
                 "bounds of blocks that collapse at their joints (control = 'bounds')"
             )
-            return discrete_result(
-                problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question
-            ), None
+            return result(None, Verdict.UNBOUNDED, reason), None
         try:
             limited = choose_units(program, start)
         except SingularStiffness as failure:
-            found = discrete_result(
-                problem, program, None, Verdict.STALLED, str(failure), steps, rtol, question
-            )
+            found = result(None, Verdict.STALLED, str(failure))
             return found, next_start(start, program, None, Verdict.STALLED, rtol)
         if not limited:
             reason = UNLIMITED
@@ -404,9 +399,7 @@ def _search(
                     "; locking of linear elements has the same effect: use quadratic elements "
                     "(degree = 2 under [element])"
                 )
-            found = discrete_result(
-                problem, program, None, Verdict.UNBOUNDED, reason, steps, rtol, question
-            )
+            found = result(None, Verdict.UNBOUNDED, reason)
             return found, next_start(start, program, None, Verdict.UNBOUNDED, rtol)
         iteration = InteriorIteration(program)
         made.callback(iteration.destroy)
@@ -419,15 +412,12 @@ def _search(
             )
         except StopSearch as stop:
             reason = f"the search was stopped after {len(steps)} steps"
-            verdict = Verdict.STALLED
-            stop.found = discrete_result(
-                problem, program, iteration, verdict, reason, steps, rtol, question
-            )
+            stop.found = result(iteration, Verdict.STALLED, reason)
             raise
         if verdict is Verdict.UNBOUNDED:
             reason += f": {why_unbounded(problem)}"
         then = next_start(start, program, iteration.now, verdict, rtol)
-        found = discrete_result(problem, program, iteration, verdict, reason, steps, rtol, question)
+        found = result(iteration, verdict, reason)
         over = not np.isfinite(found.lower) and found.unbalanced <= IN_BALANCE
         if program.keeps and verdict is Verdict.FOUND and over:
             then = start.with_more_in_reserve()

@@ -193,7 +193,8 @@ class FrictionStrains:
         count = self._points.count
         self._points.forces(pressure[:count], deviator[:count], out)
         share = self.weights[count:] / self.length
-        stress = np.column_stack([pressure[count:], deviator[count:, : self._size]])
+        slips = deviator[count:, : self._places.shares.shape[1]]
+        stress = np.column_stack([pressure[count:], slips])
         self._places.add(share[:, None] * stress, out.array)
 
     def springs(self, moduli: Moduli) -> Springs:
@@ -203,11 +204,6 @@ class FrictionStrains:
         share = self.weights[self._points.count :] / self.length**2
         springs = np.swapaxes(rows, 1, 2) @ of_places @ rows
         return self._places.unknowns, share[:, None, None] * springs
-
-    @property
-    def _size(self) -> int:
-        """Return the number of components of a jump."""
-        return int(self._places.shares.shape[1])
 
 
 class FrictionStiffness:
