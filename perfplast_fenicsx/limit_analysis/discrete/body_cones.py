@@ -130,11 +130,8 @@ class BodyCones:
         Returns:
             Factors, shape (n,); 1 for cones whose slope does not vary.
         """
-        sines = _values([cone.friction for cone in self.cones], numbers, of)
-        if sines is None:
-            return None
-        varying = np.array([cone.friction is not None for cone in self.cones])[numbers]
-        return np.where(varying, sines / NOMINAL_SINE, 1.0)
+        sines = [cone.friction for cone in self.cones]
+        return _values(sines, numbers, lambda sine, here: of(sine, here) / NOMINAL_SINE)
 
     @property
     def isotropic(self) -> bool:
@@ -197,17 +194,23 @@ class BodyCones:
         return tuple(found)
 
     def at_cells(self) -> tuple[Floats, Floats, Floats | None]:
-        """Return γ (stress), α and t of the cells, without the factors of profiles and angles.
+        """Return the numbers of :meth:`at` in the cells."""
+        return self.at(self.of_cells)
+
+    def at(self, numbers: Longs) -> tuple[Floats, Floats, Floats | None]:
+        """Return γ (stress), α and t, without the factors of profiles and angles.
 
         The result has None in place of t if all tilts are zero.
+
+        Args:
+            numbers: Index of the cone of each cell or point.
         """
         forms = [cone.standard for cone in self.cones]
         radii = np.array([form.radius for form in forms])
         slopes = np.array([form.slope for form in forms])
         size = max(len(form.tilt) for form in forms)
         tilts = np.array([np.pad(form.tilt, (0, size - len(form.tilt))) for form in forms])
-        at = self.of_cells
-        return radii[at], slopes[at], tilts[at] if tilts.any() else None
+        return radii[numbers], slopes[numbers], tilts[numbers] if tilts.any() else None
 
 
 def _values(fields: Sequence[SpatialField | None], numbers: Longs, of: OfField) -> Floats | None:
@@ -259,10 +262,9 @@ def _cones(problem: Problem, flat: bool) -> BodyCones:
     tagged_mesh, materials = problem.tagged_mesh, materials_of(problem)
     topology = tagged_mesh.mesh.topology
     of_cells = np.zeros(topology.index_map(topology.dim).size_local, dtype=np.int64)
-    _, size = _components(problem)
     found: list[BodyCone] = []
     for name in sorted(tagged_mesh.volumes):
-        cone = _cone_of(materials[name], size, flat, tagged_mesh.is_thin)
+        cone = _cone_of(problem, materials[name], flat)
         if cone is None and getattr(materials[name], "cohesion", None) == 0:
             raise InputError(
                 f"cohesion = 0 in volume '{name}': in 3D and in axisymmetry the interior point "
@@ -292,9 +294,8 @@ def check_cones_are_provable(problem: Problem) -> None:
     """
     if are_provable(problem):
         return
-    flat, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):
-        cone = _cone_of(material, size, flat, problem.tagged_mesh.is_thin)
+        cone = _cone_of(problem, material, not problem.kinematics.whole)
         if cone is not None and not _is_provable(cone):
             raise InputError(
                 f"strict bounds cannot be proven for the yield set of {material.law.__name__} "
@@ -318,14 +319,13 @@ def check_whole_cones(problem: Problem) -> None:
     Raises:
         InputError: If a body has no such cone; the message names the first body.
     """
-    _, size = _components(problem)
     for name, material in sorted(materials_of(problem).items()):
         if any(isinstance(one, SpatialField) for one in material.parameters().values()):
             raise InputError(
                 f"a strength of '{name}' varies in space, but shakedown needs constant values; "
                 "give a separate body for each layer, or compute a limit load instead."
             )
-        if _cone_of(material, size, False, problem.tagged_mesh.is_thin) is not None:
+        if _cone_of(problem, material, False) is not None:
             continue
         if getattr(material, "cohesion", None) == 0:
             raise InputError(
@@ -341,9 +341,8 @@ def check_whole_cones(problem: Problem) -> None:
 
 def has_cones(problem: Problem) -> bool:
     """Return whether the interior point method supports the yield sets of all bodies."""
-    flat, size = _components(problem)
-    thin, materials = problem.tagged_mesh.is_thin, materials_of(problem).values()
-    return all(_cone_of(it, size, flat, thin) is not None for it in materials)
+    flat, materials = not problem.kinematics.whole, materials_of(problem).values()
+    return all(_cone_of(problem, it, flat) is not None for it in materials)
 
 
 def materials_of(problem: Problem) -> Mapping[str, Material]:
@@ -352,41 +351,32 @@ def materials_of(problem: Problem) -> Mapping[str, Material]:
     return in_plane_stress(given) if problem.tagged_mesh.is_thin else given
 
 
-def _components(problem: Problem) -> tuple[bool, int]:
-    """Return whether no equation contains the out-of-plane stress, and Mandel vectors' size."""
-    return not problem.kinematics.whole, mandel_size(problem.tagged_mesh.mesh.geometry.dim)
-
-
 def _is_same(one: BodyCone, other: BodyCone) -> bool:
-    if one.profile != other.profile or one.friction != other.friction:
-        return False
-    if one.plain is None or other.plain is None:
-        same = one.plain is other.plain and one.principal == other.principal
-        return same and one.other == other.other
-    return one.plain.is_same(other.plain)
+    names = ("plain", "principal", "other", "profile", "friction")
+    return all(getattr(one, name) == getattr(other, name) for name in names)
 
 
-def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone | None:
+def _cone_of(problem: Problem, material: Material, flat: bool) -> BodyCone | None:
     """Return the cone of a body; None if the interior point method does not support its set.
 
     The numbers of the cone contain the scale of a varying parameter; the profile is separate.
 
     Args:
+        problem: The bodies.
         material: Material of the body.
-        size: Number of components of Mandel vectors.
         flat: Whether the out-of-plane stress is in no equation.
-        thin: Whether the out-of-plane stress is zero; only with ``flat``.
 
     Raises:
         InputError: If the method does not support the spatial variation of a parameter.
     """
-    given = material.parameters()
+    tagged_mesh, given = problem.tagged_mesh, material.parameters()
+    of = mandel_size(tagged_mesh.mesh.geometry.dim), flat, tagged_mesh.is_thin
     sines = [one for one in given.values() if isinstance(one, FrictionSine)]
     varies = [k for k, v in given.items() if isinstance(v, SpatialField) and v not in sines]
     profiles = {given[k].profile for k in varies}
     plain = {k: given[k].scale if k in varies else v for k, v in given.items()}
     plain |= {k: NOMINAL_SINE for k, v in given.items() if v in sines}
-    found = _of_numbers(material.law, plain, (size, flat, thin))
+    found = _of_numbers(material.law, plain, of)
     if sines and (found is None or found.plain is None or not flat):
         raise InputError(
             f"friction_angle of {type(material).__name__}, {sines[0].friction}, varies in space, "
@@ -399,7 +389,7 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
     if not profiles:
         return replace(found, friction=friction)
     twice = {k: 2 * v if k in varies else v for k, v in plain.items()}
-    larger = _of_numbers(material.law, twice, (size, flat, thin))
+    larger = _of_numbers(material.law, twice, of)
     if len(profiles) > 1 or not _is_twice(larger, found):
         raise InputError(
             f"a parameter of {type(material).__name__} varies in space, but the yield set is not "
@@ -411,13 +401,10 @@ def _cone_of(material: Material, size: int, flat: bool, thin: bool) -> BodyCone 
 
 def _is_twice(one: BodyCone | None, other: BodyCone) -> bool:
     """Return whether ``one`` has the shape of ``other`` and twice the bound of ``other``."""
-    if one is None or other.other is not None or (one.plain is None) != (other.plain is None):
+    if one is None or other.other is not None:
         return False
-    if one.plain is not None and other.plain is not None:
-        return one.plain.is_same(replace(other.plain, bound=2 * other.plain.bound))
-    if one.principal is not None and other.principal is not None:
-        return one.principal == replace(other.principal, bound=2 * other.principal.bound)
-    return one.principal is other.principal
+    twice = (it and replace(it, bound=2 * it.bound) for it in (other.plain, other.principal))
+    return (one.plain, one.principal) == tuple(twice)
 
 
 def _of_numbers(
@@ -428,7 +415,8 @@ def _of_numbers(
     Args:
         kind: The law.
         given: Parameters of the law by name.
-        of: The arguments ``size``, ``flat`` and ``thin`` of :func:`_cone_of`.
+        of: Number of components of Mandel vectors; whether the out-of-plane stress is in no
+            equation, and whether it is zero (only if it is in no equation).
     """
     size, flat, thin = of
     law: Any = kind(**{name: ufl.as_ufl(value) for name, value in given.items()})

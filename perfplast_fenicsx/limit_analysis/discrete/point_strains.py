@@ -36,10 +36,7 @@ from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags
 from perfplast_fenicsx.compat import create_vector, evaluate, interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
-from perfplast_fenicsx.limit_analysis.discrete.strength_fields import (
-    profiles_at_points,
-    steepness_at_points,
-)
+from perfplast_fenicsx.limit_analysis.discrete.strength_fields import strengths_at_points
 from perfplast_fenicsx.mesh.kinematics import RingFlux
 from perfplast_fenicsx.mesh.ring_polynomials import (
     coefficients_of_radius,
@@ -138,20 +135,16 @@ class PointCoordinates:
         points = problem.Q.dofmap.list[: len(cones.of_cells)]
         self.numbers: Longs = np.zeros(problem.Q.dofmap.index_map.size_local, dtype=np.int64)
         self.numbers[points] = cones.of_cells[:, None]
-        numbers = self.numbers
-        forms = [cone.standard for cone in cones.cones]
-        self.radii: Floats = np.array([form.radius for form in forms])[numbers]
-        self.slopes: Floats = np.array([form.slope for form in forms])[numbers]
-        tilts = np.array([np.pad(it.tilt, (0, self._size - len(it.tilt))) for it in forms])
-        self.tilts: Floats | None = tilts[numbers] if tilts.any() else None
-        steepness = steepness_at_points(problem, numbers)
+        self.radii, self.slopes, self.tilts = cones.at(self.numbers)
+        if self.tilts is not None:
+            self.tilts = np.pad(self.tilts, ((0, 0), (0, self._size - self.tilts.shape[1])))
+        self.profile, steepness = strengths_at_points(problem, self.numbers)
         if steepness is not None:
             self.slopes = self.slopes * steepness
-        self.profile = profiles_at_points(problem, numbers)
         if self.profile is not None:
             self.radii = self.radii * self.profile
-        self.sets = cones.sets_at(numbers, self.profile)
-        self.frames = StressFrames(cones, numbers, self._size)
+        self.sets = cones.sets_at(self.numbers, self.profile)
+        self.frames = StressFrames(cones, self.numbers, self._size)
 
     def sets_of(self, copies: int) -> tuple[PointSets, ...]:
         """Return the sets at ``copies`` consecutive copies of all points."""
@@ -457,12 +450,11 @@ class PointStrains:
         dim, nodes = problem.V.dofmap.index_map_bs, problem.V.dofmap.list
         unknowns = (nodes[:, :, None] * dim + np.arange(dim)).reshape(len(nodes), -1)
         rows = problem.Q.dofmap.list[: len(nodes)][:, :, None] * parts + np.arange(parts)
+        rates = np.stack(list(self.nodal()), axis=-1)
+        both = np.broadcast_arrays(rows[..., None], unknowns[:, None, None])
         shape = self.count * parts, problem.basis.T.getSize()[0]
-        found = sparse.csr_array(shape)
-        for rates, column in zip(self.nodal(), unknowns.T, strict=True):
-            columns = np.broadcast_to(column[:, None, None], rows.shape)
-            places = rows.ravel(), columns.ravel()
-            found = found + sparse.csr_array((rates.ravel(), places), shape=shape)
+        places = tuple(it.ravel() for it in both)
+        found = sparse.csr_array((rates.ravel(), places), shape=shape)
         pointer, columns, values = problem.basis.T.getValuesCSR()
         T = sparse.csr_array((values, columns, pointer), shape=problem.basis.T.getSize())
         return found @ T

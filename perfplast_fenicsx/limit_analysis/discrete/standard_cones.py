@@ -67,10 +67,11 @@ class PlainCone:
         slope, matrix = (np.asarray(it / size, np.float64) for it in (self.slope, self.matrix))
         return PlainCone(self.bound / size, slope, matrix)
 
-    def is_same(self, other: "PlainCone") -> bool:
+    def __eq__(self, other: object) -> bool:
         """Return whether all numbers of both cones are exactly equal."""
-        alike = np.array_equal(self.slope, other.slope)
-        return alike and self.bound == other.bound and np.array_equal(self.matrix, other.matrix)
+        if not isinstance(other, PlainCone):
+            return NotImplemented
+        return all(map(np.array_equal, vars(self).values(), vars(other).values()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ A slope q that varies with the friction angle has one value for each cell
 (:mod:`varying_friction`).
 """
 
-from collections.abc import Callable
 from typing import Literal
 
 from mpi4py import MPI
@@ -23,7 +22,7 @@ from perfplast_fenicsx.arrays import Floats, Longs
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.errors import InputError, place_of, raise_together
 from perfplast_fenicsx.formulas import ROUNDING
-from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, OfField, body_cones
+from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.mesh.straight_geometry import corners, has_curved_cells
 from perfplast_fenicsx.problem.assembled.spaces import coordinates_of_points
 from perfplast_fenicsx.problem.problem import Problem
@@ -109,68 +108,41 @@ def profiles_of_cells(problem: Problem, side: Side) -> Floats | None:
     return profiles_in(cones, cones.of_cells, places[vertices], side)
 
 
-def profiles_at_points(problem: Problem, numbers: Longs) -> Floats | None:
-    """Return the profiles at the points of this rank, shape (num_points,). Collective.
+def strengths_at_points(problem: Problem, numbers: Longs) -> tuple[Floats | None, Floats | None]:
+    """Return the profiles, and the factors of the slopes, at the points of this rank. Collective.
 
-    If the points are the vertices v of a cell (:mod:`stress_cells`), the value is (c_v + Σ_w
+    If the points are the vertices v of a cell (:mod:`stress_cells`), the profile is (c_v + Σ_w
     c_w)/(d + 2). Here c is a linear function that is nowhere below the profile, and the sum is over
     all vertices of the cell. For any linear function f, the mean over the vertices of this value
-    times f then equals the mean of c f in the cell. If no bound varies, the function returns None.
+    times f then equals the mean of c f in the cell. The factor at these points is the largest
+    factor in the cell, because upper bounds need the largest factor.
 
     Args:
         problem: The bodies.
         numbers: Index of the cone of each point.
-    """
 
-    def means(above: Floats) -> Floats:
-        return (above + above.sum(axis=1, keepdims=True)) / (above.shape[1] + 1)
-
-    return _at_points(problem, numbers, profiles_of_cells, means, BodyCones.values)
-
-
-def steepness_at_points(problem: Problem, numbers: Longs) -> Floats | None:
-    """Return factors of the slopes at the points of this rank, shape (num_points,). Collective.
-
-    Points at the vertices of a cell have the largest factor in the cell, because upper bounds need
-    the largest factor. If no slope varies, the function returns None.
-
-    Args:
-        problem: The bodies.
-        numbers: Index of the cone of each point.
-    """
-    return _at_points(
-        problem, numbers, steepness_of_cells, lambda most: most[:, None], BodyCones.steepness
-    )
-
-
-def _at_points(
-    problem: Problem,
-    numbers: Longs,
-    of_cells: Callable[[Problem, Side], Floats | None],
-    at_vertices: Callable[[Floats], Floats],
-    values: Callable[[BodyCones, Longs, OfField], Floats | None],
-) -> Floats | None:
-    """Return a quantity of the cones at the points of this rank; None if no cone varies.
-
-    Args:
-        problem: The bodies.
-        numbers: Index of the cone of each point.
-        of_cells: Function that returns the quantity in cells, on one side.
-        at_vertices: Function that converts the quantity in cells to values at the vertices of the
-            cells.
-        values: Method of :class:`BodyCones` that evaluates the quantity, given a function for the
-            values of fields.
+    Returns:
+        Arrays of shape (num_points,); None if no bound, or no slope, varies.
     """
     cones = body_cones(problem)
     if not cones.varies:
-        return None
-    above = of_cells(problem, "above") if _are_at_vertices(problem) else None
+        return None, None
+    if not _are_at_vertices(problem):
+        x = coordinates_of_points(problem.Q)[: len(numbers)]
+
+        def of(field: SpatialField, here: Longs) -> Floats:
+            return field.at(x[here], PLACE)
+
+        return cones.values(numbers, of), cones.steepness(numbers, of)
+    above, steepness = profiles_of_cells(problem, "above"), steepness_of_cells(problem, "above")
+    points = problem.Q.dofmap.list[: len(cones.of_cells)]
+    profile, steepest = np.ones(len(numbers)), np.ones(len(numbers))
     if above is not None:
-        found = np.ones(len(numbers))
-        found[problem.Q.dofmap.list[: len(above)]] = at_vertices(above)
-        return found
-    x = coordinates_of_points(problem.Q)[: len(numbers)]
-    return values(cones, numbers, lambda field, here: field.at(x[here], PLACE))
+        means = (above + above.sum(axis=1, keepdims=True)) / (above.shape[1] + 1)
+        profile[points] = means
+    if steepness is not None:
+        steepest[points] = steepness[:, None]
+    return None if above is None else profile, None if steepness is None else steepest
 
 
 def _are_at_vertices(problem: Problem) -> bool:

@@ -69,10 +69,9 @@ class MultiplierStrains:
         points = volumes.shape[1]
         self.count = volumes.size
         self.weights: Floats = volumes.ravel()
-        radii, slopes, tilts = cones.at_cells()
-        self.radii, self.slopes = np.repeat(radii, points), np.repeat(slopes, points)
-        self._isotropic = cones.isotropic and not around_axis
         of_points = np.repeat(cones.of_cells, points)
+        self.radii, self.slopes, self.tilts = cones.at(of_points)
+        self._isotropic = cones.isotropic and not around_axis
         on_axis = np.zeros(self.count, dtype=bool)
         if around_axis:
             on_axis = coefficients_of_radius(vertices).ravel() == 0
@@ -85,10 +84,6 @@ class MultiplierStrains:
         self.sets = cones.sets_at(np.where(on_axis, -1, of_points), profile)
         self._frames = StressFrames(cones, of_points)
         self.size = self._frames.size
-        self.tilts: Floats | None = None
-        if tilts is not None:
-            tilts = np.pad(tilts, ((0, 0), (0, self.size - tilts.shape[1])))
-            self.tilts = np.repeat(tilts, points, axis=0)
         if not self._isotropic:
             self.matrices = self._in_frames(cones, around_axis)
         self.rows = self.layout.rows.reshape(points, -1)
