@@ -26,7 +26,6 @@ The members X_k = a_k t I + d_k dev σ + e_k p I + c_k b I are linear in y = (t,
 proximal point method changes p.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +42,6 @@ from perfplast_fenicsx.limit_analysis.conic.cone import (
     ConeRows,
     Members,
     Moduli,
-    PointSets,
     Rates,
     ScaledSystems,
     SystemPoints,
@@ -301,12 +299,6 @@ class PrincipalCones:
         components = deviator[self.at, : len(self.tensors) - 1]
         found: Floats = np.einsum("nj,jab->nab", components, self.tensors[1:])
         return found
-
-
-def principal_of(sets: Sequence[PointSets]) -> PrincipalCones:
-    """Return the sets of principal stresses among sets of all kinds."""
-    found = [it for it in sets if isinstance(it, PrincipalCones)]
-    return found[0] if found else PrincipalCones.none()
 
 
 class PrincipalPoints(SystemPoints):

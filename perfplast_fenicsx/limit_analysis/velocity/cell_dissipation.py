@@ -28,7 +28,7 @@ associated Coulomb friction if all its coefficients lie in the cone.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations, permutations, product
 
@@ -40,7 +40,7 @@ from dolfinx import fem
 from perfplast_fenicsx.arrays import Floats, Ints, Longs, PairFlags, matrices
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.conic.cone import PointSets
-from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones, principal_of
+from perfplast_fenicsx.limit_analysis.conic.semidefinite_cones import PrincipalCones
 from perfplast_fenicsx.limit_analysis.discrete.body_cones import BodyCones, body_cones
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import (
     PointStrains,
@@ -83,8 +83,7 @@ class MechanismRates:
         radii: Yield radius γ, shape (count,).
         slopes: Slope α, shape (count,).
         tilts: Tilt t, shape (count, m); None if all tilts are zero.
-        principal: Sets of principal stresses, with their points.
-        others: Yield sets of further kinds, with their points.
+        sets: Yield sets of other kinds, with their points.
         profile: Factor of γ and of bounds of principal stresses where strengths vary in space,
             shape (count,); None if no strength varies.
         above: Linear functions that are nowhere below the profile, at the vertices of the cells
@@ -101,8 +100,7 @@ class MechanismRates:
     radii: Floats
     slopes: Floats
     tilts: Floats | None
-    principal: PrincipalCones
-    others: tuple[PointSets, ...]
+    sets: tuple[PointSets, ...]
     profile: Floats | None = None
     above: Floats | None = None
 
@@ -123,9 +121,7 @@ def mechanism_rates(problem: Problem, mechanism: fem.Function) -> MechanismRates
     above = None
     if at.profile is not None and not has_curved_cells(problem.tagged_mesh.mesh):
         above = profiles_of_cells(problem, "above")
-    others = tuple(it for it in at.sets if not isinstance(it, PrincipalCones))
-    sets = principal_of(at.sets), others
-    bounded = at.weights, at.radii, at.slopes, at.tilts, *sets, at.profile, above
+    bounded = at.weights, at.radii, at.slopes, at.tilts, at.sets, at.profile, above
     return MechanismRates(trace, deviator, powers, at.count, at.gdim, *bounded)
 
 
@@ -180,23 +176,19 @@ def missing_growth(problem: Problem, rates: MechanismRates) -> Floats:
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))
     needed = slopes * np.linalg.norm(there[..., 1:], axis=2)
     missing: Floats = np.where(slopes > 0, np.maximum(needed - there[..., 0], 0.0), 0.0)
-    cones, here = principal_of_cells(problem, rates)
-    count = there.shape[1]
-    for vertex in range(count if cones.count else 0):
-        missing[here, vertex] = cones.lacking(there[here, vertex, 0], there[here, vertex, 1:])
-    for one in _others_of_cells(problem, rates):
-        for vertex in range(count):
-            values = one.at_points(there[one.cells, vertex])
-            missing[one.cells, vertex] = one.sets.lacking(values[:, 0], values[:, 1:])
+    for one in _sets_of_cells(problem, rates):
+        for vertex in range(there.shape[1]):
+            rate = one.at_points(there[one.cells, vertex])
+            missing[one.cells, vertex] = one.sets.lacking(*rate)
     return missing
 
 
 @dataclass(frozen=True, eq=False)
 class _SetsOfCells:
-    """Yield sets of :attr:`MechanismRates.others`, one for each cell, at the cell's first point.
+    """Yield sets of :attr:`MechanismRates.sets`, one for each cell, at the cell's first point.
 
     Attributes:
-        sets: The sets, in the order of the cells.
+        sets: The sets, in the order of the cells, without the strength profile.
         cells: Numbers of the cells, shape (num,).
         count: Number of points.
     """
@@ -205,44 +197,23 @@ class _SetsOfCells:
     cells: Longs
     count: int
 
-    def at_points(self, values: Floats) -> Floats:
-        """Return values of the cells as values of all points: at first points, zero elsewhere."""
-        found: Floats = np.zeros((self.count, values.shape[1]))
-        found[self.sets.at] = values
-        return found
+    def at_points(self, rates: Floats) -> tuple[Floats, Floats]:
+        """Return trace and deviator at all points from rates of cells; zero except first points."""
+        found: Floats = np.zeros((self.count, rates.shape[1]))
+        found[self.sets.at] = rates
+        return found[:, 0], found[:, 1:]
 
 
-def _others_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsOfCells]:
-    """Yield each item of ``rates.others`` for the cells that this rank owns."""
+def _sets_of_cells(problem: Problem, rates: MechanismRates) -> Iterator[_SetsOfCells]:
+    """Yield each item of ``rates.sets`` for the cells that this rank owns."""
     of_points = np.full(rates.count, -1)
     first = points_of_cells(problem)[:, 0]
     of_points[first] = np.arange(len(first))
-    for sets in rates.others:
+    for sets in rates.sets:
+        if isinstance(sets, PrincipalCones) and rates.profile is not None:
+            sets = sets.scaled(1 / rates.profile)
         chosen = np.flatnonzero(of_points[sets.at] >= 0)
         yield _SetsOfCells(sets.those(chosen), of_points[sets.at[chosen]], rates.count)
-
-
-def principal_of_cells(problem: Problem, rates: MechanismRates) -> tuple[PrincipalCones, Longs]:
-    """Return the sets of principal stresses of cells, and the numbers of these cells.
-
-    Args:
-        problem: The bodies.
-        rates: Rates at the points of the problem.
-
-    Returns:
-        The sets, with ``at`` = 0, 1, ... and without the strength profile; the numbers of their
-        cells, among the cells that this rank owns.
-    """
-    first, given = points_of_cells(problem)[:, 0], rates.principal
-    if rates.profile is not None:
-        given = given.scaled(1 / rates.profile)
-    at_points = np.full(rates.count, -1)
-    at_points[given.at] = np.arange(given.count)
-    numbers = at_points[first]
-    here = np.flatnonzero(numbers >= 0)
-    some = numbers[here]
-    places: Longs = np.arange(len(here))
-    return replace(given.those(some), at=places), here
 
 
 def dissipation_of_cells(
@@ -272,75 +243,51 @@ def dissipation_of_cells(
     powers = work_of_cells(volumes, scaled, subdivisions, rates.above)
     if rates.tilts is not None:
         along = (scaled * at_vertices(problem, rates.tilts)).sum(axis=2)
-        powers -= volumes * _mean(along, rates.above)
+        powers -= volumes * mean_of(along, rates.above)
     slopes = rates.slopes[points][:, 0]
     if (dilating := slopes > 0).any():
         growth = at_vertices(problem, rates.trace[:, None])[..., 0]
         growth += missing_growth(problem, rates)
-        linear = radii[points][:, 0] * volumes * _mean(growth, rates.above)
+        linear = radii[points][:, 0] * volumes * mean_of(growth, rates.above)
         powers[dilating] = linear[dilating] / slopes[dilating]
-    cones, here = principal_of_cells(problem, rates)
-    if cones.count:
-        above = None if rates.above is None else rates.above[here]
-        missing = _mean(missing_growth(problem, rates)[here], above)
-        powers[here] = _of_principal(problem, rates, cones, here, subdivisions)
-        powers[here] += volumes[here] * sum(map(np.abs, cones.factors)) * missing
-    for one in _others_of_cells(problem, rates):
-        powers[one.cells] = _of_others(problem, rates, one, subdivisions)
+    for one in _sets_of_cells(problem, rates):
+        powers[one.cells] = _of_sets(problem, rates, one, subdivisions)
     return powers
 
 
-def _of_others(
+def _of_sets(
     problem: Problem, rates: MechanismRates, one: _SetsOfCells, subdivisions: int
 ) -> Floats:
     """Return upper bounds on the dissipation of the cells with the yield sets ``one``."""
     there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[one.cells]
     volumes = rates.weights[points_of_cells(problem)[one.cells]].sum(axis=1)
+    above = None if rates.above is None else rates.above[one.cells]
 
-    def power(some: Floats) -> Floats:
-        values = one.at_points(some)
-        return one.sets.powers(values[:, 0], values[:, 1:])
+    def work(size: Callable[[Floats, Floats], Floats]) -> Floats:
+        return work_of_cells(
+            volumes, there, subdivisions, above, lambda rate: size(*one.at_points(rate))
+        )
 
-    return work_of_cells(volumes, there, subdivisions, None, power)
+    if not isinstance(one.sets, PrincipalCones):
+        return work(one.sets.powers)
+    of_trace, of_sizes = one.sets.factors
+    missing = mean_of(missing_growth(problem, rates)[one.cells], above)
+    powers = of_trace * mean_of(there[..., 0], above) + (abs(of_trace) + abs(of_sizes)) * missing
+    return volumes * powers + (of_sizes * work(one.sets.sizes) if of_sizes.any() else 0.0)
 
 
-def _mean(values: Floats, profile: Floats | None) -> Floats:
-    """Return the mean of a linear function, or of its product with the strength profile, by cell.
+def mean_of(values: Floats, factors: Floats | None) -> Floats:
+    """Return the means of linear functions, or of their products with linear functions, by cell.
 
     Args:
-        values: Values at the vertices, shape (num_cells, d + 1).
-        profile: Strength profile at the vertices, of the same shape; None for a constant strength.
+        values: Values at the vertices, shape (num_cells, d + 1, ...).
+        factors: Values of the factors at the vertices, of the same shape; None without factors.
     """
-    if profile is None:
+    if factors is None:
         return np.asarray(values.mean(axis=1))
     n = values.shape[1]
-    sums = np.einsum("cv,cv->c", values, profile) + values.sum(axis=1) * profile.sum(axis=1)
+    sums = (values * factors).sum(axis=1) + values.sum(axis=1) * factors.sum(axis=1)
     return np.asarray(sums / (n * (n + 1)))
-
-
-def _of_principal(
-    problem: Problem, rates: MechanismRates, cones: PrincipalCones, here: Longs, subdivisions: int
-) -> Floats:
-    """Return upper bounds on the dissipation of cells with sets of principal stresses.
-
-    Args:
-        problem: The bodies.
-        rates: Rates that are linear in each cell.
-        cones: Cones of these cells.
-        here: Numbers of these cells.
-        subdivisions: Parts of a cell's edge.
-    """
-    there = at_vertices(problem, np.column_stack([rates.trace, rates.deviator]))[here]
-    volumes = rates.weights[points_of_cells(problem)[here]].sum(axis=1)
-    of_trace, of_sizes = cones.factors
-    above = None if rates.above is None else rates.above[here]
-    found: Floats = of_trace * volumes * _mean(there[..., 0], above)
-    if of_sizes.any():
-        sizes = work_of_cells(
-            volumes, there, subdivisions, above, lambda some: cones.sizes(some[:, 0], some[:, 1:])
-        )
-        found += of_sizes * sizes
-    return found
 
 
 def work_of_cells(
@@ -414,8 +361,9 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
     Returns:
         Shape (num_cells,), for the cells that this rank owns.
     """
-    x, v = _values(problem, velocity)
-    rates = ring_rates(x, v)
+    vertices, points = corners(problem.tagged_mesh.mesh)
+    x, (nodes, _) = points[vertices], nodes_of_cells(problem, len(vertices))
+    rates = ring_rates(x, velocity.x.array.reshape(-1, 2)[nodes])
     _, areas = gradients(x)
     cones = body_cones(problem)
     total: Floats = np.zeros(len(x))
@@ -425,14 +373,6 @@ def dissipation_of_rings(problem: Problem, velocity: fem.Function, subdivisions:
         weights = weights_of_rates(x[..., 0] @ part.T, areas / len(parts))
         total += np.einsum("ci,ci->c", weights, _powers(cones, q))
     return 2 * math.pi * total
-
-
-def _values(problem: Problem, velocity: fem.Function) -> tuple[Floats, Floats]:
-    """Return the vertices of owned cells, and the velocities at vertices and edges."""
-    cells, points = corners(problem.tagged_mesh.mesh)
-    nodes, _ = nodes_of_cells(problem, len(cells))
-    v: Floats = velocity.x.array.reshape(-1, 2)[nodes]
-    return points[cells], v
 
 
 def _powers(cones: BodyCones, rates: Floats) -> Floats:

@@ -37,7 +37,7 @@ from perfplast_fenicsx.arrays import Floats
 from perfplast_fenicsx.compat import interpolation_points
 from perfplast_fenicsx.limit_analysis.discrete.point_strains import has_coefficients
 from perfplast_fenicsx.limit_analysis.facets.body_interfaces import any_loose
-from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, FacetLoads, bound_body
+from perfplast_fenicsx.limit_analysis.facets.bound_body import TWICE, bound_body
 from perfplast_fenicsx.limit_analysis.facets.contact_facets import UNSEEN
 from perfplast_fenicsx.limit_analysis.facets.entering import (
     ENTERS,
@@ -59,6 +59,7 @@ from perfplast_fenicsx.limit_analysis.velocity.cell_dissipation import (
     at_vertices,
     dissipation_of_cells,
     dissipation_of_rings,
+    mean_of,
     mechanism_rates,
     missing_growth,
     points_of_cells,
@@ -131,8 +132,9 @@ def strict_upper_bound(
     body = bound_body(problem)
     loose = cost.loose + any_loose(problem)
     dissipation = cost.dissipation + slip.power
+    comm, extent = problem.comm, cost.volume ** (1 / problem.bodies.gdim)
     at_one, at_zero, _ = question.of(
-        *(_largest_load(problem, of, cost.volume) for of in (body.live, body.dead))
+        *(comm.allreduce(of.largest(extent), MPI.MAX) for of in (body.live, body.dead))
     )
     excess = dissipation - dead
     stress = abs(excess / work) * at_one + at_zero
@@ -296,15 +298,6 @@ def _cost(flow: _Flow, whole: float, subdivisions: int) -> _Cost:
     return _Cost(*map(float, problem.comm.allreduce(np.array(sums))))
 
 
-def _largest_load(problem: Problem, loads: FacetLoads, volume: float) -> float:
-    """Return the order of magnitude of the stress from loads, over all ranks. Collective.
-
-    See :meth:`FacetLoads.largest`.
-    """
-    mine = loads.largest(volume ** (1 / problem.bodies.gdim))
-    return float(problem.comm.allreduce(mine, MPI.MAX))
-
-
 def _of_rounding(problem: Problem, mechanism: fem.Function, strengths: Floats) -> Floats:
     """Return the part of each cell's dissipation that rounding may add.
 
@@ -358,10 +351,7 @@ def gap_shares(
     most = dissipation_of_cells(problem, rates)
     there = at_vertices(problem, rates.powers)
     volumes = rates.weights[points_of_cells(problem)].sum(axis=1)
-    count = there.shape[1]
-    sums = np.einsum("ci,ci->c", stress.sum(axis=1), there.sum(axis=1))
-    power = volumes * (np.einsum("cvi,cvi->c", stress, there) + sums) / (count * (count + 1))
-    shares: Floats = most - power
+    shares: Floats = most - volumes * mean_of(there, stress).sum(axis=1)
     shares += slip_work(problem, mechanism, stress).shares
     return shares
 
